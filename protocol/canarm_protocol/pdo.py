@@ -91,18 +91,24 @@ def mapped_object(dictionary: Dictionary, entry: int) -> MappedObject:
     return mapped
 
 
+def read_layout(dictionary: Dictionary, kind: Kind, number: int, read: Callable[[int, int], int]) -> PdoLayout:
+    """One PDO of a node, by its number (from 1), enabled or not. Raises `DictionaryError` for a mapping that cannot be.
+
+    `read(index, subindex)` gives the value of an object: an EDS default, a node's store.
+    """
+    communication, mapping = COMMUNICATION[kind] + number - 1, MAPPING[kind] + number - 1
+    entries = [read(mapping, 1 + position) for position in range(read(mapping, 0))]
+    objects = [mapped_object(dictionary, entry) for entry in entries]
+    return PdoLayout(kind, number, read(communication, 1) & COB_ID_MASK, read(communication, 2), objects)
+
+
 def read_layouts(dictionary: Dictionary, kind: Kind, read: Callable[[int, int], int]) -> list[PdoLayout]:
-    """The enabled PDOs of a node. `read(index, subindex)` gives the value of an object (an EDS default, a node's store)."""
-    layouts = []
-    for number in pdo_numbers(dictionary, kind):
-        communication, mapping = COMMUNICATION[kind] + number - 1, MAPPING[kind] + number - 1
-        cob_id = read(communication, 1)
-        if cob_id & DISABLED:
-            continue
-        entries = [read(mapping, 1 + position) for position in range(read(mapping, 0))]
-        objects = [mapped_object(dictionary, entry) for entry in entries]
-        layouts.append(PdoLayout(kind, number, cob_id & COB_ID_MASK, read(communication, 2), objects))
-    return layouts
+    """The enabled PDOs of a node; `read` as for `read_layout`."""
+    return [
+        read_layout(dictionary, kind, number, read)
+        for number in pdo_numbers(dictionary, kind)
+        if not read(COMMUNICATION[kind] + number - 1, 1) & DISABLED
+    ]
 
 
 def pdo_numbers(dictionary: Dictionary, kind: Kind) -> Iterable[int]:

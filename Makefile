@@ -1,0 +1,74 @@
+# Everything a contributor runs, and everything CI runs. Needs git, make and Python 3.11 or newer; the rest is brought along.
+#   PYTHON=...   the Python to build .venv with          NO_UV=1   use venv and pip even where uv can be had
+#   ARGS="..."   further arguments of demo, test, bench  JOBS=2    test processes
+
+PYTHON ?= python3
+JOBS ?= 2
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.ready$(if $(NO_UV),-without-uv)
+
+# Shells of robotics and Python tools set these; they would let foreign packages into .venv or point uv elsewhere.
+unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV CONDA_PREFIX UV_PROJECT_ENVIRONMENT UV_PYTHON
+
+.DEFAULT_GOAL := help
+.NOTPARALLEL:
+.PHONY: help setup demo test check check-format check-lint check-types check-imports check-lock check-wheels \
+	bench format lock clean
+
+help: ## List the targets
+	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12] [NO_UV=1] [JOBS=2]'
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+demo: setup ## Run the robot, the controller and the dashboard (ARGS="--law mras --seconds 10")
+	@$(BIN)/canarm demo $(ARGS)
+
+test: setup ## Run the tests (ARGS="-k encoder -m 'not slow'")
+	$(BIN)/python -m pytest -n $(JOBS) $(ARGS)
+
+check: check-format check-lint check-types check-imports check-lock test check-wheels ## Run everything that CI runs
+
+check-format: setup ## Formatting
+	$(BIN)/python -m ruff format --check .
+
+check-lint: setup ## Lint rules
+	$(BIN)/python -m ruff check .
+
+check-types: setup ## Types of all packages
+	$(BIN)/python -m mypy
+
+check-imports: setup ## Which package may import which
+	$(BIN)/lint-imports
+
+check-lock: setup ## Does uv.lock fit the pyproject.toml files?
+	@scripts/uv_lock.sh --check
+
+check-wheels: setup ## Build the wheels, install them alone, run them
+	$(BIN)/python scripts/smoke_wheels.py
+
+bench: setup ## Run the benchmarks
+	$(BIN)/python benchmarks/run.py $(ARGS)
+
+format: setup ## Format the code and mend what lint can mend
+	$(BIN)/python -m ruff check --fix --exit-zero --quiet .
+	$(BIN)/python -m ruff format .
+
+lock: setup ## Bring uv.lock up to date with the pyproject.toml files
+	@scripts/uv_lock.sh
+
+setup: $(STAMP) ## Make .venv; done again when a pyproject.toml or uv.lock changes
+
+clean: ## Remove .venv, caches and build results (not runs/)
+	rm -rf $(VENV) .cache .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis build dist
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The stamp names the checkout it was made for: a moved checkout, or a Python that went away, needs a new .venv.
+ifneq ($(shell test -f $(STAMP) && cat $(STAMP) && $(BIN)/python -c 'print("works")' 2>/dev/null),$(CURDIR) works)
+$(STAMP): always
+endif
+.PHONY: always
+always:
+
+$(STAMP): pyproject.toml $(wildcard */pyproject.toml uv.lock) scripts/setup.sh
+	@PYTHON='$(PYTHON)' NO_UV='$(NO_UV)' scripts/setup.sh
+	@printf '%s\n' "$(CURDIR)" > $@

@@ -1,0 +1,17 @@
+"""Errors of the controller's side: one line each, saying what is wrong, where, and what would be right."""
+
+
+class ControllerError(Exception):
+    """Base of every error raised by `canarm_controller`."""
+
+
+class TrajectoryError(ControllerError):
+    """A trajectory cannot be read, or asks for what the robot cannot do."""
+
+
+class LawError(ControllerError):
+    """A control law cannot be loaded."""
+
+
+class MemoryImageError(ControllerError):
+    """A table or a log does not fit the Apple II's memory."""

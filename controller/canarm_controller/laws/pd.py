@@ -1,0 +1,44 @@
+"""The yardstick: a fixed proportional-derivative law a joint, without adaptation."""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from canarm_protocol.cell import Control
+
+from ..dynamics import NominalArm
+from .base import ControlLaw, Cycle
+
+
+class Pd(ControlLaw):
+    """τ = J·ωn²·(q_d - q) + 2ζωn·J·(q̇_d - q̇) + feed-forward, J the joint's nominal effective inertia.
+
+    With `--feedforward table` this is the paper's controller without its adaptation.
+    """
+
+    name: ClassVar[str] = "pd"
+
+    def __init__(self, arm: NominalArm, control: Control, period_s: float) -> None:
+        omega, zeta = control.natural_frequency_rad_s, control.damping_ratio
+        self._stiffness_nm_rad = tuple(inertia * omega**2 for inertia in arm.effective_inertia)
+        self._damping_nm_s = tuple(2.0 * zeta * omega * inertia for inertia in arm.effective_inertia)
+
+    def start(
+        self, position_rad: Sequence[float], velocity_rad_s: Sequence[float], amplitude_rad: Sequence[float]
+    ) -> None:
+        """Nothing to remember."""
+
+    def update(self, cycle: Cycle) -> Sequence[float]:
+        """Torques in N·m."""
+        return [
+            stiffness * (wanted - position) + damping * (wanted_speed - speed) + feedforward
+            for stiffness, damping, wanted, position, wanted_speed, speed, feedforward in zip(
+                self._stiffness_nm_rad,
+                self._damping_nm_s,
+                cycle.reference_rad,
+                cycle.position_rad,
+                cycle.reference_rad_s,
+                cycle.velocity_rad_s,
+                cycle.feedforward_nm,
+                strict=True,
+            )
+        ]

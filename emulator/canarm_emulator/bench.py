@@ -1,0 +1,325 @@
+"""The emulated test bench, without any input or output: frames and times go in, frames come out.
+
+Owns virtual time, the order of events on the robot's bus and what a SYNC does. Sockets, wall clocks and files belong to the
+runner. The same object runs in a process of its own or inside a test.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+from canarm_protocol.bench_objects import bench_dictionary
+from canarm_protocol.cell import Card, CardModel, Cell, Quantity
+from canarm_protocol.dictionary import ANALOGUE_INPUT, load_dictionary
+from canarm_protocol.errors import FrameError
+from canarm_protocol.frames import Cob, Frame, NmtCommand, NmtState, parse_nmt, time_frame
+from canarm_protocol.pdo import PdoLayout
+
+from .assessor import Assessor
+from .bench_device import BenchDevice
+from .cards.adc0809 import Adc0809Card
+from .cards.dac0808 import Dac0808Card
+from .cards.sc300 import Sc300Card
+from .device import AdcDevice, DacDevice, IoDevice, LatchDevice
+from .slave import NEVER, Slave
+from .truth import Truth
+from .world import JointState, Source, World
+
+RUN_ON_NS = 500_000_000
+"""How long after the heartbeat time the world runs on when the sender of SYNC is lost in lockstep."""
+IDLE_STEP_NS = 5_000_000
+"""On the wall clock the world follows in pieces of this length while no SYNC asks for more."""
+
+
+class Clock(Enum):
+    """What drives virtual time: the wall clock, or SYNC (lockstep). The value is that of object 0x2000."""
+
+    WALL = 0
+    SYNC = 1
+
+
+class Record(NamedTuple):
+    """A frame on a bus: its time, and the client that sent it (None: a node of the bench)."""
+
+    time_ns: int
+    frame: Frame
+    origin: object = None
+
+
+class CycleTruth(NamedTuple):
+    """The world at a SYNC: cycle since NMT start, its time, the true state of every joint."""
+
+    cycle: int
+    time_ns: int
+    joints: Sequence[JointState]
+
+
+@dataclass(slots=True)
+class _Scan:
+    """Process data between SYNC and the end of the conversions."""
+
+    due_ns: int
+    pdos: list[tuple[Slave, PdoLayout]]
+
+
+class Bench:
+    """The robot's side of a cell, and the bench node.
+
+    `on_cycle` is called with the truth at every SYNC after NMT start. Frames on the robot's bus, those received included,
+    gather in order in `records`; frames of the bench node in `bench_records`. Whoever drives the bench empties both.
+    """
+
+    def __init__(self, cell: Cell, truth: Truth, clock: Clock, seed: int) -> None:
+        self.cell, self.clock = cell, clock
+        self.time_ns = 0
+        self.cycle = -1
+        """The last SYNC's number since NMT start; -1 before the first."""
+        self.records: list[Record] = []
+        self.bench_records: list[Record] = []
+        self.on_cycle: Callable[[CycleTruth], None] | None = None
+        self.ignored_frames = 0
+        self.overruns = 0
+        """SYNCs that arrived while the converters were still busy with the last one's scan."""
+        self.world = World(cell, truth, seed)
+        self.assessor = Assessor(cell)
+        self._adcs: list[tuple[Slave, AdcDevice, dict[int, Source]]] = []
+        self.slaves = [self._make_slave(card, truth) for card in cell.card]
+        self._conversion_ns = {card.node_id: card.conversion_us * 1000 for card in cell.card}
+        self._handlers: dict[int, Callable[[bytes], None]] = {}
+        self._next_due_ns = NEVER
+        self._next_sync_ns = 0
+        self._scan: _Scan | None = None
+        self.device = BenchDevice(cell, self.assessor)
+        self.device.truth = self.world.state()
+        self.node = Slave("bench", cell.bus.bench_node_id, bench_dictionary(cell), self.device, self._emit_bench, clock.value)
+        self._bench_handlers: dict[int, Callable[[bytes], None]] = {}
+
+    def _make_slave(self, card: Card, truth: Truth) -> Slave:
+        device, world, cell = self._make_device(card, truth), self.world, self.cell
+        dictionary = load_dictionary(card.model, card.node_id)
+        slave = Slave(card.name, card.node_id, dictionary, device, self._emit, self.clock.value)
+        if isinstance(device, AdcDevice):
+            sources = {
+                channel.number: world.source(cell.joint_names.index(channel.joint), Quantity(channel.quantity))
+                for channel in card.channel
+            }
+            self._adcs.append((slave, device, sources))
+        return slave
+
+    def _make_device(self, card: Card, truth: Truth) -> IoDevice:
+        world = self.world
+        joints = {channel.number - 1: self.cell.joint_names.index(channel.joint) for channel in card.channel}
+        if card.model is CardModel.DAC0808:
+
+            def on_output(channel: int, fraction: float) -> None:
+                if channel in joints:
+                    world.set_dac_output(joints[channel], fraction)
+
+            return DacDevice(Dac0808Card(on_output, truth.dac.nonlinearity))
+        if card.model is CardModel.LATCH:
+
+            def on_direction(channel: int, bits: int) -> None:
+                if channel in joints:
+                    world.set_direction(joints[channel], bits)
+
+            return LatchDevice(Sc300Card(on_direction))
+        full_scale_v = self.cell.joints[min(joints.values())].sensors.full_scale_v
+        adc = truth.adc
+        return AdcDevice(
+            Adc0809Card(
+                lambda channel: 0.0,
+                full_scale_v,
+                card.conversion_us * 1000,
+                adc.offset_lsb,
+                adc.gain_error,
+                adc.nonlinearity_lsb,
+            )
+        )
+
+    def start(self) -> None:
+        """Power on: every node boots; the bench node starts itself."""
+        for slave in self.slaves:
+            slave.boot(self.time_ns)
+        self.node.boot(self.time_ns)
+        self.node.on_nmt(NmtCommand.START, self.time_ns)
+        self._route()
+        self._bench_handlers = {
+            **{rx: self._bench_sdo(rx) for rx in self.node.sdo_cob_ids},
+            **{layout.cob_id: self._rpdo(self.node, layout) for layout in self.node.rpdos},
+        }
+
+    @property
+    def next_due_ns(self) -> int:
+        """When `advance` has something to send."""
+        return self._next_due_ns if self._scan is None else min(self._next_due_ns, self._scan.due_ns)
+
+    @property
+    def is_operational(self) -> bool:
+        """Whether a card is in OPERATIONAL."""
+        return any(slave.state is NmtState.OPERATIONAL for slave in self.slaves)
+
+    def advance(self, until_ns: int) -> None:
+        """Let virtual time pass, on the wall clock or while nobody sends SYNC; a time gone by is no error."""
+        while self.next_due_ns <= until_ns:
+            self._run_due(self.next_due_ns)
+        if until_ns > self.time_ns:
+            self.time_ns = until_ns
+            if until_ns - self.world.time_ns > IDLE_STEP_NS:
+                self.world.advance(until_ns)
+
+    def run_on(self) -> None:
+        """In lockstep, the sender of SYNC is lost: time runs on until the cards' own protection has acted."""
+        limit_ns = self.cell.bus.heartbeat_timeout_ms * 1_000_000 + RUN_ON_NS
+        self.advance(self.time_ns + limit_ns)
+        self._catch_up(self.time_ns)
+        self._next_sync_ns = self.time_ns
+
+    def receive(self, frame: Frame, origin: object = None) -> None:
+        """A frame arrives on the robot's bus at `time_ns`."""
+        if frame.can_id == Cob.SYNC and not frame.is_extended and not frame.is_remote:
+            self._sync(frame, origin)
+            return
+        self.records.append(Record(self.time_ns, frame, origin))
+        handler = self._handlers.get(frame.can_id)
+        if handler is None or frame.is_extended or frame.is_remote:
+            self.ignored_frames += 1
+        else:
+            handler(frame.data)
+
+    def receive_bench(self, frame: Frame, origin: object = None) -> None:
+        """A frame arrives on the bench bus. It never touches the robot's bus."""
+        self.bench_records.append(Record(self.time_ns, frame, origin))
+        handler = self._bench_handlers.get(frame.can_id)
+        if handler is not None and not frame.is_extended and not frame.is_remote:
+            handler(frame.data)
+
+    def send_telemetry(self) -> None:
+        """The bench node sends its TPDOs: for a runner that knows that somebody listens."""
+        for layout in self.node.tpdos:
+            self.node.send_tpdo(layout, self.time_ns)
+
+    def _sync(self, frame: Frame, origin: object) -> None:
+        lockstep = self.clock is Clock.SYNC
+        if lockstep:
+            self.advance(self._next_sync_ns)
+            self._next_sync_ns = self.time_ns + self.cell.bus.cycle_ns
+        now_ns = self.time_ns
+        self.records.append(Record(now_ns, frame, origin))
+        world = self.world
+        if self._scan is not None:
+            self.overruns += 1
+        self._catch_up(now_ns)
+        for slave in self.slaves:
+            slave.apply_outputs()
+        if self.is_operational:
+            self._count_cycle(now_ns)
+        if self._scan is None:
+            pdos = [(slave, layout) for slave in self.slaves for layout in slave.tpdos_due()]
+            if pdos:
+                self._convert(pdos)
+                self._scan = _Scan(max(world.time_ns, now_ns), pdos)
+        if lockstep:
+            self.advance(max(world.time_ns, now_ns))
+            self.records.append(Record(self.time_ns, time_frame(self.time_ns)))
+
+    def _count_cycle(self, now_ns: int) -> None:
+        self.cycle += 1
+        if self.cycle == 0:
+            self.assessor.begin()
+        joints = self.world.state()
+        self.device.cycle, self.device.truth = self.cycle, joints
+        self.assessor.truth(self.cycle, joints)
+        if self.on_cycle is not None:
+            self.on_cycle(CycleTruth(self.cycle, now_ns, joints))
+
+    def _convert(self, pdos: Sequence[tuple[Slave, PdoLayout]]) -> None:
+        """Scan the channels that the due TPDOs map, one after the other; the world moves on meanwhile."""
+        for adc, device, sources in self._adcs:
+            channels = [
+                mapped.subindex
+                for slave, layout in pdos
+                if slave is adc
+                for mapped in layout.objects
+                if mapped.index == ANALOGUE_INPUT
+            ]
+            wired = [channel for channel in channels if channel in sources]
+            volts = self.world.scan([sources[channel] for channel in wired], self._conversion_ns[adc.node_id])
+            for channel, value in zip(wired, volts, strict=True):
+                device.store(channel - 1, value)
+
+    def _run_due(self, due_ns: int) -> None:
+        self.time_ns = max(self.time_ns, due_ns)
+        scan = self._scan
+        if scan is not None and scan.due_ns <= due_ns:
+            self._scan = None
+            for slave, layout in scan.pdos:
+                if slave.state is NmtState.OPERATIONAL:
+                    slave.send_tpdo(layout, due_ns)
+        if self._next_due_ns <= due_ns:
+            for slave in self.slaves:
+                if slave.next_due_ns <= due_ns:
+                    if slave.watch_due_ns <= due_ns:
+                        self._catch_up(due_ns)
+                    slave.run_timers(due_ns)
+            self._route()
+
+    def _catch_up(self, now_ns: int) -> None:
+        if now_ns > self.world.time_ns:
+            self.world.advance(now_ns)
+
+    def _nmt(self, data: bytes) -> None:
+        try:
+            command, node_id = parse_nmt(data)
+        except FrameError:
+            self.ignored_frames += 1
+            return
+        was_operational = self.is_operational
+        self._catch_up(self.time_ns)
+        for slave in self.slaves:
+            if node_id in (0, slave.node_id):
+                slave.on_nmt(command, self.time_ns)
+        if command is NmtCommand.START and not was_operational:
+            self.cycle = -1
+            self._next_sync_ns = max(self.time_ns, self.world.time_ns)
+        self._route()
+
+    def _route(self) -> None:
+        """Who takes which COB-ID, and when the next timer is due; both change with NMT states and configuration."""
+        handlers: dict[int, Callable[[bytes], None]] = {Cob.NMT: self._nmt}
+        for slave in self.slaves:
+            for cob_id in slave.sdo_cob_ids:
+                handlers[cob_id] = self._sdo(slave, cob_id)
+            for layout in slave.rpdos:
+                handlers[layout.cob_id] = self._rpdo(slave, layout)
+        for node_id in {slave.watched_node_id for slave in self.slaves} - {0}:
+            handlers[Cob.HEARTBEAT + node_id] = self._heartbeat(node_id)
+        self._handlers = handlers
+        self._next_due_ns = min(slave.next_due_ns for slave in self.slaves)
+
+    def _sdo(self, slave: Slave, cob_id: int) -> Callable[[bytes], None]:
+        def handle(data: bytes) -> None:
+            slave.on_sdo(cob_id, data, self.time_ns)
+            self._route()
+
+        return handle
+
+    def _bench_sdo(self, cob_id: int) -> Callable[[bytes], None]:
+        return lambda data: self.node.on_sdo(cob_id, data, self.time_ns)
+
+    def _rpdo(self, slave: Slave, layout: PdoLayout) -> Callable[[bytes], None]:
+        return lambda data: slave.on_rpdo(layout, data)
+
+    def _heartbeat(self, node_id: int) -> Callable[[bytes], None]:
+        def handle(data: bytes) -> None:
+            for slave in self.slaves:
+                slave.on_heartbeat(node_id, self.time_ns)
+            self._next_due_ns = min(slave.next_due_ns for slave in self.slaves)
+
+        return handle
+
+    def _emit(self, time_ns: int, frame: Frame) -> None:
+        self.records.append(Record(time_ns, frame))
+
+    def _emit_bench(self, time_ns: int, frame: Frame) -> None:
+        self.bench_records.append(Record(time_ns, frame))

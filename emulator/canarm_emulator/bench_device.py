@@ -1,0 +1,94 @@
+"""The bench node's process data: truth and assessment as objects to read, the controller's report as objects to write."""
+
+from collections.abc import Callable
+
+from canarm_protocol import bench_objects as objects
+from canarm_protocol.cell import Cell
+
+from .assessor import Assessor
+from .device import Getter, ReadObject, Setter
+from .world import JointState
+
+
+class BenchDevice:
+    """State of the run as the bench node shows it. The bench fills `cycle` and `truth` at every SYNC."""
+
+    def __init__(self, cell: Cell, assessor: Assessor) -> None:
+        count = len(cell.joints)
+        self.assessor = assessor
+        self.cycle = 0
+        self.truth: list[JointState] = []
+        self.tick = 0
+        self.report: dict[tuple[int, int], float] = {
+            (index, joint): 0.0
+            for index in (
+                objects.REFERENCE,
+                objects.MEASURED_ANGLE,
+                objects.MEASURED_SPEED,
+                objects.CURRENT_COMMAND,
+                objects.FEED_FORWARD,
+                *(objects.INTERNAL + k for k in range(objects.INTERNALS)),
+            )
+            for joint in range(1, count + 1)
+        }
+        self.report[objects.LATE, 0] = self.report[objects.CONTROLLER_STATE, 0] = 0
+
+    def setter(self, index: int, subindex: int) -> Setter | None:
+        """Objects of the controller's report. A reference is assessed with the tick written just before it."""
+        if index == objects.TICK:
+            return self._set_tick
+        if (index, subindex) not in self.report:
+            return None
+        report, key = self.report, (index, subindex)
+        if index == objects.REFERENCE:
+            assessor, joint = self.assessor, subindex - 1
+
+            def assess(value: float) -> None:
+                report[key] = value
+                assessor.reference(self.tick, joint, value)
+
+            return assess
+
+        def store(value: float) -> None:
+            report[key] = value
+
+        return store
+
+    def getter(self, index: int, subindex: int) -> Getter | None:
+        """Truth, assessment, or what the controller reported last."""
+        if (index, subindex) in self.report:
+            return lambda: self.report[index, subindex]
+        if index == objects.CYCLE:
+            return lambda: max(self.cycle, 0)
+        if index == objects.TICK:
+            return lambda: self.tick
+        if index == objects.ASSESSED_CYCLES:
+            return lambda: min(score.samples for score in self.assessor.scores)
+        joint = subindex - 1
+        if not 0 <= joint < len(self.truth):
+            return None
+        truth = _TRUTH.get(index)
+        if truth is not None:
+            return lambda: truth(self.truth[joint])
+        field = _SCORES.get(index)
+        return (lambda: getattr(self.assessor.scores[joint], field)) if field else None
+
+    def take_error_values(self, read: ReadObject) -> None:
+        """Nothing that this node does moves the robot."""
+
+    def _set_tick(self, value: float) -> None:
+        self.tick = int(value)
+
+
+_TRUTH: dict[int, Callable[[JointState], float]] = {
+    objects.TRUE_ANGLE: lambda state: state.angle_rad,
+    objects.TRUE_SPEED: lambda state: state.speed_rad_s,
+    objects.TRUE_CURRENT: lambda state: state.current_a,
+    objects.TRUE_COMMAND: lambda state: state.command_a,
+}
+_SCORES = {
+    objects.RMS_ERROR: "rms_lsb",
+    objects.MAX_ERROR: "max_lsb",
+    objects.PEAK_CURRENT: "peak_current_a",
+    objects.SATURATED_CYCLES: "saturated_cycles",
+}

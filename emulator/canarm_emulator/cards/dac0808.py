@@ -1,0 +1,47 @@
+"""The D/A card: four DAC0808 converters, each behind two 4-bit latches.
+
+Registers of channel c (0 to 3): 2c is the LSB latch (bits 3-0 of the code), 2c+1 the MSB latch (bits 7-4); data on D3-D0.
+The converters follow their latches at once: 150 ns settling (DAC0808 data sheet) is far below a bus cycle, so a code that
+changes in both nibbles passes through an intermediate value between the two writes, as on the real card.
+"""
+
+from collections.abc import Callable
+
+from .registers import OPEN_BUS
+
+CHANNELS = 4
+STEPS = 256
+"""I_out = I_ref x code / 256: full scale is 255/256 of the reference (DAC0808 data sheet)."""
+
+
+class Dac0808Card:
+    """Latches and converters. `on_output(channel, fraction)` is told of every change of I_out / I_ref.
+
+    `nonlinearity` is the greatest deviation from the straight line between the end points, as a fraction of full scale
+    (data sheet: 0.19 % at most), as a bow over the codes.
+    """
+
+    def __init__(self, on_output: Callable[[int, float], None], nonlinearity: float = 0.0) -> None:
+        self._latches = [0] * (2 * CHANNELS)
+        self._on_output = on_output
+        self._transfer = [self._output(code, nonlinearity) for code in range(STEPS)]
+
+    @staticmethod
+    def _output(code: int, nonlinearity: float) -> float:
+        bow = 4.0 * code * (STEPS - 1 - code) / (STEPS - 1) ** 2
+        return code / STEPS + nonlinearity * bow
+
+    def read(self, address: int, now_ns: int) -> int:
+        """The latches cannot be read back."""
+        return OPEN_BUS
+
+    def write(self, address: int, value: int, now_ns: int) -> None:
+        """Load one 4-bit latch."""
+        if address < 2 * CHANNELS and self._latches[address] != value & 0x0F:
+            self._latches[address] = value & 0x0F
+            channel = address >> 1
+            self._on_output(channel, self._transfer[self.code(channel)])
+
+    def code(self, channel: int) -> int:
+        """The 8-bit code in front of a converter."""
+        return self._latches[2 * channel] | self._latches[2 * channel + 1] << 4

@@ -1,0 +1,123 @@
+"""Cards as CiA 401 I/O modules: objects of the dictionary on one side, registers on the other.
+
+A device turns a value of 0x6200, 0x6401 or 0x6411 into the register accesses that the Apple II would make. It knows no frames,
+no states and no time-outs; `slave.py` owns those.
+"""
+
+from collections.abc import Callable
+from typing import Protocol
+
+from canarm_protocol.dictionary import (
+    ANALOGUE_ERROR_MODE,
+    ANALOGUE_ERROR_VALUE,
+    ANALOGUE_INPUT,
+    ANALOGUE_OUTPUT,
+    CODE_SHIFT,
+    DIGITAL_ERROR_MODE,
+    DIGITAL_ERROR_VALUE,
+    DIGITAL_OUTPUT,
+)
+
+from .cards.adc0809 import Adc0809Card
+from .cards.dac0808 import CHANNELS as DAC_CHANNELS
+from .cards.dac0808 import Dac0808Card
+from .cards.sc300 import Sc300Card
+
+Setter = Callable[[int], None]
+Getter = Callable[[], int]
+ReadObject = Callable[[int, int], int]
+
+DAC_MAXIMUM = 0x7FFF
+NIBBLE = 4
+
+
+class IoDevice(Protocol):
+    """A card's process data as CiA 401 objects."""
+
+    def setter(self, index: int, subindex: int) -> Setter | None:
+        """How to write an output object, or None where there is none."""
+        ...
+
+    def getter(self, index: int, subindex: int) -> Getter | None:
+        """How to read an input or output object, or None where there is none."""
+        ...
+
+    def take_error_values(self, read: ReadObject) -> None:
+        """Set the outputs to the values configured for errors; `read(index, subindex)` gives the configuration."""
+        ...
+
+
+class DacDevice:
+    """0x6411: one signed, left-adjusted 16-bit value a converter. The converters are unipolar: negative values give 0."""
+
+    def __init__(self, card: Dac0808Card) -> None:
+        self._card = card
+
+    def setter(self, index: int, subindex: int) -> Setter | None:
+        if index != ANALOGUE_OUTPUT or not 1 <= subindex <= DAC_CHANNELS:
+            return None
+        write, lsb = self._card.write, 2 * (subindex - 1)
+
+        def load(value: int) -> None:
+            code = value >> CODE_SHIFT if value > 0 else 0
+            write(lsb, code & 0x0F, 0)
+            write(lsb + 1, code >> NIBBLE, 0)
+
+        return load
+
+    def getter(self, index: int, subindex: int) -> Getter | None:
+        if index != ANALOGUE_OUTPUT or not 1 <= subindex <= DAC_CHANNELS:
+            return None
+        return lambda: self._card.code(subindex - 1) << CODE_SHIFT
+
+    def take_error_values(self, read: ReadObject) -> None:
+        """0x6443 = 1 selects 0x6444, a 32-bit value of which the upper 16 bits are the output's."""
+        for channel in range(1, DAC_CHANNELS + 1):
+            if read(ANALOGUE_ERROR_MODE, channel):
+                setter = self.setter(ANALOGUE_OUTPUT, channel)
+                assert setter is not None
+                setter(read(ANALOGUE_ERROR_VALUE, channel) >> 16)
+
+
+class LatchDevice:
+    """0x6200: eight latch bits as one byte."""
+
+    def __init__(self, card: Sc300Card) -> None:
+        self._card = card
+
+    def setter(self, index: int, subindex: int) -> Setter | None:
+        if (index, subindex) != (DIGITAL_OUTPUT, 1):
+            return None
+        return lambda value: self._card.write(0, value, 0)
+
+    def getter(self, index: int, subindex: int) -> Getter | None:
+        return (lambda: self._card.value) if (index, subindex) == (DIGITAL_OUTPUT, 1) else None
+
+    def take_error_values(self, read: ReadObject) -> None:
+        """Bits that are 1 in 0x6206 take the bit of 0x6207; the others stay."""
+        mode = read(DIGITAL_ERROR_MODE, 1)
+        self._card.write(0, self._card.value & ~mode | read(DIGITAL_ERROR_VALUE, 1) & mode, 0)
+
+
+class AdcDevice:
+    """0x6401: one signed, left-adjusted 16-bit value a channel, as of the last scan."""
+
+    def __init__(self, card: Adc0809Card) -> None:
+        self._card = card
+        self._values = [0] * 8
+
+    def store(self, channel: int, volts: float) -> None:
+        """Convert the volts that the multiplexer saw at `channel` (from 0)."""
+        self._values[channel] = self._card.code(volts) << CODE_SHIFT
+
+    def setter(self, index: int, subindex: int) -> Setter | None:
+        return None
+
+    def getter(self, index: int, subindex: int) -> Getter | None:
+        if index != ANALOGUE_INPUT or not 1 <= subindex <= len(self._values):
+            return None
+        values, channel = self._values, subindex - 1
+        return lambda: values[channel]
+
+    def take_error_values(self, read: ReadObject) -> None:
+        """Inputs have no error values."""
