@@ -40,8 +40,9 @@ check-types: setup ## Types of all packages
 check-imports: setup ## Which package may import which
 	$(BIN)/lint-imports
 
-check-lock: setup ## Does uv.lock fit the pyproject.toml files?
-	@scripts/uv_lock.sh --check
+check-lock: setup ## Does uv.lock fit the pyproject.toml files, and name the public index only?
+	$(BIN)/python scripts/locked.py check
+	scripts/uv_lock.sh --check
 
 check-wheels: setup ## Build the wheels, install them alone, run them
 	$(BIN)/python scripts/smoke_wheels.py
@@ -53,8 +54,8 @@ format: setup ## Format the code and mend what lint can mend
 	$(BIN)/python -m ruff check --fix --exit-zero --quiet .
 	$(BIN)/python -m ruff format .
 
-lock: setup ## Bring uv.lock up to date with the pyproject.toml files
-	@scripts/uv_lock.sh
+lock: setup ## Bring uv.lock up to date with the pyproject.toml files (ARGS=--upgrade)
+	scripts/uv_lock.sh $(ARGS)
 
 setup: $(STAMP) ## Make .venv; done again when a pyproject.toml or uv.lock changes
 
@@ -63,7 +64,7 @@ clean: ## Remove .venv, caches and build results (not runs/)
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The stamp names the checkout it was made for: a moved checkout, or a Python that went away, needs a new .venv.
-ifneq ($(shell test -f $(STAMP) && cat $(STAMP) && $(BIN)/python -c 'print("works")' 2>/dev/null),$(CURDIR) works)
+ifneq ($(shell head -n 1 $(STAMP) 2>/dev/null && $(BIN)/python -c 'print("works")' 2>/dev/null),$(CURDIR) works)
 $(STAMP): always
 endif
 .PHONY: always
@@ -71,4 +72,3 @@ always:
 
 $(STAMP): pyproject.toml $(wildcard */pyproject.toml uv.lock) scripts/setup.sh
 	@PYTHON='$(PYTHON)' NO_UV='$(NO_UV)' scripts/setup.sh
-	@printf '%s\n' "$(CURDIR)" > $@

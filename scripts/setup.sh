@@ -2,7 +2,8 @@
 # Makes .venv in the checkout: the five packages, editable, and the development tools, in the versions of uv.lock.
 #
 # uv does it where it can be had: the one on PATH, else one installed privately into .cache/uv. Otherwise (or with NO_UV=1)
-# `python -m venv` and pip do it. Leaves the path of uv in .venv/uv.path, for the check of the lock file and of the wheels.
+# `python -m venv` and pip do it. Leaves the path of uv in .venv/uv.path, for the check of the lock file and of the wheels,
+# and a stamp that names the checkout and the contents of the files it was made from.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -66,18 +67,30 @@ with_pip() {
 
 export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore PIP_USER=0
 python=$(find_python)
+stamp=.venv/.ready${NO_UV:+-without-uv}
+wanted=$(printf '%s\n' "$PWD"; cat pyproject.toml ./*/pyproject.toml uv.lock scripts/setup.sh | cksum)
 
-for stamp in .venv/.ready*; do
+if runs .venv/bin/python --version; then
+    # A new time stamp on the same contents (another branch and back) needs nothing.
+    if [ "$(cat "$stamp" 2>/dev/null)" = "$wanted" ]; then touch "$stamp"; exit 0; fi
     # Scripts in an environment carry its absolute path: one made elsewhere cannot be mended.
-    if [ -f "$stamp" ] && [ "$(cat "$stamp")" != "$PWD" ]; then rm -rf .venv; break; fi
-done
-runs .venv/bin/python --version || rm -rf .venv
+    for old in .venv/.ready*; do
+        if [ -f "$old" ] && [ "$(head -n 1 "$old")" != "$PWD" ]; then rm -rf .venv; fi
+    done
+else
+    rm -rf .venv
+fi
+worked=
+[ ! -f "$stamp" ] || worked=yes
 rm -f .venv/.ready* .venv/uv.path
 
 uv=
 [ -n "${NO_UV:-}" ] || uv=$(find_uv)
-if [ -n "$uv" ]; then
-    if with_uv; then exit 0; fi
+if [ -z "$uv" ]; then
+    with_pip
+elif ! with_uv; then
+    [ -z "$worked" ] || die "uv failed (above); .venv is as it was"
     say "uv failed (above)"
+    with_pip
 fi
-with_pip
+printf '%s\n' "$wanted" > "$stamp"

@@ -15,3 +15,11 @@ class LawError(ControllerError):
 
 class MemoryImageError(ControllerError):
     """A table or a log does not fit the Apple II's memory."""
+
+
+class BringUpError(ControllerError):
+    """The cards cannot be found, identified or configured, or the bus has another master."""
+
+
+class ClockMismatchError(BringUpError):
+    """The emulated world and the controller follow different clocks."""

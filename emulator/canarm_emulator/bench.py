@@ -83,7 +83,7 @@ class Bench:
         """SYNCs that arrived while the converters were still busy with the last one's scan."""
         self.world = World(cell, truth, seed)
         self.assessor = Assessor(cell)
-        self._adcs: list[tuple[Slave, AdcDevice, dict[int, Source]]] = []
+        self._adcs: list[tuple[int, AdcDevice, dict[int, Source]]] = []
         self.slaves = [self._make_slave(card, truth) for card in cell.card]
         self._conversion_ns = {card.node_id: card.conversion_us * 1000 for card in cell.card}
         self._handlers: dict[int, Callable[[bytes], None]] = {}
@@ -96,16 +96,9 @@ class Bench:
         self._bench_handlers: dict[int, Callable[[bytes], None]] = {}
 
     def _make_slave(self, card: Card, truth: Truth) -> Slave:
-        device, world, cell = self._make_device(card, truth), self.world, self.cell
+        device = self._make_device(card, truth)
         dictionary = load_dictionary(card.model, card.node_id)
-        slave = Slave(card.name, card.node_id, dictionary, device, self._emit, self.clock.value)
-        if isinstance(device, AdcDevice):
-            sources = {
-                channel.number: world.source(cell.joint_names.index(channel.joint), Quantity(channel.quantity))
-                for channel in card.channel
-            }
-            self._adcs.append((slave, device, sources))
-        return slave
+        return Slave(card.name, card.node_id, dictionary, device, self._emit, self.clock.value)
 
     def _make_device(self, card: Card, truth: Truth) -> IoDevice:
         world = self.world
@@ -124,18 +117,26 @@ class Bench:
                     world.set_direction(joints[channel], bits)
 
             return LatchDevice(Sc300Card(on_direction))
-        full_scale_v = self.cell.joints[min(joints.values())].sensors.full_scale_v
-        adc = truth.adc
-        return AdcDevice(
-            Adc0809Card(
-                lambda channel: 0.0,
-                full_scale_v,
-                card.conversion_us * 1000,
-                adc.offset_lsb,
-                adc.gain_error,
-                adc.nonlinearity_lsb,
-            )
+        sources = {
+            channel.number - 1: world.source(joints[channel.number - 1], Quantity(channel.quantity))
+            for channel in card.channel
+        }
+
+        def sample(channel: int) -> float:
+            return world.sample(sources[channel]) if channel in sources else 0.0
+
+        errors = truth.adc
+        adc = Adc0809Card(
+            sample,
+            self.cell.joints[min(joints.values())].sensors.full_scale_v,
+            card.conversion_us * 1000,
+            errors.offset_lsb,
+            errors.gain_error,
+            errors.nonlinearity_lsb,
         )
+        device = AdcDevice(adc, sample)
+        self._adcs.append((card.node_id, device, sources))
+        return device
 
     def start(self) -> None:
         """Power on: every node boots; the bench node starts itself."""
@@ -235,18 +236,17 @@ class Bench:
 
     def _convert(self, pdos: Sequence[tuple[Slave, PdoLayout]]) -> None:
         """Scan the channels that the due TPDOs map, one after the other; the world moves on meanwhile."""
-        for adc, device, sources in self._adcs:
+        for node_id, device, sources in self._adcs:
             channels = [
-                mapped.subindex
+                mapped.subindex - 1
                 for slave, layout in pdos
-                if slave is adc
+                if slave.node_id == node_id
                 for mapped in layout.objects
-                if mapped.index == ANALOGUE_INPUT
+                if mapped.index == ANALOGUE_INPUT and mapped.subindex - 1 in sources
             ]
-            wired = [channel for channel in channels if channel in sources]
-            volts = self.world.scan([sources[channel] for channel in wired], self._conversion_ns[adc.node_id])
-            for channel, value in zip(wired, volts, strict=True):
-                device.store(channel - 1, value)
+            volts = self.world.scan([sources[channel] for channel in channels], self._conversion_ns[node_id])
+            for channel, value in zip(channels, volts, strict=True):
+                device.store(channel, value)
 
     def _run_due(self, due_ns: int) -> None:
         self.time_ns = max(self.time_ns, due_ns)

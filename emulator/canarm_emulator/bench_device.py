@@ -73,6 +73,9 @@ class BenchDevice:
         field = _SCORES.get(index)
         return (lambda: getattr(self.assessor.scores[joint], field)) if field else None
 
+    def refresh(self, index: int, subindex: int) -> None:
+        """Everything here is kept up to date."""
+
     def take_error_values(self, read: ReadObject) -> None:
         """Nothing that this node does moves the robot."""
 

@@ -42,6 +42,10 @@ class IoDevice(Protocol):
         """How to read an input or output object, or None where there is none."""
         ...
 
+    def refresh(self, index: int, subindex: int) -> None:
+        """Bring an input up to date because it is about to be read outside the cycle."""
+        ...
+
     def take_error_values(self, read: ReadObject) -> None:
         """Set the outputs to the values configured for errors; `read(index, subindex)` gives the configuration."""
         ...
@@ -70,6 +74,9 @@ class DacDevice:
             return None
         return lambda: self._card.code(subindex - 1) << CODE_SHIFT
 
+    def refresh(self, index: int, subindex: int) -> None:
+        """Outputs need none."""
+
     def take_error_values(self, read: ReadObject) -> None:
         """0x6443 = 1 selects 0x6444, a 32-bit value of which the upper 16 bits are the output's."""
         for channel in range(1, DAC_CHANNELS + 1):
@@ -93,6 +100,9 @@ class LatchDevice:
     def getter(self, index: int, subindex: int) -> Getter | None:
         return (lambda: self._card.value) if (index, subindex) == (DIGITAL_OUTPUT, 1) else None
 
+    def refresh(self, index: int, subindex: int) -> None:
+        """Outputs need none."""
+
     def take_error_values(self, read: ReadObject) -> None:
         """Bits that are 1 in 0x6206 take the bit of 0x6207; the others stay."""
         mode = read(DIGITAL_ERROR_MODE, 1)
@@ -100,10 +110,14 @@ class LatchDevice:
 
 
 class AdcDevice:
-    """0x6401: one signed, left-adjusted 16-bit value a channel, as of the last scan."""
+    """0x6401: one signed, left-adjusted 16-bit value a channel, as of the last scan or the last read outside the cycle.
 
-    def __init__(self, card: Adc0809Card) -> None:
+    `sample(channel)` gives the volts at an input pin now.
+    """
+
+    def __init__(self, card: Adc0809Card, sample: Callable[[int], float]) -> None:
         self._card = card
+        self._sample = sample
         self._values = [0] * 8
 
     def store(self, channel: int, volts: float) -> None:
@@ -118,6 +132,11 @@ class AdcDevice:
             return None
         values, channel = self._values, subindex - 1
         return lambda: values[channel]
+
+    def refresh(self, index: int, subindex: int) -> None:
+        """Convert one channel."""
+        if index == ANALOGUE_INPUT and 1 <= subindex <= len(self._values):
+            self.store(subindex - 1, self._sample(subindex - 1))
 
     def take_error_values(self, read: ReadObject) -> None:
         """Inputs have no error values."""

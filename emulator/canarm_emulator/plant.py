@@ -21,7 +21,7 @@ WIRE_LOSS_TIME_S = 0.5e-3
 """Damping of the elastic wire over its stiffness. Assumed: 2 to 3 % of critical at the konkuk1's wire modes."""
 
 _OPTION = {
-    "integrator": "Euler",
+    "integrator": "Euler",  # with an elastic wire half as far off as implicitfast; without, the same
     "solver": "Newton",
     "jacobian": "dense",
     "tolerance": "1e-12",
@@ -73,8 +73,13 @@ class Plant:
         )
         """For each joint the index into `angle` and `speed` of its motor: its own index where the wire is rigid."""
         initial = [math.radians(joint.initial_deg) for joint in truth.joints]
-        self.angle = initial + [initial[i] for i, joint in enumerate(truth.joints) if joint.has_elastic_wire]
-        self.speed: list[float] = [0.0] * len(self.angle)
+        initial += [initial[index] for index, joint in enumerate(truth.joints) if joint.has_elastic_wire]
+        self.set_state(initial, [0.0] * len(initial))
+
+    def set_state(self, angle: Sequence[float], speed: Sequence[float]) -> None:
+        """Put joints and motors, in the order of `angle`, at these angles and speeds."""
+        self.angle, self.speed = list(angle), list(speed)
+        self._velocity[:] = speed
 
     def step(self, torque_nm: Sequence[float], step_s: float) -> None:
         """Advance by `step_s` under constant motor torques, one a joint. `angle` and `speed` become new lists.
@@ -96,7 +101,7 @@ class Plant:
 
 
 def model_xml(cell: Cell, truth: Truth) -> str:
-    """MJCF of all arms of `cell`: hinges named as the joints, in the order of `Cell.joints`; then elastic wires' rotors.
+    """MJCF of all arms of `cell`: hinges named as the joints, in the order of `Cell.joints`; then the wires' rotors.
 
     The world frame is the first robot's base frame; the others' bases are turned so that their gravity agrees with it.
     Arms do not touch each other. Raises `EmulatorError` if the robots disagree on the strength of gravity.

@@ -250,6 +250,8 @@ class Slave:
         if index == CLOCK_MODE:
             return bytes((self._clock_mode,))
         if index >= APPLICATION_OBJECTS:
+            if self.state is not NmtState.OPERATIONAL:
+                self.device.refresh(index, subindex)
             getter = self.device.getter(index, subindex)
             if getter is not None:
                 variable = self._store.object_dictionary.get_variable(index, subindex)

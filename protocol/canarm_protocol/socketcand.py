@@ -1,8 +1,8 @@
 """The text of the socketcand protocol, both directions, as pure bytes in and values out.
 
-Source: linux-can/socketcand, doc/protocol.md and src/state_raw.c. Elements look like `< send 123 2 11 22 >`. No sockets,
-clocks or waiting enter here. Text that makes no sense is counted, never raised. Each parser has a fast path for the
-usual read (whole elements, all of one kind, single blanks) and takes anything else apart word by word.
+Source: linux-can/socketcand, doc/protocol.md and src/state_raw.c. Elements look like `< send 123 2 11 22 >`. No
+sockets, clocks or waiting enter here. Text that makes no sense is counted, never raised. Each parser has a fast path
+for the usual read (whole elements, all of one kind, single blanks) and takes anything else apart word by word.
 """
 
 from binascii import hexlify
@@ -73,9 +73,9 @@ class ErrorFrame(NamedTuple):
 
 
 def format_frame(frame: Frame, time_ns: int) -> bytes:
-    """Return the element that tells a client of `frame`, stamped with `time_ns` (>= 0) to the microsecond, rounded down.
+    """Return the element that tells a client of `frame`, stamped with `time_ns` (>= 0).
 
-    Raises `FrameError` for a remote frame: the protocol has none.
+    The stamp has microseconds, rounded down. Raises `FrameError` for a remote frame: the protocol has none.
     """
     can_id, data, is_extended, is_remote = frame
     if is_remote:
@@ -150,7 +150,7 @@ class ServerParser:
 
 
 class ClientParser:
-    """What a client reads: frames. Error frames and replies to its commands are laid aside in `errors` and `replies`."""
+    """What a client reads: frames. Error frames go to `errors`, replies to the client's commands to `replies`."""
 
     def __init__(self) -> None:
         self._cutter = _Cutter()
@@ -190,7 +190,7 @@ class ClientParser:
 
 
 class _Cutter:
-    """Cuts a stream of bytes at the ends of elements, with a bounded memory, and keeps the count of what was refused."""
+    """Cuts a stream of bytes at the ends of elements, with bounded memory, and counts what was refused."""
 
     def __init__(self) -> None:
         self._rest = b""
@@ -225,15 +225,16 @@ class _Cutter:
         return rest
 
     def split(self, text: str) -> Iterator[list[str]]:
-        """The words of each element. What stands outside is refused; an element that lost its beginning is no words."""
+        """The words of each element; none for one that is too long or lost its beginning. Text outside is refused."""
         for piece in text.split(">")[:-1]:
             start = piece.rfind("<")
-            outside = piece if start < 0 else piece[:start]
-            if start >= 0 and outside and not outside.isspace():
-                self.reject(len(outside))
-            if start < 0:
-                self.garbage_bytes += len(piece)
-            yield [] if start < 0 or len(piece) - start > MAX_ELEMENT else piece[start + 1 :].split()
+            if start < 0 or len(piece) - start > MAX_ELEMENT:
+                self.garbage_bytes += len(piece) + 1
+                yield []
+                continue
+            if start > 0 and not piece[:start].isspace():
+                self.reject(start)
+            yield piece[start + 1 :].split()
 
 
 class _IdTable(dict[str, tuple[int, bool]]):
@@ -285,7 +286,7 @@ def _payload(hex_text: str) -> bytes:
 def _read_frames(text: str) -> list[tuple[int, Frame]]:
     """Nothing but well-formed `< frame … >` without gaps, or `ValueError`."""
     frames = []
-    last_time_text = ""
+    last_time_text = " "
     time_ns = 0
     from_hex = bytes.fromhex
     for element in text.split("< frame ")[1:]:
@@ -308,7 +309,7 @@ def _read_sends(text: str) -> list[Command]:
     for element in text.split("< send ")[1:]:
         id_text, length_text, byte_texts = element.split(" ", 2)
         can_id, is_extended = _IDS[id_text]
-        if byte_texts == ">":
+        if byte_texts in (">", " >"):
             data = b""
         elif byte_texts.endswith(" >"):
             data = bytes(map(_byte_of, byte_texts[:-2].split(" ")))

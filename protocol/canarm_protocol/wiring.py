@@ -35,8 +35,9 @@ class CardNode:
 
 @dataclass(frozen=True, slots=True)
 class InputSlot:
-    """Where one measured quantity arrives: frame, position of the value in it, joint (index in `cell.joints`)."""
+    """Where one measured quantity arrives: node, frame, position of the value in it, joint (index in `cell.joints`)."""
 
+    node_id: int
     cob_id: int
     position: int
     quantity: Quantity
@@ -72,7 +73,7 @@ def input_slots(cell: Cell, nodes: Sequence[CardNode]) -> tuple[InputSlot, ...]:
                 if mapped.index == ANALOGUE_INPUT:
                     channel = channels[mapped.subindex]
                     joint = cell.joint_names.index(channel.joint)
-                    slots.append(InputSlot(layout.cob_id, position, Quantity(channel.quantity), joint))
+                    slots.append(InputSlot(node.card.node_id, layout.cob_id, position, Quantity(channel.quantity), joint))
     return tuple(slots)
 
 

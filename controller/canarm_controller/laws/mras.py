@@ -32,8 +32,8 @@ class Mras(ControlLaw):
     Gains (`control.mras` of the cell), figures for konkuk1 at 2.5 ms with one cycle of delay:
 
     - `gamma_alpha`, `gamma_beta` are divided by the square of the trajectory's amplitude, because ε·u grows with it.
-      Without bias and projection a wrong payload makes α run away from `gamma_alpha` = 0.05 on; with both, the RMS error
-      is about half as large again at 0.2 as at 0.02. Start at 0.02, and at ten times that for `gamma_beta`.
+      Without bias and projection a wrong payload makes α run away from `gamma_alpha` = 0.05 on; with both, the RMS
+      error is about half as large again at 0.2 as at 0.02. Start at 0.02, and at ten times that for `gamma_beta`.
     - `gamma_bias`: 2ζωn·p22 = 3/2 satisfies Routh's criterion at any γ3 in continuous time; the delay does not. 20 is
       calm, 60 still gains accuracy, from 400 on the loop swings.
     - k1 (`error_rate_gain`) weighs the tachometer: 0.03 to 0.3 s differ little. σ (`leakage`) pulls α and β home when

@@ -1,0 +1,143 @@
+"""The control loop of one run: codes of a cycle in, DAC codes and direction bits out.
+
+Owns the way from code to radian, reference, feed-forward, law and current; knows no frames, no clock and no supervision
+beyond what it returns.
+"""
+
+from collections.abc import Mapping, Sequence
+
+from canarm_protocol.cell import Cell, Quantity
+from canarm_protocol.wiring import FULL_SCALE_CODE, InputSlot, sensor_scale
+
+from .dynamics import NominalArm
+from .feedforward import make_feedforward
+from .laws.base import ControlLaw, Cycle
+from .memory import SAMPLES, MemoryImage
+from .trajectory import Trajectory, blend_from
+
+OFF, CLOCKWISE, COUNTER_CLOCKWISE = 0b00, 0b01, 0b10
+"""Direction bits of the latch (table 1 of the paper); counter-clockwise is towards positive angles."""
+LEAD_CYCLES = 1.5
+"""A command computed in cycle k acts from SYNC k+1 to SYNC k+2: on average 1.5 cycles later."""
+
+
+class ControlLoop:
+    """Law, feed-forward and trajectory of one run.
+
+    `slots` says which quantity stands at which place of `codes` in `step`. Raises `ControllerError` for an arm, a law or a
+    feed-forward that cannot be.
+    """
+
+    def __init__(
+        self,
+        cell: Cell,
+        slots: Sequence[InputSlot],
+        law: type[ControlLaw],
+        trajectory: Trajectory,
+        feedforward: str | None = None,
+    ) -> None:
+        self.arm = NominalArm.from_robot(cell.robot[0])
+        self.period_s = cell.bus.cycle_s
+        self.law = law(self.arm, cell.control, self.period_s)
+        self.trajectory = trajectory
+        self.feedforward_kind = feedforward or law.default_feedforward
+        limits_a = [joint.amplifier.max_current_a for joint in cell.joints]
+        self.memory = MemoryImage(len(cell.joints), limits_a)
+        self._feedforward = make_feedforward(
+            self.feedforward_kind, self.arm, self.memory, law.feedforward_excludes_inertia, LEAD_CYCLES * self.period_s
+        )
+        self.cycle = Cycle(len(cell.joints))
+        self.saturated_cycles = [0] * len(cell.joints)
+        """Cycles in which the law asked for more current than the amplifier has."""
+        self._limits_a = limits_a
+        self._torque_per_ampere = list(self.arm.torque_per_ampere)
+        conversion_s = {channel.signal: card.conversion_us * 1e-6 for card in cell.card for channel in card.channel}
+        self._places: dict[Quantity, list[tuple[int, float, float, float]]] = {}
+        for place, slot in sorted(enumerate(slots), key=lambda item: item[1].joint):
+            scale = sensor_scale(cell.joints[slot.joint], slot.quantity)
+            rank = sum(other.node_id == slot.node_id for other in slots[:place])
+            skew_s = rank * conversion_s[f"{cell.joint_names[slot.joint]}.{slot.quantity}"]
+            self._places.setdefault(slot.quantity, []).append((place, scale.zero, scale.step, skew_s))
+        self._positions = self._places[Quantity.POTENTIOMETER]
+        self._velocities = self._places[Quantity.TACHOMETER]
+        self._currents = self._places[Quantity.CURRENT_SENSE]
+        self._reference: list[tuple[list[float], list[float], list[float]]] = []
+        self._signs = [0.0] * len(cell.joints)
+
+    def begin(self, position_codes: Sequence[int]) -> None:
+        """Start at rest at the measured pose: blend the trajectory in, fill the table, start the law.
+
+        Raises `TrajectoryError` when the pose lies outside the joint limits, or too far off.
+        """
+        start = [(code - zero) * step for code, (_, zero, step, _) in zip(position_codes, self._positions, strict=True)]
+        self.trajectory = blend_from(self.trajectory, start)
+        self._prepare(0)
+        self.law.start(start, [0.0] * len(start), self.trajectory.amplitude_rad)
+
+    def measure(self, codes: Sequence[int], tick: int) -> None:
+        """Take the codes of one cycle: physical values into `cycle`, codes into the memory's log.
+
+        The ADC converts one channel after the other; positions are led back to the time of SYNC by the measured speed.
+        """
+        velocity = [(codes[place] - zero) * step for place, zero, step, _ in self._velocities]
+        cycle = self.cycle
+        cycle.velocity_rad_s = velocity
+        cycle.position_rad = [
+            (codes[place] - zero) * step - skew_s * rate
+            for (place, zero, step, skew_s), rate in zip(self._positions, velocity, strict=True)
+        ]
+        cycle.current_a = [
+            sign * (codes[place] - zero) * step
+            for (place, zero, step, _), sign in zip(self._currents, self._signs, strict=True)
+        ]
+        self.memory.log(tick, [codes[p[0]] for p in self._positions], [codes[p[0]] for p in self._velocities])
+
+    def look_up(self, tick: int) -> None:
+        """The reference of `tick` into `cycle`; a new block of 4096 ticks is prepared when one begins."""
+        sample = tick % SAMPLES
+        if sample == 0 and tick:
+            self._prepare(tick)
+        cycle = self.cycle
+        cycle.tick = tick
+        cycle.reference_rad, cycle.reference_rad_s, cycle.reference_rad_s2 = self._reference[sample]
+
+    def torque_nm(self) -> Sequence[float]:
+        """What the law asks for in this cycle, N·m a joint."""
+        self.cycle.feedforward_nm = self._feedforward.torque_nm(self.cycle.tick)
+        return self.law.update(self.cycle)
+
+    def outputs(self, torque_nm: Sequence[float]) -> tuple[list[int], list[int]]:
+        """DAC codes and direction bits of the torques, limited to what the amplifiers have."""
+        codes, directions, applied, saturated = [], [], [], []
+        for joint, torque in enumerate(torque_nm):
+            per_ampere, limit = self._torque_per_ampere[joint], self._limits_a[joint]
+            current = torque / per_ampere
+            is_saturated = not -limit <= current <= limit
+            if is_saturated:
+                current = limit if current > 0.0 else -limit
+                self.saturated_cycles[joint] += 1
+            magnitude = -current if current < 0.0 else current
+            code = int(magnitude * FULL_SCALE_CODE / limit + 0.5)
+            codes.append(code)
+            directions.append(OFF if not code else CLOCKWISE if current < 0.0 else COUNTER_CLOCKWISE)
+            self._signs[joint] = -1.0 if current < 0.0 else 1.0
+            applied.append(current * per_ampere)
+            saturated.append(is_saturated)
+        self.cycle.applied_nm, self.cycle.saturated = applied, saturated
+        return codes, directions
+
+    def internals(self) -> Mapping[str, Sequence[float]]:
+        """The law's named inner values."""
+        return self.law.internals()
+
+    def _prepare(self, first_tick: int) -> None:
+        block = self.trajectory.sample(first_tick, SAMPLES, self.period_s)
+        self._reference = list(
+            zip(
+                block.position_rad.tolist(),
+                block.velocity_rad_s.tolist(),
+                block.acceleration_rad_s2.tolist(),
+                strict=True,
+            )
+        )
+        self._feedforward.prepare(block, first_tick)

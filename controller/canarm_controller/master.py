@@ -1,0 +1,207 @@
+"""The CANopen master's dealings with its cards before and after a run, as conversations: ask, wait for the answer, go on.
+
+A conversation is a generator. It yields what to send and whose answer it waits for, and is sent the frame that came, or has
+`Silence` thrown into it when none came in time. Sockets and clocks belong to whoever drives it.
+"""
+
+import struct
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, field
+
+from canarm_protocol.cell import Bus
+from canarm_protocol.dictionary import (
+    ANALOGUE_ERROR_MODE,
+    ANALOGUE_ERROR_VALUE,
+    ANALOGUE_INPUT,
+    CLOCK_MODE,
+    CODE_SHIFT,
+    CONSUMER_HEARTBEAT,
+    CYCLE_PERIOD,
+    DEVICE_TYPE,
+    DIGITAL_ERROR_MODE,
+    DIGITAL_ERROR_VALUE,
+    ERROR_BEHAVIOUR,
+    IDENTITY,
+    PRODUCER_HEARTBEAT,
+    default_value,
+)
+from canarm_protocol.frames import Cob, Frame, NmtCommand, NmtState, heartbeat_frame, nmt_frame
+from canarm_protocol.pdo import COMMUNICATION, DISABLED, MAPPING, PdoLayout
+from canarm_protocol.sdo import SdoAborted, Transfer, download, upload
+from canarm_protocol.wiring import CardNode
+
+from .errors import BringUpError, ClockMismatchError
+
+ANSWER_NS = 1_000_000_000
+"""How long a card may take to answer."""
+ALL_BITS = 0xFF
+CLOCK_NAMES = {0: "wall", 1: "sync"}
+
+
+class Silence(Exception):
+    """Thrown into a conversation: nobody answered in time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """Frames to send, and whether a received frame is the answer; `limit_ns` bounds the wait."""
+
+    frames: tuple[Frame, ...]
+    is_answer: Callable[[Frame], bool]
+    limit_ns: int = ANSWER_NS
+    awaited: str = field(default="")
+
+
+Conversation = Generator[Ask, Frame, None]
+
+
+def bring_up(nodes: tuple[CardNode, ...], bus: Bus, clock_mode: int, listen_ns: int) -> Conversation:
+    """Find the cards, check who they are, configure and leave them in PRE-OPERATIONAL, monitored and monitoring.
+
+    Raises `BringUpError` when another controller is on the bus, a card is missing, is of another identity or refuses its
+    configuration, and `ClockMismatchError` when the emulated world follows another clock than the controller.
+    """
+    if listen_ns:
+        yield from _listen_for_another(bus.controller_node_id, listen_ns)
+    for node in nodes:
+        yield from _reset(node, nodes)
+        yield from _check_identity(node)
+        yield from _check_clock(node, clock_mode)
+    for node in nodes:
+        for index, subindex, value in _configuration(node, bus):
+            yield from _transfer(node, download(index, subindex, value))
+
+
+def read_input(node: CardNode, channel: int) -> Generator[Ask, Frame, int]:
+    """The present code of an analogue input, by SDO."""
+    data = yield from _transfer(node, upload(ANALOGUE_INPUT, channel))
+    return int(struct.unpack("<h", data)[0]) >> CODE_SHIFT
+
+
+def start_frames(nodes: tuple[CardNode, ...], node_id: int) -> list[Frame]:
+    """The controller shows itself by its first heartbeat, then starts the cards."""
+    starts = [nmt_frame(NmtCommand.START, node.card.node_id) for node in nodes]
+    return [heartbeat_frame(node_id, NmtState.OPERATIONAL), *starts]
+
+
+def stop_frames(nodes: tuple[CardNode, ...]) -> list[Frame]:
+    """The cards leave OPERATIONAL by way of STOPPED, in which their outputs take their error values."""
+    commands = (NmtCommand.STOP, NmtCommand.PRE_OPERATIONAL)
+    return [nmt_frame(command, node.card.node_id) for command in commands for node in nodes]
+
+
+def _listen_for_another(node_id: int, listen_ns: int) -> Conversation:
+    def is_other_master(frame: Frame) -> bool:
+        return frame.can_id in (Cob.SYNC, Cob.HEARTBEAT + node_id)
+
+    try:
+        other = yield Ask((), is_other_master, listen_ns, "another controller")
+    except Silence:
+        return
+    what = "SYNC" if other.can_id == Cob.SYNC else f"heartbeats of node {node_id}"
+    raise BringUpError(f"another controller is on the bus ({what} seen): stop it first, two masters would fight")
+
+
+def _reset(node: CardNode, nodes: tuple[CardNode, ...]) -> Conversation:
+    card = node.card
+    boot_up = Cob.HEARTBEAT + card.node_id
+    try:
+        yield Ask(
+            (nmt_frame(NmtCommand.RESET_NODE, card.node_id),),
+            lambda frame: frame.can_id == boot_up and frame.data == bytes((NmtState.BOOT_UP,)),
+            awaited=_name(node),
+        )
+    except Silence:
+        hint = "; is an emulator with this cell on this bus?" if node is nodes[0] else ""
+        raise BringUpError(
+            f"{_name(node)} does not answer: no boot-up within {ANSWER_NS / 1e9:g} s of NMT reset{hint}"
+        ) from None
+
+
+def _check_identity(node: CardNode) -> Conversation:
+    expected = [
+        (DEVICE_TYPE, 0, "device type"),
+        (IDENTITY, 1, "vendor-ID"),
+        (IDENTITY, 2, "product code"),
+        (IDENTITY, 3, "revision"),
+    ]
+    for index, subindex, what in expected:
+        data = yield from _transfer(node, upload(index, subindex))
+        found, wanted = int.from_bytes(data, "little"), default_value(node.dictionary, index, subindex)
+        if found != wanted:
+            raise BringUpError(
+                f"{_name(node)} is another device: {what} (0x{index:04X}:{subindex:02X}) is 0x{found:08X}; "
+                f"the cell says {node.card.model}, 0x{wanted:08X}"
+            )
+
+
+def _check_clock(node: CardNode, clock_mode: int) -> Conversation:
+    data = yield from _transfer(node, upload(CLOCK_MODE, 0))
+    if data[0] != clock_mode:
+        theirs, ours = CLOCK_NAMES.get(data[0], str(data[0])), CLOCK_NAMES[clock_mode]
+        raise ClockMismatchError(
+            f"{_name(node)} runs on --clock {theirs}, this controller on --clock {ours}: start both with the same --clock"
+        )
+
+
+def _configuration(node: CardNode, bus: Bus) -> list[tuple[int, int, bytes]]:
+    """Index, sub-index and value of every object that the master sets, in an order that the cards accept."""
+    watch = bus.controller_node_id << 16 | bus.heartbeat_timeout_ms
+    settings = [
+        (CONSUMER_HEARTBEAT, 1, struct.pack("<I", watch)),
+        (PRODUCER_HEARTBEAT, 0, struct.pack("<H", bus.heartbeat_ms)),
+        (CYCLE_PERIOD, 0, struct.pack("<I", bus.cycle_us)),
+        (ERROR_BEHAVIOUR, 1, b"\x00"),
+    ]
+    for index, format_, value in (
+        (DIGITAL_ERROR_MODE, "<B", ALL_BITS),
+        (DIGITAL_ERROR_VALUE, "<B", 0),
+        (ANALOGUE_ERROR_MODE, "<B", 1),
+        (ANALOGUE_ERROR_VALUE, "<i", 0),
+    ):
+        if index in node.dictionary:
+            subindices = [subindex for subindex in node.dictionary[index].subindices if subindex]
+            settings += [(index, subindex, struct.pack(format_, value)) for subindex in subindices]
+    for layout in (*node.rpdos, *node.tpdos):
+        settings += _pdo_configuration(layout)
+    return settings
+
+
+def _pdo_configuration(layout: PdoLayout) -> list[tuple[int, int, bytes]]:
+    """Disable, map, enable (CiA 301, 7.5.2.36)."""
+    communication = COMMUNICATION[layout.kind] + layout.number - 1
+    mapping = MAPPING[layout.kind] + layout.number - 1
+    entries = [
+        (mapping, position, struct.pack("<I", mapped.entry)) for position, mapped in enumerate(layout.objects, start=1)
+    ]
+    return [
+        (communication, 1, struct.pack("<I", DISABLED | layout.cob_id)),
+        (mapping, 0, b"\x00"),
+        *entries,
+        (mapping, 0, bytes((len(entries),))),
+        (communication, 2, bytes((layout.transmission_type,))),
+        (communication, 1, struct.pack("<I", layout.cob_id)),
+    ]
+
+
+def _transfer(node: CardNode, transfer: Transfer) -> Generator[Ask, Frame, bytes]:
+    request_id, answer_id = Cob.SDO_TO_SERVER + node.card.node_id, Cob.SDO_TO_CLIENT + node.card.node_id
+    request = next(transfer)
+    while True:
+        try:
+            answer = yield Ask(
+                (Frame(request_id, request),), lambda frame: frame.can_id == answer_id, awaited=_name(node)
+            )
+            request = transfer.send(answer.data)
+        except StopIteration as done:
+            return bytes(done.value)
+        except SdoAborted as error:
+            raise BringUpError(f"{_name(node)}: {error}") from None
+        except Silence:
+            raise BringUpError(
+                f"{_name(node)} stopped answering: no SDO response within {ANSWER_NS / 1e9:g} s"
+            ) from None
+
+
+def _name(node: CardNode) -> str:
+    return f"card {node.card.name!r} (node 0x{node.card.node_id:02X})"

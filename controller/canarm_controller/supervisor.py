@@ -1,0 +1,121 @@
+"""What makes the controller stop the robot, judged from the measurements and messages that it has.
+
+Owns thresholds and verdicts, never the reaction: the controller turns a verdict into a safe stop.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from canarm_protocol.cell import Cell
+from canarm_protocol.errors import FrameError
+from canarm_protocol.frames import Cob, Emergency, Frame, NmtState
+from canarm_protocol.wiring import CardNode
+
+FOREIGN_SYNC = "foreign-master"
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Why the robot must stop: the detector's name, and what it saw."""
+
+    detector: str
+    detail: str
+
+    def __str__(self) -> str:
+        return f"{self.detector}: {self.detail}"
+
+
+class Supervisor:
+    """Watches cards, measurements and commands of one run. Every method returns a verdict, or None while all is well."""
+
+    def __init__(self, cell: Cell, nodes: Sequence[CardNode]) -> None:
+        bus, limits = cell.bus, cell.supervision
+        self._names = cell.joint_names
+        self._cards = {node.card.node_id: node.card.name for node in nodes}
+        self._controller_heartbeat = Cob.HEARTBEAT + bus.controller_node_id
+        self._timeout_cycles = math.ceil(bus.heartbeat_timeout_ms * 1000 / bus.cycle_us)
+        self._timeout_ms = bus.heartbeat_timeout_ms
+        self._last_heartbeat = dict.fromkeys(self._cards, 0)
+        margin = limits.range_margin_deg
+        self._range_rad = [
+            (math.radians(joint.limits_deg[0] - margin), math.radians(joint.limits_deg[1] + margin))
+            for joint in cell.joints
+        ]
+        self._max_step_rad = math.radians(limits.max_position_step_deg)
+        self._missing_limit = limits.missing_cycles
+        self._missing = 0
+        self._last_position: Sequence[float] | None = None
+
+    def message(self, frame: Frame, tick: int) -> Verdict | None:
+        """Judge a frame that is not process data: heartbeats, emergencies, another master."""
+        can_id = frame.can_id
+        if can_id in (Cob.SYNC, self._controller_heartbeat):
+            what = "SYNC" if can_id == Cob.SYNC else "a heartbeat with our node-ID"
+            return Verdict(FOREIGN_SYNC, f"{what} that we did not send: another controller is on the bus")
+        node_id = can_id & 0x7F
+        name = self._cards.get(node_id)
+        if name is None:
+            return None
+        if can_id == Cob.HEARTBEAT + node_id and len(frame.data) == 1:
+            if frame.data[0] != NmtState.OPERATIONAL:
+                state = NmtState(frame.data[0]).name if frame.data[0] in set(NmtState) else f"0x{frame.data[0]:02X}"
+                return Verdict("card-state", f"card {name!r} (node 0x{node_id:02X}) is in {state}, not OPERATIONAL")
+            self._last_heartbeat[node_id] = tick
+        elif can_id == Cob.EMERGENCY + node_id:
+            try:
+                emergency = Emergency.parse(frame.data)
+            except FrameError as error:
+                return Verdict("card-emergency", f"card {name!r} (node 0x{node_id:02X}): {error}")
+            if emergency.code:
+                return Verdict(
+                    "card-emergency", f"card {name!r} (node 0x{node_id:02X}) reports error 0x{emergency.code:04X}"
+                )
+        return None
+
+    def begin_cycle(self, tick: int) -> Verdict | None:
+        """Judge the silence of the cards' heartbeats."""
+        for node_id, last in self._last_heartbeat.items():
+            if tick - last > self._timeout_cycles:
+                return Verdict(
+                    "heartbeat-lost",
+                    f"card {self._cards[node_id]!r} (node 0x{node_id:02X}) silent for {self._timeout_ms} ms",
+                )
+        return None
+
+    def missing(self, waiting_for: str) -> Verdict | None:
+        """A cycle ended without all of its inputs."""
+        self._missing += 1
+        if self._missing >= self._missing_limit:
+            return Verdict("inputs-missing", f"no {waiting_for} for {self._missing} cycles")
+        return None
+
+    def measurement(self, position_rad: Sequence[float]) -> Verdict | None:
+        """Judge the measured joint angles: none beyond its stops, none faster than the arm can move."""
+        self._missing = 0
+        last = self._last_position
+        self._last_position = position_rad
+        for joint, position in enumerate(position_rad):
+            low, high = self._range_rad[joint]
+            if not low <= position <= high:
+                return Verdict(
+                    "impossible-position",
+                    f"{self._names[joint]} measured at {math.degrees(position):.1f} deg; "
+                    f"its range is {math.degrees(low):.0f} to {math.degrees(high):.0f} deg",
+                )
+            if last is not None and abs(position - last[joint]) > self._max_step_rad:
+                return Verdict(
+                    "impossible-motion",
+                    f"{self._names[joint]} measured {math.degrees(last[joint]):.1f} deg, then {math.degrees(position):.1f} deg "
+                    f"a cycle later; at most {math.degrees(self._max_step_rad):.0f} deg is possible",
+                )
+        return None
+
+    def command(self, torque_nm: Sequence[float]) -> Verdict | None:
+        """Judge what the law asks for."""
+        if len(torque_nm) != len(self._names):
+            return Verdict("law-output", f"the law returned {len(torque_nm)} torques for {len(self._names)} joints")
+        for joint, torque in enumerate(torque_nm):
+            if not math.isfinite(torque):
+                return Verdict("law-output", f"the law asks for {torque} N m at {self._names[joint]}")
+        return None

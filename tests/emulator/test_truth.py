@@ -1,0 +1,95 @@
+"""The keys of `--truth`: what they set, and how a wrong one is answered."""
+
+import dataclasses
+
+import pytest
+
+from canarm_emulator.errors import EmulatorError, TruthError
+from canarm_emulator.truth import Truth, truth_keys
+from canarm_protocol.cell_file import load_cell
+
+CELL = load_cell("konkuk1")
+
+
+def test_nothing_set_means_the_nominal_robot() -> None:
+    truth = Truth.from_settings(CELL)
+    assert [joint.mass_kg for joint in truth.joints] == [1.0, 0.6]
+    assert [joint.coulomb_friction_nm for joint in truth.joints] == [0.15, 0.06]
+    assert [joint.initial_deg for joint in truth.joints] == [20.0, 0.0]
+    assert not any(joint.has_elastic_wire for joint in truth.joints)
+    assert (truth.adc.offset_lsb, truth.adc.gain_error, truth.adc.nonlinearity_lsb, truth.dac.nonlinearity) == (0,) * 4
+
+
+def test_every_key_takes_its_own_nominal_value_and_changes_nothing() -> None:
+    settings = {key.name: repr(key.nominal) for key in truth_keys(CELL)}
+    assert Truth.from_settings(CELL, settings) == Truth.from_settings(CELL)
+
+
+def test_every_key_reaches_a_field_of_its_own() -> None:
+    nominal = dataclasses.asdict(Truth.from_settings(CELL))
+    changed = []
+    for key in truth_keys(CELL):
+        value = key.maximum if key.maximum != key.nominal else key.minimum
+        table = dataclasses.asdict(Truth.from_settings(CELL, {key.name: repr(value)}))
+        changed += [
+            (owner, index, field)
+            for owner, rows in (("joint", "joints"), ("adc", "adc"), ("dac", "dac"))
+            for index, (new, old) in enumerate(
+                zip(table[rows], nominal[rows], strict=True) if rows == "joints" else [(table[rows], nominal[rows])]
+            )
+            for field in new
+            if new[field] != old[field]
+        ]
+    fields = 2 * len(nominal["joints"][0]) + len(nominal["adc"]) + len(nominal["dac"])
+    assert len(changed) == len(set(changed)) == len(truth_keys(CELL)) == fields
+
+
+def test_a_setting_changes_only_its_joint() -> None:
+    truth = Truth.from_settings(CELL, {"joint3.mass": "0.9", "joint2.wire": "1", "adc.offset_lsb": "-2"})
+    assert [joint.mass_kg for joint in truth.joints] == [1.0, 0.9]
+    assert [joint.has_elastic_wire for joint in truth.joints] == [True, False]
+    assert truth.adc.offset_lsb == -2
+
+
+def test_keys_carry_unit_nominal_value_and_description() -> None:
+    keys = {key.name: key for key in truth_keys(CELL)}
+    assert (keys["joint3.mass"].unit, keys["joint3.mass"].nominal) == ("kg", 0.6)
+    assert (keys["joint2.initial_deg"].minimum, keys["joint2.initial_deg"].maximum) == (-130.0, 130.0)
+    assert all(key.description for key in keys.values())
+
+
+@pytest.mark.parametrize(
+    ("given", "nearest"),
+    [("joint3.mas", "joint3.mass"), ("joint2.colomb", "joint2.coulomb"), ("adc.offset", "adc.offset_lsb")],
+)
+def test_an_unknown_key_is_refused_with_the_nearest_one(given: str, nearest: str) -> None:
+    with pytest.raises(TruthError, match=rf"--truth {given}=1: no such key; did you mean '{nearest}'\?"):
+        Truth.from_settings(CELL, {given: "1"})
+
+
+def test_an_unknown_key_like_none_points_to_the_list() -> None:
+    with pytest.raises(TruthError, match="see `canarm check --keys`"):
+        Truth.from_settings(CELL, {"q": "1"})
+
+
+@pytest.mark.parametrize("value", ["heavy", "", "nan", "inf", "-0.6", "0"])
+def test_a_mass_that_is_no_positive_number_is_refused(value: str) -> None:
+    with pytest.raises(TruthError, match=rf"--truth joint3\.mass={value}: must be a number from 0\.001 to 1000 kg"):
+        Truth.from_settings(CELL, {"joint3.mass": value})
+
+
+@pytest.mark.parametrize("value", ["2", "0.5", "yes", "nan"])
+def test_the_wire_switch_takes_0_or_1_only(value: str) -> None:
+    with pytest.raises(TruthError, match=rf"joint2\.wire={value}: must be 0 or 1"):
+        Truth.from_settings(CELL, {"joint2.wire": value})
+
+
+def test_the_arm_cannot_be_parked_beyond_its_stops() -> None:
+    with pytest.raises(TruthError, match=r"joint2\.initial_deg=131: must be a number from -130 to 130 deg"):
+        Truth.from_settings(CELL, {"joint2.initial_deg": "131"})
+
+
+def test_all_problems_are_reported_at_once_a_line_each() -> None:
+    with pytest.raises(EmulatorError) as caught:
+        Truth.from_settings(CELL, {"joint3.mas": "1", "joint2.mass": "-1", "joint2.wire": "1"})
+    assert len(str(caught.value).splitlines()) == 2
