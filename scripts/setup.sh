@@ -80,9 +80,13 @@ if runs .venv/bin/python --version; then
 else
     rm -rf .venv
 fi
+# What worked stays if uv fails now (a changed pyproject.toml without a network); its stamp, being older, asks again.
 worked=
 [ ! -f "$stamp" ] || worked=yes
-rm -f .venv/.ready* .venv/uv.path
+for old in .venv/.ready*; do
+    [ "$old" = "$stamp" ] || rm -f "$old"
+done
+rm -f .venv/uv.path
 
 uv=
 [ -n "${NO_UV:-}" ] || uv=$(find_uv)

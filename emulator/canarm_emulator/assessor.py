@@ -17,11 +17,63 @@ SETTLING_CYCLES = 1024
 KEPT_CYCLES = 4096
 
 
+SHORTEST_STRETCH = 100
+"""Cycles for which the reference must keep its speed to count as a stretch of constant speed."""
+STEADY_RAD = 1e-6
+"""A reference moves steadily while its second difference stays below this; in single precision it is known to 1e-7 rad."""
+
+
+@dataclass(slots=True)
+class SpeedRipple:
+    """Ripple of the true speed on stretches of constant reference speed: standard deviation over mean, pooled.
+
+    Each stretch is judged about its own mean, so that going there and back does not count as ripple.
+    """
+
+    last_rad: float = math.nan
+    step_rad: float = math.nan
+    count: int = 0
+    mean: float = 0.0
+    squares: float = 0.0
+    pooled_count: int = 0
+    pooled_distance: float = 0.0
+    pooled_squares: float = 0.0
+
+    def add(self, reference_rad: float, speed_rad_s: float) -> None:
+        """Take the next cycle (Welford's update)."""
+        step = reference_rad - self.last_rad
+        if abs(step - self.step_rad) < STEADY_RAD < abs(step):
+            self.count += 1
+            delta = speed_rad_s - self.mean
+            self.mean += delta / self.count
+            self.squares += delta * (speed_rad_s - self.mean)
+        else:
+            self._end_stretch()
+        self.last_rad, self.step_rad = reference_rad, step
+
+    @property
+    def value(self) -> float:
+        """The ripple; 0 while there was no stretch of constant speed."""
+        count, distance, squares = self.pooled_count, self.pooled_distance, self.pooled_squares
+        if self.count >= SHORTEST_STRETCH:
+            count, distance = count + self.count, distance + self.count * abs(self.mean)
+            squares += self.squares
+        return math.sqrt(squares * count) / distance if distance else 0.0
+
+    def _end_stretch(self) -> None:
+        if self.count >= SHORTEST_STRETCH:
+            self.pooled_count += self.count
+            self.pooled_distance += self.count * abs(self.mean)
+            self.pooled_squares += self.squares
+        self.count, self.mean, self.squares = 0, 0.0, 0.0
+
+
 @dataclass(slots=True)
 class JointScore:
     """Running figures of one joint. Errors are true minus reference angle, in steps of the joint's position sensor."""
 
     lsb_rad: float
+    ripple: SpeedRipple
     samples: int = 0
     sum_of_squares: float = 0.0
     max_lsb: float = 0.0
@@ -33,6 +85,11 @@ class JointScore:
         """Root mean square of the error; 0 while there are no samples."""
         return math.sqrt(self.sum_of_squares / self.samples) if self.samples else 0.0
 
+    @property
+    def speed_ripple(self) -> float:
+        """See `SpeedRipple`."""
+        return self.ripple.value
+
 
 class Assessor:
     """Figures of a run, begun anew at every cycle 0."""
@@ -41,11 +98,11 @@ class Assessor:
         self._lsb_rad = [sensor_scale(joint, Quantity.POTENTIOMETER).step for joint in cell.joints]
         self._limit_a = [joint.amplifier.max_current_a * (1.0 - 1e-9) for joint in cell.joints]
         self._truth: list[tuple[int, Sequence[JointState]] | None] = [None] * KEPT_CYCLES
-        self.scores = [JointScore(lsb) for lsb in self._lsb_rad]
+        self.scores = [JointScore(lsb, SpeedRipple()) for lsb in self._lsb_rad]
 
     def begin(self) -> None:
         """Forget the last run."""
-        self.scores = [JointScore(lsb) for lsb in self._lsb_rad]
+        self.scores = [JointScore(lsb, SpeedRipple()) for lsb in self._lsb_rad]
         self._truth = [None] * KEPT_CYCLES
 
     def truth(self, cycle: int, joints: Sequence[JointState]) -> None:
@@ -64,7 +121,9 @@ class Assessor:
         if kept is None or kept[0] != tick or tick < SETTLING_CYCLES:
             return
         score = self.scores[joint]
-        error = (kept[1][joint].angle_rad - angle_rad) / score.lsb_rad
+        true = kept[1][joint]
+        error = (true.angle_rad - angle_rad) / score.lsb_rad
         score.samples += 1
         score.sum_of_squares += error * error
         score.max_lsb = max(score.max_lsb, abs(error))
+        score.ripple.add(angle_rad, true.speed_rad_s)

@@ -94,4 +94,5 @@ _SCORES = {
     objects.MAX_ERROR: "max_lsb",
     objects.PEAK_CURRENT: "peak_current_a",
     objects.SATURATED_CYCLES: "saturated_cycles",
+    objects.SPEED_RIPPLE: "speed_ripple",
 }

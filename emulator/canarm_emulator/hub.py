@@ -1,8 +1,8 @@
 """The virtual bus: a socketcand server for several clients on several channels, driven by `poll` from one thread.
 
-Owns the listening socket, the clients and their bounded output queues. It orders nothing and forwards nothing by itself:
-what a client sends is handed to the runner, which decides what the bus makes of it. No CANopen and no virtual clock here;
-the one clock it reads is the wall clock, for the pause after a client's handshake.
+Owns the listening socket, the clients and their bounded output queues. It orders nothing and forwards nothing by
+itself: what a client sends is handed to the runner, which decides what the bus makes of it. No CANopen and no virtual
+clock here; the one clock it reads is the wall clock, for the pause after a client's handshake.
 """
 
 import contextlib
@@ -26,6 +26,7 @@ from canarm_protocol.socketcand import (
     RawMode,
     Send,
     ServerParser,
+    Unknown,
     format_error,
     format_frame,
 )
@@ -37,11 +38,11 @@ HOLD_S = 0.05
 
 python-can's client breaks when a frame shares a TCP segment with the `< ok >` of its handshake.
 """
-MAX_GARBAGE = 1 << 16
+MAX_GARBAGE = 1 << 14
 """Bytes in a row without one well-formed command, after which a client is no client."""
 MAX_CLIENTS = 64
 
-_READ_SIZE = 1 << 13  # bounds the time that one client's input can take from a cycle
+_READ_SIZE = 1 << 12  # bounds the time that one client's input can take from a cycle
 _SELECT_LIMIT = 1024  # FD_SETSIZE where file descriptors are small integers (POSIX)
 _QUICKACK: int | None = getattr(socket, "TCP_QUICKACK", None)
 
@@ -53,7 +54,9 @@ class HubError(EmulatorError):
 class HasFileno(Protocol):
     """What `select` can watch."""
 
-    def fileno(self) -> int: ...
+    def fileno(self) -> int:
+        """File descriptor."""
+        ...
 
 
 class Received(NamedTuple):
@@ -264,6 +267,7 @@ class Hub:
         self._clients[client.fd] = client
         self._update_read_fds()
         self._reply(client, b"< hi >")
+        self._flush_client(client)
 
     def _drop(self, client: "_Client") -> None:
         if self._clients.get(client.fd) is not client:
@@ -276,7 +280,7 @@ class Hub:
             if len(self._dropped_before) > MAX_CLIENTS:
                 del self._dropped_before[next(iter(self._dropped_before))]
         if client.channel is not None:
-            if client in self._receivers[client.channel]:
+            if client.is_receiving:
                 self._receivers[client.channel].remove(client)
             self._events.append(Detached(client.channel, client.client_id))
 
@@ -298,25 +302,30 @@ class Hub:
             if type(command) is Send:
                 if client.channel is not None:
                     self._events.append(Received(client.channel, client.client_id, command.frame))
-            else:
-                self._obey(client, command)
-            if type(command) is not Bad:
+            elif not self._obey(client, command):
+                self._flush_client(client)
+                self._drop(client)
+                return
+            if type(command) is not Bad and type(command) is not Unknown:
                 client.garbage_before = client.parser.garbage_bytes
         if client.parser.garbage_bytes - client.garbage_before > MAX_GARBAGE:
             self._drop(client)
+        elif client.output:
+            self._flush_client(client)
 
-    def _obey(self, client: "_Client", command: Command) -> None:
+    def _obey(self, client: "_Client", command: Command) -> bool:
+        """Answer a command that is not `Send`. False when the connection is to be closed."""
         match command:
             case Open(channel) if client.channel is None:
-                if channel in self._receivers:
-                    client.channel = channel
-                    self._events.append(Attached(channel, client.client_id))
-                    self._reply(client, b"< ok >")
-                else:
+                if channel not in self._receivers:
                     self._reply(client, b"< error could not open bus >")
-                    self._drop(client)
+                    return False
+                client.channel = channel
+                self._events.append(Attached(channel, client.client_id))
+                self._reply(client, b"< ok >")
             case RawMode() if client.channel is not None:
-                if client not in self._receivers[client.channel]:
+                if not client.is_receiving:
+                    client.is_receiving = True
                     client.held = bytearray()
                     client.held_until_s = time.monotonic() + HOLD_S
                     self._receivers[client.channel].append(client)
@@ -328,12 +337,12 @@ class Hub:
                 pass  # as state_raw.c does: a syntax error is no news to its sender
             case _:
                 self._reply(client, b"< error unknown command >")
+        return True
 
     def _reply(self, client: "_Client", element: bytes) -> None:
-        """Answer at once; a client that asks much and reads nothing gets no further answers."""
+        """Queue an answer. A client that asks much and reads nothing gets no further ones."""
         if len(client.output) + len(element) <= self._queue_bytes:
             client.output += element
-            self._flush_client(client)
 
     def _release(self, client: "_Client") -> None:
         if client.held is not None:
@@ -371,6 +380,7 @@ class _Client:
         "garbage_before",
         "held",
         "held_until_s",
+        "is_receiving",
         "output",
         "parser",
         "socket",
@@ -384,6 +394,7 @@ class _Client:
         self.parser = ServerParser()
         self.channel: str | None = None
         self.output = bytearray()
+        self.is_receiving = False
         self.held: bytearray | None = None
         """Frames queued during the pause after `< rawmode >`; `None` outside it."""
         self.held_until_s = 0.0
@@ -395,7 +406,7 @@ class _Client:
             client_id=self.client_id,
             address=self.address,
             channel=self.channel,
-            is_receiving=self.held_until_s > 0,
+            is_receiving=self.is_receiving,
             dropped=self.dropped,
             malformed=self.parser.malformed,
         )

@@ -17,7 +17,8 @@ CYCLE, TRUE_ANGLE, TRUE_SPEED, TRUE_CURRENT, TRUE_COMMAND = 0x2001, 0x2100, 0x21
 TICK, LATE, CONTROLLER_STATE = 0x2110, 0x2111, 0x2112
 REFERENCE, MEASURED_ANGLE, MEASURED_SPEED, CURRENT_COMMAND, FEED_FORWARD = 0x2120, 0x2121, 0x2122, 0x2123, 0x2124
 INTERNAL_NAME, INTERNAL = 0x2130, 0x2131
-RMS_ERROR, MAX_ERROR, PEAK_CURRENT, SATURATED_CYCLES, ASSESSED_CYCLES = 0x2200, 0x2201, 0x2202, 0x2203, 0x2204
+RMS_ERROR, MAX_ERROR, PEAK_CURRENT, SATURATED_CYCLES, SPEED_RIPPLE = 0x2200, 0x2201, 0x2202, 0x2203, 0x2204
+ASSESSED_CYCLES = 0x2210
 INTERNALS = 4
 """How many of a law's internal quantities a joint can publish: 0x2131 to 0x2134, named in 0x2130."""
 SDO_CHANNELS = 8
@@ -43,6 +44,7 @@ _JOINT_OBJECTS = (
     (MAX_ERROR, "Greatest true minus reference, LSB", "ro", _F32),
     (PEAK_CURRENT, "Peak of motor current, A", "ro", _F32),
     (SATURATED_CYCLES, "Cycles in which the amplifier was at its limit", "ro", _U32),
+    (SPEED_RIPPLE, "Speed ripple on stretches of constant reference speed, standard deviation over mean", "ro", _F32),
 )
 
 

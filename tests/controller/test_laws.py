@@ -1,6 +1,7 @@
 """The laws in closed loop with a KON-KUK I arm: plant, 8-bit sensors and DAC, one cycle of delay; and one by one.
 
-The equations of the plant are the paper's (uniform rods, its printed signs put right) and share no code with the controller.
+The equations of the plant are the paper's (uniform rods, its printed signs put right) and share no code with the
+controller. Its friction is the nominal one, which the table knows: a robot with other friction does worse.
 """
 
 from dataclasses import dataclass
@@ -153,7 +154,7 @@ def run_closed_loop(
 def sensed(
     state: list[float], speeding: tuple[float, float], noise_lsb: NDArray[np.float64]
 ) -> tuple[list[float], list[float]]:
-    """Positions and speeds as the 8-bit ADC gives them: potentiometers first, 100 µs a channel, zero between two codes."""
+    """Positions and speeds as the ADC gives them: potentiometers first, 100 µs a channel, zero between two codes."""
     positions = [quantised(state[i] + state[2 + i] * i * CONVERSION_S, POSITION_LSB_RAD, noise_lsb[i]) for i in (0, 1)]
     speeds = [
         quantised(state[2 + i] + speeding[i] * (2 + i) * CONVERSION_S, SPEED_LSB_RAD_S, noise_lsb[2 + i])
@@ -205,6 +206,7 @@ def test_pd_alone_sags_under_its_weight_as_the_prototype_did(
 def test_mras_with_table_tracks_at_least_as_well_as_the_prototype(
     trajectory: str, mass3_kg: float, prototype_lsb: float
 ) -> None:
+    """The prototype's figures are bounds, not a like-for-like comparison: its table seems to have held no friction."""
     assert run("mras", trajectory, mass3_kg=mass3_kg).rms_lsb <= prototype_lsb
 
 
@@ -224,17 +226,28 @@ def test_most_of_the_gain_at_a_wrong_payload_is_the_bias() -> None:
 
 
 def test_feedforward_makes_speed_constant() -> None:
-    """The paper: "the dynamics made it possible to move the joints at constant speed"."""
-    assert run("mras", "trapezoid").ripple < 0.03
-    assert run("mras", "trapezoid").ripple < run("pd", "trapezoid").ripple
+    """The paper's claim for its dynamics table; it gives no figure, so the yardstick is PD without the table."""
+    without = run("pd", "trapezoid").ripple
+    assert run("pd", "trapezoid", "table").ripple < 0.5 * without
+    assert run("mras", "trapezoid").ripple < 0.5 * without
 
 
 def test_gains_and_bias_stay_within_their_projection() -> None:
-    internals = run("mras", "sine", mass3_kg=0.9).law.internals()
+    """Joints that will not move, with wild gains: everything runs into both of its limits and never past them."""
+    law = fresh("mras", gamma_alpha="1000.0", gamma_beta="1000.0")
+    law.start((0.0, 0.0), (0.0, 0.0), (0.6, 0.6))
+    seen: dict[str, list[float]] = {"alpha": [], "beta": [], "bias_a": []}
+    cycle = Cycle(2)
+    for tick in range(4096):
+        wanted = float(0.6 * np.sin(tick * 0.01))
+        cycle.reference_rad = (wanted, wanted)
+        law.update(cycle)
+        for name, values in seen.items():
+            values.extend(law.internals()[name])
     a, b = 1 / 12.0**2, 2 / 12.0
-    assert all(0.35 * a <= alpha <= 3 * a for alpha in internals["alpha"])
-    assert all(0.35 * b <= beta <= 3 * b for beta in internals["beta"])
-    assert all(0.01 < abs(bias) <= 0.6 for bias in internals["bias_a"])
+    assert (min(seen["alpha"]), max(seen["alpha"])) == pytest.approx((0.35 * a, 3 * a))
+    assert (min(seen["beta"]), max(seen["beta"])) == pytest.approx((0.35 * b, 3 * b))
+    assert (min(seen["bias_a"]), max(seen["bias_a"])) == pytest.approx((-0.6, 0.6))
 
 
 def test_an_impossible_payload_saturates_without_winding_up() -> None:
@@ -277,7 +290,7 @@ def test_bias_pushes_towards_the_reference() -> None:
 
 @pytest.mark.parametrize("actual_inertia", [0.6, 1.6])
 def test_alpha_moves_so_that_the_loop_acts_like_the_model(actual_inertia: float) -> None:
-    """A joint with `actual_inertia` times the nominal one acts as α·`actual_inertia`; matching means α falls if it is > 1."""
+    """A joint of `actual_inertia` times the nominal one acts as α·`actual_inertia`: to match, α falls if it is > 1."""
     law = fresh("mras", gamma_bias="0.0", leakage="0.0", gamma_beta="0.0")
     inertia = NominalArm.from_robot(load_cell("konkuk1").robot[0]).effective_inertia
     law.start((0.0, 0.0), (0.0, 0.0), (0.6, 0.6))

@@ -84,7 +84,7 @@ def test_peek_outside_the_image_is_refused(address: int) -> None:
 
 def test_more_joints_than_the_ram_holds_are_refused() -> None:
     assert len(MemoryImage(3).dump()) == 0xB000 - 0x2000
-    with pytest.raises(MemoryImageError, match="5 joints: 60 KiB .* 1 to 3 joints do"):
+    with pytest.raises(MemoryImageError, match=r"5 joints: 60 KiB .* 1 to 3 joints do"):
         MemoryImage(5)
 
 

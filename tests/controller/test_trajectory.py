@@ -31,7 +31,7 @@ def all_kinds(csv_file: Path) -> list[Trajectory]:
 
 
 def test_velocity_and_acceleration_are_derivatives_of_position(csv_file: Path) -> None:
-    """Central differences of order h², h = 0.1 ms; steps of acceleration (blends, end of a file) spoil single samples."""
+    """Central differences, h = 0.1 ms; steps of acceleration (blends, end of a file) spoil single samples."""
     step_s = 1e-4
     for trajectory in all_kinds(csv_file):
         reference = trajectory.sample(0, 52_000, step_s)
@@ -100,7 +100,7 @@ def test_blend_starts_at_rest_on_the_measured_pose_and_merges_within_two_seconds
 
 
 def test_blend_has_no_step_in_acceleration() -> None:
-    """The sine has none either, so between ticks of 0.25 ms it changes by less than jerk x 0.25 ms; jerk < 60 rad/s³."""
+    """The sine has none either: in 0.25 ms it changes by less than jerk x 0.25 ms, with a jerk below 60 rad/s³."""
     reference = blend_from(make_trajectory("sine", CELL), HOME_RAD).sample(0, 10_000, 0.25e-3)
     assert np.abs(np.diff(reference.acceleration_rad_s2, axis=0)).max() < 60 * 0.25e-3
 

@@ -266,3 +266,16 @@ def test_an_integration_that_diverges_is_an_error_and_not_a_number() -> None:
     set_currents(world, 0.5, 0.5)
     with pytest.raises(EmulatorError, match=r"diverged after 0 ns; physics\.max_step_us = 650 must be shorter"):
         world.advance(100 * CYCLE_NS)
+
+
+def test_a_sample_is_the_first_of_a_scan_and_takes_no_time() -> None:
+    world, twin = new_world({"joint2.wire": "1"}), new_world({"joint2.wire": "1"})
+    for each in (world, twin):
+        set_currents(each, -1.2, 0.3)
+        each.advance(20 * CYCLE_NS)
+    for joint in range(2):
+        for quantity in SENSED:
+            sampled_v = world.sample(world.source(joint, quantity))
+            assert world.time_ns == twin.time_ns
+            assert [sampled_v] == twin.scan([twin.source(joint, quantity)], 1)
+            world.advance(twin.time_ns)

@@ -40,7 +40,7 @@ class Mras(ControlLaw):
       nothing excites them.
 
     α and β cannot remove a constant error such as a payload's weight, and adapting without the bias can do worse than
-    not adapting. The bias brings most of the gain at a wrong payload; α and β take another fifth off.
+    not adapting. The bias brings most of the gain at a wrong payload; α and β take a further 5 to 20 % off.
 
     Source: Dubowsky and DesForges, J. Dynamic Systems, Measurement and Control 101 (1979) 193-200, reference [5] of the
     KON-KUK I paper. Bias: from the Lyapunov equation of the model, added here.
