@@ -36,12 +36,16 @@ find_uv() {
     if runs uv --version; then command -v uv; return; fi
     if ! runs "$private" --version; then
         say "bringing uv along (into .cache/uv; NO_UV=1 does without)"
-        rm -rf .cache/uv
-        { runs "$python" -m venv .cache/uv && runs .cache/uv/bin/python -m pip install --retries 1 uv; } ||
-            { rm -rf .cache/uv && runs "$python" -m pip install --retries 1 --target .cache/uv uv; } || return 0
+        why=$(private_uv 2>&1) || say "uv cannot be had: $(printf '%s\n' "$why" | tail -n 1)"
     fi
-    runs "$private" --version && echo "$PWD/$private"
-    return 0
+    if runs "$private" --version; then echo "$PWD/$private"; fi
+}
+
+private_uv() {
+    rm -rf .cache/uv
+    "$python" -m venv .cache/uv && .cache/uv/bin/python -m pip install --retries 1 uv && return
+    rm -rf .cache/uv
+    "$python" -m pip install --retries 1 --target .cache/uv uv
 }
 
 with_uv() {
@@ -62,7 +66,7 @@ with_pip() {
     .venv/bin/python scripts/locked.py dev > .venv/dev.txt
     .venv/bin/python -m pip install --quiet -c .venv/constraints.txt -r .venv/dev.txt \
         -e ./protocol -e ./emulator -e ./controller -e ./tui -e . ||
-        die "pip could not install the packages; without a network, run make setup once with one"
+        die "pip could not install the packages (above)"
 }
 
 export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore PIP_USER=0

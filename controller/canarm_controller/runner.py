@@ -1,0 +1,217 @@
+"""Drives a controller over real buses: the edge that owns ports, wall clock and pacing."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from canarm_protocol.bench_objects import CONTROLLER_CHANNEL, sdo_channel
+from canarm_protocol.errors import BusError, ProtocolError
+from canarm_protocol.frames import Frame
+from canarm_protocol.port import BusPort
+from canarm_protocol.sdo_session import SdoSession
+
+from .assessment import JointAssessment, name_internals, read_assessment
+from .controller import Clock, Controller, State
+from .errors import ControllerError
+from .pacing import Lateness, Pacer
+from .report import BenchReport
+
+ANSWER_S = 2.0
+"""How long lockstep may wait for the emulator's TIME."""
+LISTEN_NS = 250_000_000
+"""How long a controller listens for another one before it takes the bus: several of its heartbeats."""
+
+
+@dataclass(slots=True)
+class RunResult:
+    """How a run went."""
+
+    state: State
+    reason: str | None
+    ticks: int
+    missed: int
+    late: int
+    real_time_factor: float
+    lateness: Lateness | None
+    joints: dict[str, JointAssessment] = field(default_factory=dict)
+    note: str | None = None
+    """Why something is missing in `joints`, if it is."""
+
+
+class Runner:
+    """One run of `controller` over `port`, with its reports on `bench` if there is one.
+
+    `on_state` is called with every change of state; `should_stop` is asked once a cycle and answers with a reason to stop safely.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        port: BusPort,
+        bench: BusPort | None,
+        on_state: Callable[[State], None] = lambda state: None,
+        should_stop: Callable[[], str | None] = lambda: None,
+    ) -> None:
+        self._controller, self._port, self._bench = controller, port, bench
+        self._on_state, self._should_stop = on_state, should_stop
+        self._report = BenchReport(controller.cell, controller) if bench is not None else None
+        self._state = State.IDLE
+        self._note: str | None = None if bench is not None else "no bench bus: the true error is not known here"
+        self._pacer: Pacer | None = None
+        self._started_s = self._ended_s = 0.0
+
+    def run(self) -> RunResult:
+        """From finding the cards to leaving them safe. Every wait has a limit; no exception of a bus leaves here."""
+        controller = self._controller
+        on_tick = controller.on_tick
+        report = self._report
+        if report is not None:
+
+            def tick() -> None:
+                if on_tick is not None:
+                    on_tick()
+                report.tick()
+
+            controller.on_tick = tick
+        try:
+            self._bring_up()
+            self._started_s = time.monotonic()
+            if not controller.is_finished:
+                self._name_internals()
+                if controller.clock is Clock.SYNC:
+                    self._run_lockstep()
+                else:
+                    self._run_on_the_wall_clock()
+        except BusError as error:
+            controller.lose(ControllerError(f"bus lost: {error}"))
+        self._ended_s = time.monotonic()
+        self._watch_state()
+        return self._result(self._assess())
+
+    def _bring_up(self) -> None:
+        controller = self._controller
+        controller.begin(time.monotonic_ns())
+        while controller.state is State.BRINGING_UP:
+            self._watch_state()
+            self._flush()
+            assert controller.deadline_ns is not None
+            left_s = (controller.deadline_ns - time.monotonic_ns()) * 1e-9
+            if left_s <= 0.0:
+                controller.time_out(time.monotonic_ns())
+            else:
+                self._take(self._port.receive(min(left_s, 0.1)))
+            self._ask_to_stop()
+        self._watch_state()
+
+    def _run_lockstep(self) -> None:
+        controller, port = self._controller, self._port
+        last_answer_s = time.monotonic()
+        while not controller.is_finished:
+            self._flush()
+            batch = port.receive(0.5)
+            if batch:
+                self._take(batch)
+                last_answer_s = time.monotonic()
+            elif time.monotonic() - last_answer_s > ANSWER_S:
+                controller.lose(
+                    ControllerError(f"no TIME from the emulator within {ANSWER_S:g} s of SYNC {controller.tick}")
+                )
+            self._publish()
+            self._ask_to_stop()
+        self._flush()
+
+    def _run_on_the_wall_clock(self) -> None:
+        controller, port = self._controller, self._port
+        pacer = self._pacer = Pacer(controller.cell.bus.cycle_ns)
+        while not controller.is_finished:
+            pacer.begin()
+            controller.open_cycle()
+            self._flush()
+            self._publish()
+            while (left_s := pacer.left_s()) > 0.0 and not controller.is_finished:
+                batch = port.receive(left_s)
+                if batch:
+                    self._take(batch)
+                    self._flush()
+            self._ask_to_stop()
+        self._flush()
+
+    def _take(self, batch: list[tuple[int, Frame]]) -> None:
+        controller = self._controller
+        now_ns = time.monotonic_ns()
+        for _, frame in batch:
+            controller.receive(frame, now_ns)
+        if controller.state is not self._state:
+            self._watch_state()
+
+    def _flush(self) -> None:
+        controller = self._controller
+        if controller.outbox:
+            frames, controller.outbox = controller.outbox, []
+            self._port.send(frames)
+
+    def _publish(self, everything: bool = False) -> None:
+        if self._report is None or self._bench is None:
+            return
+        frames = self._report.take(everything)
+        if frames:
+            try:
+                self._bench.send(frames)
+                self._bench.receive(0.0)
+            except BusError as error:
+                self._note = f"bench bus lost: {error}"
+                self._bench = None
+
+    def _ask_to_stop(self) -> None:
+        reason = self._should_stop()
+        if reason is not None:
+            self._controller.interrupt(reason)
+
+    def _watch_state(self) -> None:
+        if self._controller.state is not self._state:
+            self._state = self._controller.state
+            self._on_state(self._state)
+            self._publish(everything=True)
+
+    def _session(self) -> SdoSession | None:
+        if self._bench is None:
+            return None
+        return SdoSession(self._bench, *sdo_channel(self._controller.cell.bus.bench_node_id, CONTROLLER_CHANNEL))
+
+    def _name_internals(self) -> None:
+        session = self._session()
+        if session is not None:
+            try:
+                name_internals(session, list(self._controller.loop.internals()))
+            except ProtocolError as error:
+                self._note = f"no bench node answers: {error}"
+                self._bench = None
+
+    def _assess(self) -> dict[str, JointAssessment]:
+        if self._controller.tick < 0:
+            return {}
+        self._publish(everything=True)
+        session = self._session()
+        if session is None:
+            return {}
+        try:
+            return read_assessment(session, self._controller.cell)
+        except ProtocolError as error:
+            self._note = f"no assessment: {error}"
+            return {}
+
+    def _result(self, joints: dict[str, JointAssessment]) -> RunResult:
+        controller, pacer = self._controller, self._pacer
+        wall_s = self._ended_s - self._started_s
+        virtual_s = (controller.tick + 1) * controller.loop.period_s
+        return RunResult(
+            state=controller.state,
+            reason=controller.reason,
+            ticks=controller.controlled_ticks,
+            missed=controller.missed + (pacer.missed if pacer else 0),
+            late=pacer.late if pacer else 0,
+            real_time_factor=virtual_s / wall_s if controller.tick >= 0 and wall_s > 0.0 else 0.0,
+            lateness=pacer.lateness if pacer else None,
+            joints=joints,
+            note=self._note,
+        )
