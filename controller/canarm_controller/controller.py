@@ -156,6 +156,8 @@ class Controller:
     def close_cycle(self) -> None:
         """End a cycle: from its inputs to the outputs that act at the next SYNC."""
         self.cycle_is_open = False
+        if self._ticks is not None and self.controlled_ticks >= self._ticks:
+            self.end()
         if self.state is State.RUNNING:
             if self._awaited and self.clock is Clock.SYNC:
                 self._miss()
@@ -233,8 +235,6 @@ class Controller:
                 self.controlled_ticks += 1
                 if self.on_tick is not None:
                     self.on_tick()
-        if self._ticks is not None and self.controlled_ticks >= self._ticks and self.state is State.RUNNING:
-            self.state = State.STOPPING
 
     def _law_output(self) -> Sequence[float] | None:
         """The law's torques, once they are found to be usable: a law may be the user's own and may fail in any way."""

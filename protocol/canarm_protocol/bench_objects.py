@@ -19,6 +19,8 @@ REFERENCE, MEASURED_ANGLE, MEASURED_SPEED, CURRENT_COMMAND, FEED_FORWARD = 0x212
 INTERNAL_NAME, INTERNAL = 0x2130, 0x2131
 RMS_ERROR, MAX_ERROR, PEAK_CURRENT, SATURATED_CYCLES, SPEED_RIPPLE = 0x2200, 0x2201, 0x2202, 0x2203, 0x2204
 ASSESSED_CYCLES = 0x2210
+CONTROLLER_STATES: dict[int, str] = {0: "idle", 1: "bringing up", 2: "running", 3: "stopping", 4: "done", 5: "failed"}
+"""The values of CONTROLLER_STATE in words."""
 INTERNALS = 4
 """How many of a law's internal quantities a joint can publish: 0x2131 to 0x2134, named in 0x2130."""
 SDO_CHANNELS = 8

@@ -24,6 +24,7 @@ DEFAULT_HOST = "127.0.0.1"
 DEFAULT_CHANNEL = "can0"
 
 _READ_SIZE = 1 << 16
+_CLOSED = "the server closed the connection; was the emulator stopped?"
 _SELECT_LIMIT = 1024  # FD_SETSIZE where file descriptors are small integers (POSIX)
 
 
@@ -85,13 +86,17 @@ class HubClientBus(can.BusABC):
         """
         if self._messages:
             return self._take_messages()
-        if not self._wait_readable(timeout_s):
-            return []
-        frames = self._parser.feed(self._read(_READ_SIZE))
-        if self._parser.errors:
-            self.error_frames += len(self._parser.errors)
-            self._parser.errors.clear()
-        return frames
+        deadline_s = time.monotonic() + timeout_s
+        while self._wait_readable(timeout_s):
+            frames = self._parser.feed(self._read(_READ_SIZE))
+            if self._parser.errors:
+                self.error_frames += len(self._parser.errors)
+                self._parser.errors.clear()
+            # An echo or half a frame is not what the caller waits for.
+            timeout_s = deadline_s - time.monotonic()
+            if frames or timeout_s <= 0:
+                return frames
+        return []
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a classical data frame within `timeout` seconds (default: `send_timeout`).
@@ -194,7 +199,7 @@ class HubClientBus(can.BusABC):
         try:
             return bool(select.select((self._socket,), (), (), timeout_s)[0])
         except (OSError, ValueError) as error:
-            self._lose(f"the connection broke: {error}")
+            self._lose(_reason(error))
 
     def _read(self, size: int, flags: int = 0) -> bytes:
         """What there is, at least one byte; none only if another thread took it."""
@@ -203,9 +208,9 @@ class HubClientBus(can.BusABC):
         except BlockingIOError:
             return b""
         except OSError as error:
-            self._lose(f"the connection broke: {error}")
+            self._lose(_reason(error))
         if not data:
-            self._lose("the server closed the connection; was the emulator stopped?")
+            self._lose(_CLOSED)
         return data
 
     def _write(self, data: bytes, timeout_s: float) -> None:
@@ -222,7 +227,7 @@ class HubClientBus(can.BusABC):
         except BlockingIOError:
             return 0
         except OSError as error:
-            self._lose(f"the connection broke: {error}")
+            self._lose(_reason(error))
 
     def _write_slowly(self, data: bytes, sent: int, deadline_s: float, timeout_s: float) -> None:
         """The server does not keep up: wait for it until the deadline, but never leave half a frame on the way."""
@@ -236,7 +241,7 @@ class HubClientBus(can.BusABC):
             try:
                 select.select((), (self._socket,), (), remaining_s)
             except (OSError, ValueError) as error:
-                self._lose(f"the connection broke: {error}")
+                self._lose(_reason(error))
             sent += self._write_some(data[sent:])
 
     def _fetch_messages(self) -> None:
@@ -295,3 +300,8 @@ class HubClientBus(can.BusABC):
             data=bytes(8),
             channel=self.channel,
         )
+
+
+def _reason(error: Exception) -> str:
+    """A server that stops with something unread resets the connection instead of closing it."""
+    return _CLOSED if isinstance(error, ConnectionError) else f"the connection broke: {error}"

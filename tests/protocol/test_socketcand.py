@@ -1,11 +1,16 @@
 """The socketcand text, against the examples of its doc/protocol.md, state_raw.c, and python-can's own client."""
 
+import itertools
+
 import can
 import pytest
 from can.interfaces.socketcand.socketcand import (
     convert_ascii_message_to_can_message,
     convert_can_message_to_ascii_message,
 )
+from hypothesis import given
+from hypothesis import strategies as st
+
 from canarm_protocol.errors import FrameError
 from canarm_protocol.frames import Frame
 from canarm_protocol.socketcand import (
@@ -23,8 +28,6 @@ from canarm_protocol.socketcand import (
     format_frame,
     format_send,
 )
-from hypothesis import given
-from hypothesis import strategies as st
 
 payloads = st.binary(max_size=8)
 standard_frames = st.builds(lambda can_id, data: Frame(can_id, data), st.integers(0, 0x7FF), payloads)
@@ -39,7 +42,7 @@ near_misses = st.text("<> framesdo\n\t.0123456789abcdefABCDEFx_-+ÿ\x85", max_si
 def pieces(data: bytes, cuts: list[int]) -> list[bytes]:
     """`data` cut at `cuts`, taken modulo its length."""
     edges = sorted({0, len(data), *(cut % (len(data) + 1) for cut in cuts)})
-    return [data[start:end] for start, end in zip(edges, edges[1:], strict=False)]
+    return [data[start:end] for start, end in itertools.pairwise(edges)]
 
 
 def test_frame_element_is_that_of_the_protocol_document():

@@ -1,0 +1,74 @@
+"""Building the parts of a run from names and texts, as the command line and the rig are given them."""
+
+import importlib.metadata
+import platform
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from canarm_controller.controller import Clock as ControllerClock
+from canarm_controller.controller import Controller
+from canarm_controller.laws.loading import load_law
+from canarm_controller.loop import ControlLoop
+from canarm_controller.trajectory import make_trajectory
+from canarm_emulator.bench import Bench, Clock
+from canarm_emulator.truth import Truth
+from canarm_protocol.cell import Cell
+from canarm_protocol.wiring import card_nodes, input_slots
+
+DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY = "konkuk1", "mras", "sine"
+
+
+class UsageError(Exception):
+    """What the user asked for cannot be: exit status 2."""
+
+
+def make_bench(cell: Cell, truth: Mapping[str, str], clock: Clock, seed: int) -> Bench:
+    """The emulated bench. Raises `TruthError`."""
+    return Bench(cell, Truth.from_settings(cell, truth), clock, seed)
+
+
+def make_controller(
+    cell: Cell,
+    law: str,
+    trajectory: str,
+    feedforward: str | None,
+    clock: Clock,
+    ticks: int | None = None,
+    listen_ns: int = 0,
+) -> Controller:
+    """The controller under test. Raises `ControllerError`."""
+    nodes = card_nodes(cell)
+    slots = input_slots(cell, nodes)
+    loop = ControlLoop(cell, slots, load_law(law), make_trajectory(trajectory, cell), feedforward)
+    return Controller(cell, nodes, slots, loop, ControllerClock(clock.value), ticks, listen_ns)
+
+
+def tick_count(cell: Cell, seconds: float) -> int:
+    """How many cycles `seconds` are. Raises `UsageError` for less than one."""
+    ticks = round(seconds / cell.bus.cycle_s)
+    if ticks < 1:
+        raise UsageError(f"--seconds {seconds:g}: must be at least one cycle, {cell.bus.cycle_s:g} s")
+    return ticks
+
+
+def parse_settings(option: str, words: Sequence[str]) -> dict[str, str]:
+    """`key=value` words as a dict. Raises `UsageError`."""
+    settings = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals or not key or not value:
+            raise UsageError(f"{option} {word}: write KEY=VALUE; keys: canarm check --keys")
+        settings[key] = value
+    return settings
+
+
+def provenance() -> dict[str, Any]:
+    """What made a run, for its record: versions, machine and command line."""
+    packages = ("canarm", "canarm-protocol", "canarm-emulator", "canarm-controller", "mujoco", "numpy", "python-can", "canopen")
+    return {
+        "command_line": sys.argv,
+        "python": platform.python_version(),
+        "machine": platform.platform(),
+        "versions": {name: importlib.metadata.version(name) for name in packages},
+    }

@@ -1,0 +1,73 @@
+"""The end of a run, for people and for programs."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class JointFigures:
+    """Figures of one joint; None where they are not known. Errors are true minus reference, in steps of the position sensor."""
+
+    rms_lsb: float | None
+    max_lsb: float | None
+    peak_current_a: float
+    saturated_cycles: int
+    speed_ripple: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What `--json` prints."""
+
+    cell: str
+    law: str
+    trajectory: str
+    feedforward: str
+    clock: str
+    seed: int | None
+    state: str
+    reason: str | None
+    ticks: int
+    missed: int
+    late: int
+    real_time_factor: float | None
+    joints: Mapping[str, JointFigures] = field(default_factory=dict)
+    out: str | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """A JSON object, numbers rounded to what they mean."""
+        return _rounded(asdict(self))
+
+    def as_text(self) -> str:
+        """A few lines for a terminal."""
+        speed = "" if self.real_time_factor is None else f", {self.real_time_factor:.3g} x real time"
+        lines = [
+            f"{self.state.upper()}: {self.cell}, {self.law} on {self.trajectory}, feed-forward {self.feedforward}, "
+            f"clock {self.clock}",
+            f"{self.ticks} cycles{speed}, {self.missed} missed, {self.late} late",
+        ]
+        if self.reason:
+            lines.insert(1, self.reason)
+        if self.joints:
+            lines.append(f"{'joint':<10}{'RMS error':>12}{'max error':>12}{'peak current':>14}{'ripple':>9}  amplifier")
+        for name, joint in self.joints.items():
+            saturated = f"saturated in {joint.saturated_cycles} cycles" if joint.saturated_cycles else "within its limit"
+            ripple = "-" if joint.speed_ripple is None else f"{100 * joint.speed_ripple:.1f} %"
+            lines.append(
+                f"{name:<10}{_lsb(joint.rms_lsb):>12}{_lsb(joint.max_lsb):>12}{joint.peak_current_a:>12.3f} A"
+                f"{ripple:>9}  {saturated}"
+            )
+        if self.out:
+            lines.append(f"recorded in {self.out}")
+        return "\n".join(lines)
+
+
+def _lsb(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f} LSB"
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _rounded(item) for key, item in value.items()}
+    return float(f"{value:.5g}") if isinstance(value, float) else value

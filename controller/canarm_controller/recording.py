@@ -1,0 +1,63 @@
+"""What a controller leaves in a run folder: reference, measurement, command and the law's internals; events."""
+
+from pathlib import Path
+
+from canarm_protocol.run_folder import EVENTS_FILE, SIGNALS_FOLDER, EventLog, SignalLog
+
+from .controller import Controller, State
+
+SIGNALS_FILE, MEMORY_FILE = "controller.csv", "memory.bin"
+_COLUMNS = (
+    "reference_rad",
+    "reference_rad_s",
+    "measured_rad",
+    "measured_rad_s",
+    "measured_a",
+    "command_a",
+    "feedforward_nm",
+)
+
+
+class ControllerRecorder:
+    """Writes the files of one run; `tick` and `state` are given to the controller and its runner to call."""
+
+    def __init__(self, folder: Path, controller: Controller) -> None:
+        self._controller, self._folder = controller, folder
+        self._internals = list(controller.loop.internals())
+        names = controller.cell.joint_names
+        columns = [f"{name}.{column}" for name in names for column in (*_COLUMNS, *self._internals)]
+        self._signals = SignalLog(folder / SIGNALS_FOLDER / SIGNALS_FILE, columns)
+        self._events = EventLog(folder / EVENTS_FILE, "controller")
+        self._joints = range(len(names))
+        self._period_ns = controller.cell.bus.cycle_ns
+
+    def tick(self) -> None:
+        """Append the tick that has just been controlled."""
+        loop = self._controller.loop
+        cycle, internals = loop.cycle, list(loop.internals().values())
+        values: list[float] = []
+        for joint in self._joints:
+            values += (
+                cycle.reference_rad[joint],
+                cycle.reference_rad_s[joint],
+                cycle.position_rad[joint],
+                cycle.velocity_rad_s[joint],
+                cycle.current_a[joint],
+                cycle.applied_nm[joint] / loop.arm.torque_per_ampere[joint],
+                cycle.feedforward_nm[joint],
+                *[values_of[joint] for values_of in internals],
+            )
+        self._signals.write(cycle.tick, cycle.tick * self._period_ns, values)
+
+    def state(self, state: State) -> None:
+        """Append a change of state, with its reason when there is one."""
+        controller = self._controller
+        reason = {} if controller.reason is None else {"reason": controller.reason}
+        verdict = {} if controller.verdict is None else {"detector": controller.verdict.detector}
+        self._events.write(max(controller.tick, 0) * self._period_ns, "state", state=state.name, **reason, **verdict)
+
+    def close(self) -> None:
+        """Write out what is left, and the memory image: table and log as the Apple II would hold them."""
+        self._signals.close()
+        self._events.close()
+        (self._folder / MEMORY_FILE).write_bytes(self._controller.loop.memory.dump())

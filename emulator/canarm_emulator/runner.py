@@ -1,0 +1,183 @@
+"""Drives the emulated bench over real buses: the edge that owns hub, ports, wall clock and files."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+from canarm_protocol.bench_objects import DIVIDER
+from canarm_protocol.frames import Cob, Frame, NmtState
+from canarm_protocol.port import BusPort
+
+from .bench import Bench, Clock, CycleTruth
+from .hub import Attached, Detached, Hub, Ready, Received
+from .recording import Recorder
+
+ROBOT_BUS, BENCH_BUS = "can0", "bench"
+LISTENER_NS = 1_500_000_000
+"""Telemetry goes on this long after a listener's last heartbeat."""
+IDLE_TELEMETRY_NS = 100_000_000
+"""Period of telemetry while nobody sends SYNC."""
+IDLE_S = 0.05
+PORT_POLL_S = 0.001
+"""How often a port is looked at that offers nothing to wait for."""
+STALL_NS = 50_000_000
+"""A gap longer than this between two looks at the clock is the machine's, not the robot's: virtual time leaves it out."""
+
+
+class EmulatorRunner:
+    """Ties a bench to its buses.
+
+    `ports` are further buses beside the hub, by bus name ("can0", "bench"). `sync_timeout_s` bounds a silent controller in
+    lockstep. `should_stop` is asked in every round.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        hub: Hub,
+        ports: Mapping[str, Sequence[BusPort]] | None = None,
+        recorder: Recorder | None = None,
+        sync_timeout_s: float = 2.0,
+        should_stop: Callable[[], bool] = lambda: False,
+        on_event: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self._bench, self._hub, self._recorder = bench, hub, recorder
+        self._ports: dict[str, list[BusPort]] = {bus: list((ports or {}).get(bus, ())) for bus in (ROBOT_BUS, BENCH_BUS)}
+        self._bus_of = {id(port): bus for bus, group in self._ports.items() for port in group}
+        self._polled = [port for group in self._ports.values() for port in group if port.fileno() is None]
+        self._sync_timeout_ns = int(sync_timeout_s * 1e9)
+        self._should_stop, self._on_event = should_stop, on_event
+        self._sync_sender: object = None
+        self._last_sync_ns = 0
+        self._listener_until_ns = 0
+        self._next_idle_telemetry_ns = 0
+        self._sent_cycle = -1
+        self._last_look_ns = time.monotonic_ns()
+        self._start_ns = self._last_look_ns
+        self.stalls = 0
+        """How often the machine kept the emulator from running for longer than `STALL_NS`."""
+        self.run_ons = 0
+        """How often the sender of SYNC was lost in lockstep."""
+        for group in self._ports.values():
+            for port in group:
+                if port.fileno() is not None:
+                    hub.watch(port)  # type: ignore[arg-type]
+        if recorder is not None:
+            bench.on_cycle = self._record_cycle
+
+    def run(self) -> None:
+        """Power on and serve until `should_stop`. Raises `BusError` when a port's bus is lost."""
+        bench, lockstep = self._bench, self._bench.clock is Clock.SYNC
+        self._start_ns = self._last_look_ns = time.monotonic_ns()
+        bench.start()
+        self._deliver()
+        while not self._should_stop():
+            events = self._hub.poll(self._timeout_s())
+            now_ns = time.monotonic_ns()
+            if not lockstep:
+                self._follow_wall_clock(now_ns)
+            for event in events:
+                if type(event) is Received:
+                    self._take(event.channel, event.frame, event.client_id, now_ns)
+                elif type(event) is Ready:
+                    self._drain(event.fileobj, now_ns)  # type: ignore[arg-type]
+                else:
+                    self._client_event(event)
+            for port in self._polled:
+                self._drain(port, now_ns)
+            if lockstep and self._sync_sender is not None and now_ns - self._last_sync_ns > self._sync_timeout_ns:
+                self._run_on(f"no SYNC for {self._sync_timeout_ns / 1e9:g} s")
+            self._telemetry(now_ns)
+            self._deliver()
+        self._deliver()
+
+    def _timeout_s(self) -> float:
+        limit = PORT_POLL_S if self._polled else IDLE_S
+        if self._bench.clock is Clock.SYNC:
+            return limit
+        due_s = (self._bench.next_due_ns - (time.monotonic_ns() - self._start_ns)) * 1e-9
+        return min(max(due_s, 0.0), limit)
+
+    def _follow_wall_clock(self, now_ns: int) -> None:
+        gap_ns = now_ns - self._last_look_ns
+        self._last_look_ns = now_ns
+        if gap_ns > STALL_NS + IDLE_S * 1e9:
+            self._start_ns += gap_ns
+            self.stalls += 1
+        self._bench.advance(now_ns - self._start_ns)
+
+    def _take(self, bus: str, frame: Frame, origin: object, now_ns: int) -> None:
+        if bus == ROBOT_BUS:
+            if frame.can_id == Cob.SYNC:
+                self._sync_sender, self._last_sync_ns = origin, now_ns
+            self._bench.receive(frame, origin)
+        else:
+            if Cob.HEARTBEAT < frame.can_id <= Cob.HEARTBEAT + 0x7F and frame.data != bytes((NmtState.STOPPED,)):
+                self._listener_until_ns = now_ns + LISTENER_NS
+            self._bench.receive_bench(frame, origin)
+
+    def _drain(self, port: BusPort, now_ns: int) -> None:
+        bus = self._bus_of[id(port)]
+        for _, frame in port.receive(0.0):
+            self._take(bus, frame, port, now_ns)
+
+    def _client_event(self, event: Attached | Detached | Ready | Received) -> None:
+        if isinstance(event, Attached):
+            self._note("attached", bus=event.channel, client=event.client_id)
+        elif isinstance(event, Detached):
+            self._note("detached", bus=event.channel, client=event.client_id)
+            if event.channel == ROBOT_BUS and event.client_id == self._sync_sender:
+                if self._bench.clock is Clock.SYNC:
+                    self._run_on("the sender of SYNC has left the bus")
+                self._sync_sender = None
+
+    def _run_on(self, why: str) -> None:
+        """Lockstep without SYNC: virtual time runs on, so that the cards protect themselves; then it stands still again."""
+        self._sync_sender = None
+        if self._bench.is_operational:
+            self.run_ons += 1
+            before_ns = self._bench.time_ns
+            self._bench.run_on()
+            self._note("ran-on", why=why, from_ns=before_ns)
+            self._on_event(f"{why}: virtual time ran on by {(self._bench.time_ns - before_ns) / 1e6:.0f} ms")
+
+    def _telemetry(self, now_ns: int) -> None:
+        if now_ns > self._listener_until_ns:
+            return
+        cycle = self._bench.cycle
+        if (cycle != self._sent_cycle and cycle % DIVIDER == 0) or now_ns >= self._next_idle_telemetry_ns:
+            self._sent_cycle = cycle
+            self._next_idle_telemetry_ns = now_ns + IDLE_TELEMETRY_NS
+            self._bench.send_telemetry()
+
+    def _deliver(self) -> None:
+        """Hand out what the bench sent, each bus in its own order, to everybody but the sender; then to the log."""
+        bench, hub = self._bench, self._hub
+        if bench.records:
+            records, bench.records = bench.records, []
+            for time_ns, frame, origin in records:
+                hub.send(ROBOT_BUS, time_ns, frame, exclude=origin)  # type: ignore[arg-type]
+            hub.flush()
+            self._send_to_ports(ROBOT_BUS, records)
+            if self._recorder is not None:
+                for record in records:
+                    self._recorder.frame(record)
+        if bench.bench_records:
+            records, bench.bench_records = bench.bench_records, []
+            for time_ns, frame, origin in records:
+                hub.send(BENCH_BUS, time_ns, frame, exclude=origin)  # type: ignore[arg-type]
+            hub.flush()
+            self._send_to_ports(BENCH_BUS, records)
+
+    def _send_to_ports(self, bus: str, records: Sequence[tuple[int, Frame, object]]) -> None:
+        for port in self._ports[bus]:
+            frames = [frame for _, frame, origin in records if origin is not port]
+            if frames:
+                port.send(frames)
+
+    def _record_cycle(self, truth: CycleTruth) -> None:
+        assert self._recorder is not None
+        self._recorder.cycle(truth)
+
+    def _note(self, event: str, **details: object) -> None:
+        if self._recorder is not None:
+            self._recorder.event(self._bench.time_ns, event, **details)

@@ -1,0 +1,201 @@
+"""Opening a bus by python-can's flags: the same promises on a `canarm` bus and on any other, one error class."""
+
+import contextlib
+import socket
+import threading
+import uuid
+from collections.abc import Callable, Iterator
+
+import can
+import pytest
+
+from canarm_protocol.errors import BusError
+from canarm_protocol.frames import Frame
+from canarm_protocol.port import BusPort, Discarded, open_port, parse_bus_options
+
+DEADLINE_S = 10.0
+
+
+@pytest.fixture
+def channel() -> str:
+    return uuid.uuid4().hex[:12]
+
+
+@pytest.fixture
+def peer(channel: str) -> Iterator[can.BusABC]:
+    with can.Bus(interface="virtual", channel=channel, preserve_timestamps=True) as peer:
+        yield peer
+
+
+@pytest.fixture
+def port(channel: str) -> Iterator[BusPort]:
+    with open_port("virtual", channel, receive_own_messages=True) as port:
+        yield port
+
+
+@pytest.fixture
+def serve() -> Iterator[Callable[[], tuple[int, socket.socket]]]:
+    """Call it in a thread of its own: a socketcand server for one client."""
+    with contextlib.ExitStack() as stack:
+
+        def start() -> tuple[BusPort, socket.socket]:
+            listener = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+            accepted: list[socket.socket] = []
+
+            def shake_hands() -> None:
+                connection, _ = listener.accept()
+                connection.settimeout(DEADLINE_S)
+                accepted.append(connection)
+                for reply in (b"< hi >", b"< ok >", b"< ok >"):
+                    connection.sendall(reply)
+                    while connection.recv(1) not in (b">", b""):
+                        pass
+
+            thread = threading.Thread(target=shake_hands, daemon=True)
+            thread.start()
+            port = stack.enter_context(open_port("canarm", "bench", port=listener.getsockname()[1]))
+            thread.join(DEADLINE_S)
+            return port, stack.enter_context(accepted[0])
+
+        yield start
+
+
+def test_canarm_bus_carries_frames_both_ways(serve):
+    port, connection = serve()
+    number = connection.getsockname()[1]
+    assert port.description == f"-i canarm -c bench host=127.0.0.1 port={number}"
+    port.send([Frame(0x123, b"\x0a"), Frame(0x124)])
+    assert connection.recv(256) == b"< send 123 1 a >< send 124 0 >"
+    connection.sendall(b"< error 004 1.0 >< frame 123 23.424242 1A220344 >")
+    assert port.receive(DEADLINE_S) == [(23_424_242_000, Frame(0x123, b"\x1a\x22\x03\x44"))]
+    assert port.discarded == Discarded(error_frames=1)
+    assert port.fileno() >= 0
+
+
+def test_losing_a_canarm_bus_is_a_bus_error_that_names_it(serve):
+    port, connection = serve()
+    connection.close()
+    for call in (lambda: port.receive(DEADLINE_S), lambda: port.send([Frame(1)])):
+        with pytest.raises(BusError, match=r"^-i canarm -c bench host=127\.0\.0\.1 port=\d+: the server closed"):
+            call()
+
+
+def test_a_remote_frame_on_a_canarm_bus_is_a_bus_error(serve):
+    port, _ = serve()
+    with pytest.raises(BusError, match="socketcand carries data frames"):
+        port.send([Frame(1, is_remote=True)])
+
+
+def test_any_python_can_bus_carries_frames_both_ways(port, peer, channel):
+    assert port.description == f"-i virtual -c {channel} receive_own_messages=True"
+    port.send([Frame(0x123, b"\x0a"), Frame(0x1AAAAAAA, b"", is_extended=True), Frame(0x7, is_remote=True)])
+    received = [peer.recv(DEADLINE_S) for _ in range(3)]
+    assert [(message.arbitration_id, bytes(message.data)) for message in received[:2]] == [
+        (0x123, b"\x0a"),
+        (0x1AAAAAAA, b""),
+    ]
+    assert [message.is_extended_id for message in received] == [False, True, False]
+    assert received[2].is_remote_frame
+
+
+def test_everything_that_has_arrived_is_received_at_once_with_its_time(port, peer):
+    # 1700000000.123457 s is beyond a float's nanoseconds; the microseconds have to survive.
+    for step, can_id in enumerate((0x181, 0x281, 0x381)):
+        stamp = 1_700_000_000.123457 + step
+        peer.send(can.Message(timestamp=stamp, arbitration_id=can_id, data=b"\x01", is_extended_id=False))
+    assert port.receive(DEADLINE_S) == [
+        (1_700_000_000_123_457_000, Frame(0x181, b"\x01")),
+        (1_700_000_001_123_457_000, Frame(0x281, b"\x01")),
+        (1_700_000_002_123_457_000, Frame(0x381, b"\x01")),
+    ]
+    assert port.receive(0.0) == []
+
+
+def test_remote_frames_pass_without_data(port, peer):
+    peer.send(can.Message(arbitration_id=0x701, is_remote_frame=True, dlc=1, is_extended_id=False, timestamp=1.0))
+    assert port.receive(DEADLINE_S) == [(1_000_000_000, Frame(0x701, is_remote=True))]
+
+
+def test_error_frames_fd_frames_and_own_echoes_are_counted_and_left_out(port, peer):
+    port.send([Frame(0x1)])
+    peer.send(can.Message(is_error_frame=True))
+    peer.send(can.Message(arbitration_id=2, is_extended_id=False, timestamp=3.0))
+    assert port.receive(DEADLINE_S) == [(3_000_000_000, Frame(2))]
+    assert port.discarded == Discarded(error_frames=1, own_echoes=1)
+
+
+def test_fd_frames_are_counted_and_left_out(channel):
+    with (
+        can.Bus(interface="virtual", channel=channel, protocol=can.CanProtocol.CAN_FD) as peer,
+        open_port("virtual", channel, protocol=can.CanProtocol.CAN_FD) as port,
+    ):
+        peer.send(can.Message(is_fd=True, data=bytes(12)))
+        assert port.receive(0.0) == []
+        assert port.discarded == Discarded(fd_frames=1)
+
+
+def test_a_bus_without_descriptor_says_none(port):
+    assert port.fileno() is None
+
+
+def test_losing_any_python_can_bus_is_a_bus_error(channel):
+    port = open_port("virtual", channel)
+    port.close()
+    with pytest.raises(BusError, match=f"^-i virtual -c {channel}: cannot send: "):
+        port.send([Frame(1)])
+    with pytest.raises(BusError, match=f"^-i virtual -c {channel}: lost: "):
+        port.receive(0.0)
+
+
+def test_unknown_interface_lists_the_known_ones():
+    with pytest.raises(BusError, match=r"^-i vcan -c can0: python-can knows no such interface; it knows .*socketcan"):
+        open_port("vcan", "can0")
+
+
+def test_missing_driver_library_is_a_bus_error(monkeypatch):
+    monkeypatch.setitem(can.interfaces.BACKENDS, "cantact", ("a_driver_nobody_has", "Bus"))
+    with pytest.raises(BusError, match=r"^-i cantact -c 0: its driver cannot be loaded: .*a_driver_nobody_has"):
+        open_port("cantact", "0")
+
+
+@pytest.mark.parametrize(
+    ("interface", "channel", "options", "message"),
+    [
+        ("socketcand", "can0", {}, "-i socketcand -c can0: wrong or missing options: .*'host' and 'port'"),
+        ("slcan", "/dev/no-such-adapter", {}, "-i slcan -c /dev/no-such-adapter: .*could not open port"),
+        ("canarm", "can0", {"port": "x"}, "-i canarm -c can0 port=x: "),
+        ("canarm", "can0", {"port": 0}, "-i canarm -c can0 host=127.0.0.1 port=0: a port is a number from 1"),
+    ],
+)
+def test_a_bus_that_cannot_be_opened_is_a_bus_error_with_its_flags(interface, channel, options, message):
+    with pytest.raises(BusError, match=f"^{message}"):
+        open_port(interface, channel, **options)
+
+
+def test_options_get_the_types_that_python_can_gives_them():
+    words = ["host=127.0.0.1", "port=1234", "ratio=0.5", "tcp_tune=True", "serial-number=-7", "url=a=b", "empty="]
+    assert parse_bus_options(words) == {
+        "host": "127.0.0.1",
+        "port": 1234,
+        "ratio": 0.5,
+        "tcp_tune": True,
+        "serial_number": -7,
+        "url": "a=b",
+        "empty": "",
+    }
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["port"], "write KEY=VALUE"),
+        (["=1"], "write KEY=VALUE"),
+        (["a b=1"], "write KEY=VALUE"),
+        (["port=1", "port=2"], "given twice"),
+        (["channel=can0"], "write -c can0"),
+        (["interface=slcan"], "write -i slcan"),
+    ],
+)
+def test_wrong_options_say_what_would_be_right(words, message):
+    with pytest.raises(BusError, match=message):
+        parse_bus_options(words)

@@ -1,0 +1,259 @@
+"""Frames of the bench bus in, snapshots out: the dashboard's only knowledge of a run.
+
+Sans-IO: the wall clock is handed in with every call, the bus's own time comes with every frame. Nothing is drawn here.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+import numpy as np
+from canarm_protocol.bench_objects import DIVIDER, SDO_CHANNELS, bench_pdos, sdo_channel
+from canarm_protocol.cell import Cell, Quantity
+from canarm_protocol.frames import Cob, Frame
+from canarm_protocol.pdo import PdoLayout
+from canarm_protocol.wiring import sensor_scale
+from numpy.typing import NDArray
+
+from .rings import FIELDS, ReferenceRing, SampleRing
+from .snapshot import Counters, JointNow, Rates, Report, Snapshot
+
+WINDOW_S = 10.0
+"""Traces and RMS show this much of the run, in cycles of nominal length."""
+MATCH_S = 0.5
+"""A reference that lags the newest sample by more is no longer shown as the joint's present one."""
+RATE_WINDOW_NS = 2_000_000_000
+_ANGLE, _SPEED, _CURRENT, _COMMAND = range(FIELDS)
+_LIMIT_TOLERANCE = 1e-6
+"""Commands travel as REAL32: a command at the limit differs from it by up to 6e-8 of its value."""
+
+
+class _Mark(NamedTuple):
+    """A sample on three clocks."""
+
+    wall_ns: int
+    bus_ns: int
+    cycle: int
+
+
+class Feed:
+    """The state of the dashboard's data. A cycle or tick that goes backwards begins a new run."""
+
+    def __init__(self, cell: Cell) -> None:
+        joints = cell.joints
+        self._cycle_s = cell.bus.cycle_s
+        self._window = max(1, round(WINDOW_S / cell.bus.cycle_s))
+        self._match = max(1, round(MATCH_S / cell.bus.cycle_s))
+        self._lsb_rad = np.array([sensor_scale(joint, Quantity.POTENTIOMETER).step for joint in joints])
+        self._limit_a = np.array([joint.amplifier.max_current_a for joint in joints]) * (1.0 - _LIMIT_TOLERANCE)
+        self._samples = SampleRing(self._window, len(joints))
+        self._references = ReferenceRing(2 * self._window, len(joints))
+        self._row = [0.0] * (FIELDS * len(joints))
+        self._row_parts = 0
+        self._all_parts = (1 << 2 * len(joints)) - 1
+        self._cycle: int | None = None
+        self._bus_ns = 0
+        self._last_committed: int | None = None
+        self._last_wall_ns: int | None = None
+        self._marks: deque[_Mark] = deque()
+        self._report: tuple[int, int, int] | None = None
+        self._report_wall_ns = 0
+        self._received = self._unknown = self._malformed = 0
+        self._dropped_samples = self._dropped_references = 0
+        self.internals = np.full((len(joints), 4), np.nan)
+        """The law's internal quantities as last reported, (joints, 4)."""
+        self.measured = np.full((len(joints), FIELDS), np.nan)
+        """What the controller last reported of each joint: measured angle and speed, current asked for, feed-forward."""
+        self._handlers = self._make_handlers(cell)
+        self._not_ours = _other_services(cell)
+
+    def _make_handlers(self, cell: Cell) -> dict[int, tuple[PdoLayout, Callable[..., None]]]:
+        pdos = bench_pdos(cell)
+        handlers: dict[int, tuple[PdoLayout, Callable[..., None]]] = {
+            pdos.status.cob_id: (pdos.status, self._on_status),
+            pdos.controller.cob_id: (pdos.controller, self._on_controller),
+        }
+        for joint in range(len(cell.joints)):
+            place = FIELDS * joint
+            parts = (
+                (pdos.truth[joint], self._part(1 << 2 * joint, place + _ANGLE)),
+                (pdos.drive[joint], self._part(2 << 2 * joint, place + _CURRENT)),
+                (pdos.reference[joint], self._reference_of(joint)),
+                (pdos.measured[joint], _store_pair(self.measured, joint, 0)),
+                (pdos.command[joint], _store_pair(self.measured, joint, 2)),
+                (pdos.internals[joint][0], _store_pair(self.internals, joint, 0)),
+                (pdos.internals[joint][1], _store_pair(self.internals, joint, 2)),
+            )
+            handlers |= {layout.cob_id: (layout, handler) for layout, handler in parts}
+        return handlers
+
+    def receive(self, frames: Iterable[tuple[int, Frame]], wall_ns: int) -> None:
+        """Take (bus time in ns, frame) as a port gives them, at the wall time `wall_ns`."""
+        handlers = self._handlers
+        for bus_ns, (can_id, data, is_extended, is_remote) in frames:
+            self._received += 1
+            known = handlers.get(can_id)
+            if known is None or is_extended or is_remote:
+                if is_extended or can_id not in self._not_ours:
+                    self._unknown += 1
+                continue
+            layout, handle = known
+            if len(data) < layout.size:
+                self._malformed += 1
+                continue
+            self._bus_ns = bus_ns
+            handle(*layout.unpack(data[: layout.size]))
+            if layout.kind == "tpdo":
+                self._last_wall_ns = wall_ns
+            elif handle == self._on_controller:
+                self._report_wall_ns = wall_ns
+        self._mark(wall_ns)
+
+    def reconnected(self) -> None:
+        """The bus was away: what went by meanwhile was not dropped, and says nothing about rates."""
+        self._last_committed = self._cycle = None
+        self._marks.clear()
+
+    def snapshot(self, wall_ns: int) -> Snapshot:
+        """The run as received so far, at the wall time `wall_ns`."""
+        newest = self._last_committed
+        cycles, values = self._samples.since(0 if newest is None else newest - self._window)
+        references = self._references.at(cycles)
+        with np.errstate(invalid="ignore", over="ignore"):
+            error_lsb = (values[:, :, _ANGLE] - references) / self._lsb_rad
+        error_lsb[~np.isfinite(error_lsb)] = np.nan
+        for array in (cycles, error_lsb):
+            array.flags.writeable = False
+        report = self._report
+        return Snapshot(
+            joints=tuple(
+                self._joint(joint, cycles, values, references, error_lsb) for joint in range(len(self._lsb_rad))
+            ),
+            age_ns=None if self._last_wall_ns is None else wall_ns - self._last_wall_ns,
+            cycle=int(cycles[-1]) if len(cycles) else None,
+            rates=self._rates(wall_ns),
+            report=None if report is None else Report(*report, age_ns=wall_ns - self._report_wall_ns),
+            counters=Counters(
+                self._received, self._unknown, self._malformed, self._dropped_samples, self._dropped_references
+            ),
+            cycles=cycles,
+            error_lsb=error_lsb,
+            window_cycles=self._window,
+        )
+
+    def _joint(
+        self,
+        joint: int,
+        cycles: NDArray[np.int64],
+        values: NDArray[np.float64],
+        references: NDArray[np.float64],
+        error_lsb: NDArray[np.float64],
+    ) -> JointNow:
+        if not len(cycles):
+            return JointNow()
+        errors = error_lsb[:, joint]
+        matched = np.flatnonzero(np.isfinite(errors))
+        row = len(cycles) - 1
+        if len(matched) and cycles[-1] - cycles[matched[-1]] <= self._match:
+            row = int(matched[-1])
+        finite = errors[matched]
+        angle, speed, current, command = values[row, joint].tolist()
+        return JointNow(
+            angle_rad=angle,
+            speed_rad_s=speed,
+            reference_rad=float(references[row, joint]),
+            error_lsb=float(errors[row]),
+            rms_lsb=float(np.sqrt(np.mean(finite * finite))) if len(finite) else np.nan,
+            max_lsb=float(np.max(np.abs(finite))) if len(finite) else np.nan,
+            current_a=current,
+            command_a=command,
+            saturation=int(np.sign(command)) if abs(command) >= self._limit_a[joint] else 0,
+        )
+
+    def _on_status(self, cycle: int) -> None:
+        if self._row_parts != self._all_parts and self._cycle is not None:
+            self._dropped_samples += 1
+        previous = self._cycle
+        if previous is not None and cycle > previous + DIVIDER:
+            self._dropped_samples += (cycle - previous) // DIVIDER - 1
+        if self._last_committed is not None and cycle < self._last_committed:
+            self._begin_run(cycle)
+        self._cycle, self._row_parts = cycle, 0
+
+    def _begin_run(self, cycle: int) -> None:
+        self._samples.clear()
+        self._marks.clear()
+        self._last_committed = None
+        for joint, tick in enumerate(self._references.last_ticks):
+            # The new run's first references may have come before its first telemetry: they are not far from it.
+            if tick > cycle + self._match:
+                self._references.clear(joint)
+
+    def _part(self, bit: int, place: int) -> Callable[..., None]:
+        row = self._row
+
+        def store(first: float, second: float) -> None:
+            if self._cycle is None:
+                return
+            row[place], row[place + 1] = first, second
+            self._row_parts |= bit
+            if self._row_parts == self._all_parts and self._last_committed != self._cycle:
+                self._samples.append(self._cycle, row)
+                self._last_committed = self._cycle
+
+        return store
+
+    def _reference_of(self, joint: int) -> Callable[..., None]:
+        ring = self._references
+
+        def store(tick: int, angle_rad: float) -> None:
+            last = ring.last_ticks[joint]
+            if tick < last:
+                ring.clear(joint)
+            elif last >= 0 and tick > last + 1:
+                self._dropped_references += tick - last - 1
+            ring.store(joint, tick, angle_rad)
+
+        return store
+
+    def _on_controller(self, tick: int, late: int, state: int) -> None:
+        self._report = tick, late, state
+
+    def _mark(self, wall_ns: int) -> None:
+        marks, cycle = self._marks, self._last_committed
+        if cycle is not None and (not marks or marks[-1].cycle != cycle):
+            marks.append(_Mark(wall_ns, self._bus_ns, cycle))
+        while marks and marks[0].wall_ns < wall_ns - RATE_WINDOW_NS:
+            marks.popleft()
+
+    def _rates(self, wall_ns: int) -> Rates | None:
+        marks = [mark for mark in self._marks if mark.wall_ns >= wall_ns - RATE_WINDOW_NS]
+        if len(marks) < 2:
+            return None
+        first, last = marks[0], marks[-1]
+        count, wall_s, bus_s = (
+            last.cycle - first.cycle,
+            1e-9 * (last.wall_ns - first.wall_ns),
+            1e-9 * (last.bus_ns - first.bus_ns),
+        )
+        if wall_s <= 0.0:
+            return None
+        per_wall_s = count / wall_s
+        return Rates(count / bus_s if bus_s > 0.0 else np.nan, per_wall_s, per_wall_s * self._cycle_s)
+
+
+def _store_pair(array: NDArray[np.float64], joint: int, place: int) -> Callable[..., None]:
+    row = array[joint]
+
+    def store(first: float, second: float) -> None:
+        row[place], row[place + 1] = first, second
+
+    return store
+
+
+def _other_services(cell: Cell) -> frozenset[int]:
+    """COB-IDs on the bench bus that are no telemetry and no surprise: NMT, EMCY, heartbeats and SDO of the bench node."""
+    node_id = cell.bus.bench_node_id
+    channels = [cob_id for channel in range(SDO_CHANNELS + 1) for cob_id in sdo_channel(node_id, channel)]
+    heartbeats = range(Cob.HEARTBEAT + 1, Cob.HEARTBEAT + 128)
+    return frozenset([Cob.NMT, Cob.EMERGENCY + node_id, *channels, *heartbeats])

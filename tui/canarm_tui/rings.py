@@ -1,0 +1,71 @@
+"""Bounded memory of a run: samples of the bench and references of the controller in preallocated arrays.
+
+Only what was received, at its cycle; what it means (errors, rates, words) is derived elsewhere.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+FIELDS = 4
+"""Values of a joint in a sample: angle (rad), speed (rad/s), current (A), command (A)."""
+_NO_TICK = -1
+
+
+class SampleRing:
+    """The last `capacity` samples: cycle and, a joint, the `FIELDS` values, in order of arrival."""
+
+    def __init__(self, capacity: int, joints: int) -> None:
+        self._cycles = np.zeros(capacity, dtype=np.int64)
+        self._rows = np.zeros((capacity, joints * FIELDS), dtype=np.float64)
+        self._values = self._rows.reshape(capacity, joints, FIELDS)
+        self._capacity = capacity
+        self._written = 0
+
+    def append(self, cycle: int, row: Sequence[float]) -> None:
+        """Add one sample; `row` holds the joints one after the other, `FIELDS` values each."""
+        slot = self._written % self._capacity
+        self._cycles[slot] = cycle
+        self._rows[slot] = row
+        self._written += 1
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        self._written = 0
+
+    def since(self, cycle: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Copies of the samples from `cycle` on, oldest first: cycles (n,) and values (n, joints, FIELDS)."""
+        count = min(self._written, self._capacity)
+        order = np.arange(self._written - count, self._written) % self._capacity
+        order = order[self._cycles[order] >= cycle]
+        return self._cycles[order], self._values[order]
+
+
+class ReferenceRing:
+    """The references of the last `capacity` ticks, a joint each, found again by tick."""
+
+    def __init__(self, capacity: int, joints: int) -> None:
+        self._ticks = np.full((joints, capacity), _NO_TICK, dtype=np.int64)
+        self._angles_rad = np.zeros((joints, capacity), dtype=np.float64)
+        self._capacity = capacity
+        self.last_ticks = [_NO_TICK] * joints
+        """The newest tick of each joint; -1 where there is none."""
+
+    def store(self, joint: int, tick: int, angle_rad: float) -> None:
+        """Keep the reference of `joint` at `tick`."""
+        slot = tick % self._capacity
+        self._ticks[joint, slot] = tick
+        self._angles_rad[joint, slot] = angle_rad
+        self.last_ticks[joint] = tick
+
+    def clear(self, joint: int) -> None:
+        """Forget the references of one joint."""
+        self._ticks[joint] = _NO_TICK
+        self.last_ticks[joint] = _NO_TICK
+
+    def at(self, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
+        """References in rad at `ticks` (n,), NaN where there is none; shape (n, joints)."""
+        slots = ticks % self._capacity
+        found = np.where(self._ticks[:, slots] == ticks, self._angles_rad[:, slots], np.nan)
+        return np.ascontiguousarray(found.T)

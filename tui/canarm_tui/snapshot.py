@@ -1,0 +1,88 @@
+"""What the dashboard draws from: one immutable picture of the run, taken a few times a second.
+
+Values only, in physical units. No frames, no clock, no words or colours.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class JointNow:
+    """A joint at one cycle: the newest whose reference is known, or the newest at all if none of the last 0.5 s is.
+
+    What is not known is NaN. Errors are true minus reference angle in steps (LSB) of the joint's potentiometer.
+    """
+
+    angle_rad: float = np.nan
+    speed_rad_s: float = np.nan
+    reference_rad: float = np.nan
+    error_lsb: float = np.nan
+    rms_lsb: float = np.nan
+    max_lsb: float = np.nan
+    current_a: float = np.nan
+    command_a: float = np.nan
+    saturation: int = 0
+    """Sign of the amplifier's command where it is at its limit, else 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Counters:
+    """Frames since the dashboard started, and samples that should have come and did not."""
+
+    received: int = 0
+    unknown: int = 0
+    malformed: int = 0
+    dropped_samples: int = 0
+    dropped_references: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What the controller last said of itself: its tick, late cycles and state (a key of `CONTROLLER_STATES`)."""
+
+    tick: int
+    late: int
+    state: int
+    age_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """Cycles a second of bus time and of wall time over the last seconds of wall time, and the real-time factor.
+
+    The real-time factor counts cycles of nominal length a wall second: below 1 the run is slower than it should be.
+    """
+
+    cycles_per_s: float
+    cycles_per_wall_s: float
+    real_time_factor: float
+
+
+def _no_cycles() -> NDArray[np.int64]:
+    return np.zeros(0, dtype=np.int64)
+
+
+def _no_errors() -> NDArray[np.float64]:
+    return np.zeros((0, 0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """The run as received so far.
+
+    `age_ns` is the wall time since the last telemetry of the bench, None before the first. `cycles` (n,) and `error_lsb`
+    (n, joints) are the samples of the window, oldest first and read-only; NaN where the reference is not known.
+    """
+
+    joints: tuple[JointNow, ...]
+    age_ns: int | None = None
+    cycle: int | None = None
+    rates: Rates | None = None
+    report: Report | None = None
+    counters: Counters = Counters()
+    cycles: NDArray[np.int64] = field(default_factory=_no_cycles)
+    error_lsb: NDArray[np.float64] = field(default_factory=_no_errors)
+    window_cycles: int = 1
