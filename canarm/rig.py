@@ -15,9 +15,12 @@ import numpy as np
 from canarm_controller.controller import Controller, State
 from canarm_controller.recording import ControllerRecorder
 from canarm_emulator.assessor import Assessor
-from canarm_emulator.bench import Clock, CycleTruth
+from canarm_emulator.bench import CycleTruth
+from canarm_emulator.errors import TruthError
 from canarm_emulator.recording import Recorder
+from canarm_emulator.truth import Truth
 from canarm_protocol.cell import Cell
+from canarm_protocol.clock import Clock
 from canarm_protocol.cell_file import load_cell
 from canarm_protocol.frames import Frame
 from canarm_protocol.run_folder import create_run_folder, update_run_file
@@ -30,6 +33,7 @@ Floats = NDArray[np.float64]
 
 FRAMES_KEPT = 10_000
 _SIGNALS = ("true_angle_rad", "true_speed_rad_s", "current_a", "command_a", "reference_rad", "measured_rad")
+_MECHANICS = (".mass", ".viscous", ".coulomb", ".rotor_inertia", ".wire_stiffness")
 
 
 class Event(NamedTuple):
@@ -154,8 +158,8 @@ class Rig:
         as_text = {key: str(value) for key, value in (settings or {}).items()}
         self.cell = cell if isinstance(cell, Cell) else load_cell(cell, as_text)
         self._names = {"law": law, "trajectory": trajectory, "seed": seed}
-        true_settings = {key: str(value) for key, value in (truth or {}).items()}
-        self._bench = make_bench(self.cell, true_settings, Clock.SYNC, seed)
+        self._true_settings = {key: str(value) for key, value in (truth or {}).items()}
+        self._bench = make_bench(self.cell, self._true_settings, Clock.SYNC, seed)
         self._controller = make_controller(self.cell, law, trajectory, feedforward, Clock.SYNC)
         self._assessor: Assessor = self._bench.assessor
         size = max(1, round(history_s / self.cell.bus.cycle_s))
@@ -169,7 +173,7 @@ class Rig:
         self._folder: Path | None = None
         self._recorders: tuple[Recorder, ControllerRecorder] | None = None
         if out is not None:
-            self._record(create_run_folder(Path(out)), true_settings, seed)
+            self._record(create_run_folder(Path(out)), seed)
         self._bench.on_cycle = self._keep_truth
         self._controller.on_tick = self._on_tick
         self._bench.start()
@@ -206,6 +210,17 @@ class Rig:
         if controller.is_finished:
             self._exchange()
         self._note_state()
+
+    def change_truth(self, key: str, value: object) -> None:
+        """Change the mechanics of the true robot from now on: `joint3.mass`, `joint2.viscous`, `joint2.coulomb`, …
+
+        Raises `TruthError` for a key that is none, a value that cannot be, or a key that is not mechanics.
+        """
+        if not key.endswith(_MECHANICS):
+            raise TruthError(f"{key}: cannot change during a run; these can: {', '.join(_MECHANICS)} of a joint")
+        self._true_settings[key] = str(value)
+        self._bench.world.change(Truth.from_settings(self.cell, self._true_settings))
+        self.events.append(Event(self.time_s, "truth", f"{key} = {value}"))
 
     def finish(self) -> Summary:
         """End the run as planned: torque off, cards stopped, files closed. Returns the summary; may be called again."""
@@ -315,8 +330,8 @@ class Rig:
             if self._recorders is not None:
                 self._recorders[1].state(self._state)
 
-    def _record(self, folder: Path, truth: Mapping[str, str], seed: int) -> None:
+    def _record(self, folder: Path, seed: int) -> None:
         self._folder = folder
         self._recorders = (Recorder(folder, self.cell), ControllerRecorder(folder, self._controller))
         update_run_file(folder, "cell", self.cell.model_dump(mode="json"))
-        update_run_file(folder, "rig", {**provenance(), **self._names, "truth": dict(truth)})
+        update_run_file(folder, "rig", {**provenance(), **self._names, "truth": self._true_settings})

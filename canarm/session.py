@@ -6,14 +6,14 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from canarm_controller.controller import Clock as ControllerClock
 from canarm_controller.controller import Controller
 from canarm_controller.laws.loading import load_law
 from canarm_controller.loop import ControlLoop
 from canarm_controller.trajectory import make_trajectory
-from canarm_emulator.bench import Bench, Clock
+from canarm_emulator.bench import Bench
 from canarm_emulator.truth import Truth
 from canarm_protocol.cell import Cell
+from canarm_protocol.clock import Clock
 from canarm_protocol.wiring import card_nodes, input_slots
 
 DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY = "konkuk1", "mras", "sine"
@@ -41,7 +41,7 @@ def make_controller(
     nodes = card_nodes(cell)
     slots = input_slots(cell, nodes)
     loop = ControlLoop(cell, slots, load_law(law), make_trajectory(trajectory, cell), feedforward)
-    return Controller(cell, nodes, slots, loop, ControllerClock(clock.value), ticks, listen_ns)
+    return Controller(cell, nodes, slots, loop, clock, ticks, listen_ns)
 
 
 def tick_count(cell: Cell, seconds: float) -> int:

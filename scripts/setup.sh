@@ -64,7 +64,7 @@ with_pip() {
     }
     .venv/bin/python scripts/locked.py constraints > .venv/constraints.txt
     .venv/bin/python scripts/locked.py dev > .venv/dev.txt
-    .venv/bin/python -m pip install --quiet -c .venv/constraints.txt -r .venv/dev.txt \
+    .venv/bin/python -m pip install --quiet --retries 2 -c .venv/constraints.txt -r .venv/dev.txt \
         -e ./protocol -e ./emulator -e ./controller -e ./tui -e . ||
         die "pip could not install the packages (above)"
 }

@@ -5,9 +5,10 @@ object runs in a process of its own or inside a test.
 """
 
 from collections.abc import Callable, Sequence
-from enum import Enum, IntEnum
+from enum import IntEnum
 
 from canarm_protocol.cell import Cell, Quantity
+from canarm_protocol.clock import Clock
 from canarm_protocol.dictionary import CODE_SHIFT, SYNC_OVERFLOW, default_value
 from canarm_protocol.frames import Cob, Frame, NmtState, heartbeat_frame, sync_frame
 from canarm_protocol.wiring import CardNode, InputSlot, OutputFrames
@@ -24,13 +25,6 @@ STOPPING_S = 2.0
 """A stop waits at most this long for standstill."""
 FINAL_CYCLES = 2
 """A run that ends as planned needs two more SYNCs: the zero outputs of the first act at the second."""
-
-
-class Clock(Enum):
-    """What paces the controller: the wall clock, or the emulator's TIME (lockstep). Values as in object 0x2000."""
-
-    WALL = 0
-    SYNC = 1
 
 
 class State(IntEnum):

@@ -10,6 +10,7 @@ from canarm_protocol.cell import Cell, Quantity
 from canarm_protocol.wiring import FULL_SCALE_CODE, InputSlot, sensor_scale
 
 from .dynamics import NominalArm
+from .errors import TrajectoryError
 from .feedforward import make_feedforward
 from .laws.base import ControlLaw, Cycle
 from .memory import SAMPLES, MemoryImage
@@ -19,6 +20,10 @@ OFF, CLOCKWISE, COUNTER_CLOCKWISE = 0b00, 0b01, 0b10
 """Direction bits of the latch (table 1 of the paper); counter-clockwise is towards positive angles."""
 LEAD_CYCLES = 1.5
 """A command computed in cycle k acts from SYNC k+1 to SYNC k+2: on average 1.5 cycles later."""
+
+
+BLENDS_S = (2.0, 3.0, 4.5, 6.0)
+"""Times in which the trajectory may be entered; the shortest in which no joint gets too fast is taken."""
 
 
 class ControlLoop:
@@ -70,9 +75,18 @@ class ControlLoop:
         Raises `TrajectoryError` when the pose lies outside the joint limits, or too far off.
         """
         start = [(code - zero) * step for code, (_, zero, step, _) in zip(position_codes, self._positions, strict=True)]
-        self.trajectory = blend_from(self.trajectory, start)
+        self.trajectory = self._entered_from(start)
         self._prepare(0)
         self.law.start(start, [0.0] * len(start), self.trajectory.amplitude_rad)
+
+    def _entered_from(self, start_rad: Sequence[float]) -> Trajectory:
+        """The trajectory blended in from the measured pose, in 2 s, or slower when the arm has far to go."""
+        for blend_s in BLENDS_S[:-1]:
+            try:
+                return blend_from(self.trajectory, start_rad, blend_s)
+            except TrajectoryError:
+                continue
+        return blend_from(self.trajectory, start_rad, BLENDS_S[-1])
 
     def measure(self, codes: Sequence[int], tick: int) -> None:
         """Take the codes of one cycle: physical values into `cycle`, codes into the memory's log.

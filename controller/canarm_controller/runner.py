@@ -5,13 +5,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from canarm_protocol.bench_objects import CONTROLLER_CHANNEL, sdo_channel
+from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError, ProtocolError
 from canarm_protocol.frames import Frame
 from canarm_protocol.port import BusPort
 from canarm_protocol.sdo_session import SdoSession
 
 from .assessment import JointAssessment, name_internals, read_assessment
-from .controller import Clock, Controller, State
+from .controller import Controller, State
 from .errors import ControllerError
 from .pacing import Lateness, Pacer
 from .report import BenchReport

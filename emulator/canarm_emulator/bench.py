@@ -6,11 +6,11 @@ runner. The same object runs in a process of its own or inside a test.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from typing import NamedTuple
 
 from canarm_protocol.bench_objects import bench_dictionary
 from canarm_protocol.cell import Card, CardModel, Cell, Quantity
+from canarm_protocol.clock import Clock
 from canarm_protocol.dictionary import ANALOGUE_INPUT, load_dictionary
 from canarm_protocol.errors import FrameError
 from canarm_protocol.frames import Cob, Frame, NmtCommand, NmtState, parse_nmt, time_frame
@@ -30,13 +30,6 @@ RUN_ON_NS = 500_000_000
 """How long after the heartbeat time the world runs on when the sender of SYNC is lost in lockstep."""
 IDLE_STEP_NS = 5_000_000
 """On the wall clock the world follows in pieces of this length while no SYNC asks for more."""
-
-
-class Clock(Enum):
-    """What drives virtual time: the wall clock, or SYNC (lockstep). The value is that of object 0x2000."""
-
-    WALL = 0
-    SYNC = 1
 
 
 class Record(NamedTuple):

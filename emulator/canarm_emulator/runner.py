@@ -4,10 +4,11 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 
 from canarm_protocol.bench_objects import DIVIDER
+from canarm_protocol.clock import Clock
 from canarm_protocol.frames import Cob, Frame, NmtState
 from canarm_protocol.port import BusPort
 
-from .bench import Bench, Clock, CycleTruth
+from .bench import Bench, CycleTruth
 from .hub import Attached, Detached, Hub, Ready, Received
 from .recording import Recorder
 

@@ -81,6 +81,17 @@ class World:
         """Close or open the supply of the joint's amplifier, as the emergency stop does."""
         self._drives[joint_index].set_supply(is_on)
 
+    def change(self, truth: Truth) -> None:
+        """The mechanics of the true robot change while it moves: a payload is taken up or dropped, friction rises.
+
+        Electrics and sensors keep the truth they began with. Raises `EmulatorError` if a drive wire would change its kind.
+        """
+        plant = Plant(self._cell, truth)
+        if plant.motor_dof != self._plant.motor_dof:
+            raise EmulatorError(f"cell {self._cell.name!r}: a drive wire cannot turn elastic or rigid during a run")
+        plant.set_state(self._plant.angle, self._plant.speed)
+        self._plant = plant
+
     @property
     def saturated_steps(self) -> list[SaturatedSteps]:
         """For each joint, how many steps the D669's and the supply's limit held the current down."""

@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
-from canarm_protocol.bench_objects import DIVIDER, SDO_CHANNELS, bench_pdos, sdo_channel
+from numpy.typing import NDArray
+
+from canarm_protocol.bench_objects import DIVIDER, INTERNALS, SDO_CHANNELS, bench_pdos, sdo_channel
 from canarm_protocol.cell import Cell, Quantity
 from canarm_protocol.frames import Cob, Frame
 from canarm_protocol.pdo import PdoLayout
 from canarm_protocol.wiring import sensor_scale
-from numpy.typing import NDArray
 
 from .rings import FIELDS, ReferenceRing, SampleRing
 from .snapshot import Counters, JointNow, Rates, Report, Snapshot
@@ -51,19 +52,19 @@ class Feed:
         self._row = [0.0] * (FIELDS * len(joints))
         self._row_parts = 0
         self._all_parts = (1 << 2 * len(joints)) - 1
+        self._wall_ns = self._bus_ns = 0
         self._cycle: int | None = None
-        self._bus_ns = 0
-        self._last_committed: int | None = None
-        self._last_wall_ns: int | None = None
+        self._cycle_ns = 0
+        self._sample: tuple[int, int] | None = None
+        self._telemetry_wall_ns: int | None = None
+        self._previous_ticks: list[int | None] = [None] * len(joints)
         self._marks: deque[_Mark] = deque()
         self._report: tuple[int, int, int] | None = None
         self._report_wall_ns = 0
         self._received = self._unknown = self._malformed = 0
         self._dropped_samples = self._dropped_references = 0
-        self.internals = np.full((len(joints), 4), np.nan)
-        """The law's internal quantities as last reported, (joints, 4)."""
-        self.measured = np.full((len(joints), FIELDS), np.nan)
-        """What the controller last reported of each joint: measured angle and speed, current asked for, feed-forward."""
+        self._reported = np.full((len(joints), 4), np.nan)
+        self._internals = np.full((len(joints), INTERNALS), np.nan)
         self._handlers = self._make_handlers(cell)
         self._not_ours = _other_services(cell)
 
@@ -79,16 +80,17 @@ class Feed:
                 (pdos.truth[joint], self._part(1 << 2 * joint, place + _ANGLE)),
                 (pdos.drive[joint], self._part(2 << 2 * joint, place + _CURRENT)),
                 (pdos.reference[joint], self._reference_of(joint)),
-                (pdos.measured[joint], _store_pair(self.measured, joint, 0)),
-                (pdos.command[joint], _store_pair(self.measured, joint, 2)),
-                (pdos.internals[joint][0], _store_pair(self.internals, joint, 0)),
-                (pdos.internals[joint][1], _store_pair(self.internals, joint, 2)),
+                (pdos.measured[joint], _store_pair(self._reported, joint, 0)),
+                (pdos.command[joint], _store_pair(self._reported, joint, 2)),
+                (pdos.internals[joint][0], _store_pair(self._internals, joint, 0)),
+                (pdos.internals[joint][1], _store_pair(self._internals, joint, 2)),
             )
             handlers |= {layout.cob_id: (layout, handler) for layout, handler in parts}
         return handlers
 
     def receive(self, frames: Iterable[tuple[int, Frame]], wall_ns: int) -> None:
         """Take (bus time in ns, frame) as a port gives them, at the wall time `wall_ns`."""
+        self._wall_ns = wall_ns
         handlers = self._handlers
         for bus_ns, (can_id, data, is_extended, is_remote) in frames:
             self._received += 1
@@ -103,33 +105,30 @@ class Feed:
                 continue
             self._bus_ns = bus_ns
             handle(*layout.unpack(data[: layout.size]))
-            if layout.kind == "tpdo":
-                self._last_wall_ns = wall_ns
-            elif handle == self._on_controller:
-                self._report_wall_ns = wall_ns
         self._mark(wall_ns)
 
     def reconnected(self) -> None:
         """The bus was away: what went by meanwhile was not dropped, and says nothing about rates."""
-        self._last_committed = self._cycle = None
+        self._cycle = None
+        self._previous_ticks = [None] * len(self._previous_ticks)
         self._marks.clear()
 
     def snapshot(self, wall_ns: int) -> Snapshot:
         """The run as received so far, at the wall time `wall_ns`."""
-        newest = self._last_committed
-        cycles, values = self._samples.since(0 if newest is None else newest - self._window)
+        cycles, values = self._samples.since(0 if self._sample is None else self._sample[0] - self._window)
         references = self._references.at(cycles)
         with np.errstate(invalid="ignore", over="ignore"):
             error_lsb = (values[:, :, _ANGLE] - references) / self._lsb_rad
         error_lsb[~np.isfinite(error_lsb)] = np.nan
-        for array in (cycles, error_lsb):
+        reported, internals = self._reported.copy(), self._internals.copy()
+        for array in (cycles, error_lsb, reported, internals):
             array.flags.writeable = False
         report = self._report
         return Snapshot(
             joints=tuple(
                 self._joint(joint, cycles, values, references, error_lsb) for joint in range(len(self._lsb_rad))
             ),
-            age_ns=None if self._last_wall_ns is None else wall_ns - self._last_wall_ns,
+            age_ns=None if self._telemetry_wall_ns is None else wall_ns - self._telemetry_wall_ns,
             cycle=int(cycles[-1]) if len(cycles) else None,
             rates=self._rates(wall_ns),
             report=None if report is None else Report(*report, age_ns=wall_ns - self._report_wall_ns),
@@ -139,6 +138,8 @@ class Feed:
             cycles=cycles,
             error_lsb=error_lsb,
             window_cycles=self._window,
+            reported=reported,
+            internals=internals,
         )
 
     def _joint(
@@ -171,19 +172,21 @@ class Feed:
         )
 
     def _on_status(self, cycle: int) -> None:
-        if self._row_parts != self._all_parts and self._cycle is not None:
-            self._dropped_samples += 1
         previous = self._cycle
-        if previous is not None and cycle > previous + DIVIDER:
-            self._dropped_samples += (cycle - previous) // DIVIDER - 1
-        if self._last_committed is not None and cycle < self._last_committed:
+        if previous is not None:
+            if self._row_parts != self._all_parts:
+                self._dropped_samples += 1
+            if cycle > previous + DIVIDER:
+                self._dropped_samples += (cycle - previous) // DIVIDER - 1
+        if self._sample is not None and cycle < self._sample[0]:
             self._begin_run(cycle)
-        self._cycle, self._row_parts = cycle, 0
+        self._telemetry_wall_ns = self._wall_ns
+        self._cycle, self._cycle_ns, self._row_parts = cycle, self._bus_ns, 0
 
     def _begin_run(self, cycle: int) -> None:
         self._samples.clear()
         self._marks.clear()
-        self._last_committed = None
+        self._sample = None
         for joint, tick in enumerate(self._references.last_ticks):
             # The new run's first references may have come before its first telemetry: they are not far from it.
             if tick > cycle + self._match:
@@ -197,32 +200,38 @@ class Feed:
                 return
             row[place], row[place + 1] = first, second
             self._row_parts |= bit
-            if self._row_parts == self._all_parts and self._last_committed != self._cycle:
-                self._samples.append(self._cycle, row)
-                self._last_committed = self._cycle
+            if self._row_parts == self._all_parts:
+                self._take_row(self._cycle)
 
         return store
+
+    def _take_row(self, cycle: int) -> None:
+        if self._sample is None or self._sample[0] != cycle:
+            self._samples.append(cycle, self._row)
+            self._sample = cycle, self._cycle_ns
 
     def _reference_of(self, joint: int) -> Callable[..., None]:
         ring = self._references
 
         def store(tick: int, angle_rad: float) -> None:
-            last = ring.last_ticks[joint]
-            if tick < last:
+            previous = self._previous_ticks[joint]
+            if previous is not None and tick > previous + 1:
+                self._dropped_references += tick - previous - 1
+            if tick < ring.last_ticks[joint]:
                 ring.clear(joint)
-            elif last >= 0 and tick > last + 1:
-                self._dropped_references += tick - last - 1
             ring.store(joint, tick, angle_rad)
+            self._previous_ticks[joint] = tick
 
         return store
 
     def _on_controller(self, tick: int, late: int, state: int) -> None:
         self._report = tick, late, state
+        self._report_wall_ns = self._wall_ns
 
     def _mark(self, wall_ns: int) -> None:
-        marks, cycle = self._marks, self._last_committed
-        if cycle is not None and (not marks or marks[-1].cycle != cycle):
-            marks.append(_Mark(wall_ns, self._bus_ns, cycle))
+        marks = self._marks
+        if self._sample is not None and self._cycle is not None and (not marks or marks[-1].cycle != self._sample[0]):
+            marks.append(_Mark(wall_ns, self._sample[1], self._sample[0]))
         while marks and marks[0].wall_ns < wall_ns - RATE_WINDOW_NS:
             marks.popleft()
 
@@ -231,13 +240,10 @@ class Feed:
         if len(marks) < 2:
             return None
         first, last = marks[0], marks[-1]
-        count, wall_s, bus_s = (
-            last.cycle - first.cycle,
-            1e-9 * (last.wall_ns - first.wall_ns),
-            1e-9 * (last.bus_ns - first.bus_ns),
-        )
+        wall_s, bus_s = 1e-9 * (last.wall_ns - first.wall_ns), 1e-9 * (last.bus_ns - first.bus_ns)
         if wall_s <= 0.0:
             return None
+        count = last.cycle - first.cycle
         per_wall_s = count / wall_s
         return Rates(count / bus_s if bus_s > 0.0 else np.nan, per_wall_s, per_wall_s * self._cycle_s)
 
@@ -252,7 +258,7 @@ def _store_pair(array: NDArray[np.float64], joint: int, place: int) -> Callable[
 
 
 def _other_services(cell: Cell) -> frozenset[int]:
-    """COB-IDs on the bench bus that are no telemetry and no surprise: NMT, EMCY, heartbeats and SDO of the bench node."""
+    """COB-IDs of the bench bus that are neither telemetry nor unknown: NMT, heartbeats, the bench's EMCY and SDO."""
     node_id = cell.bus.bench_node_id
     channels = [cob_id for channel in range(SDO_CHANNELS + 1) for cob_id in sdo_channel(node_id, channel)]
     heartbeats = range(Cob.HEARTBEAT + 1, Cob.HEARTBEAT + 128)

@@ -65,7 +65,7 @@ def _no_cycles() -> NDArray[np.int64]:
     return np.zeros(0, dtype=np.int64)
 
 
-def _no_errors() -> NDArray[np.float64]:
+def _no_values() -> NDArray[np.float64]:
     return np.zeros((0, 0))
 
 
@@ -73,8 +73,11 @@ def _no_errors() -> NDArray[np.float64]:
 class Snapshot:
     """The run as received so far.
 
-    `age_ns` is the wall time since the last telemetry of the bench, None before the first. `cycles` (n,) and `error_lsb`
-    (n, joints) are the samples of the window, oldest first and read-only; NaN where the reference is not known.
+    `age_ns` is the wall time since the last telemetry of the bench, None before the first. `cycles` (n,) and
+    `error_lsb` (n, joints) are the samples of the window, oldest first; NaN where the reference is not known.
+    `reported` (joints, 4) is what the controller last said of each joint: measured angle (rad) and speed (rad/s),
+    current asked for (A), feed-forward torque (N m); `internals` (joints, 4) are the law's own quantities.
+    The arrays are read-only.
     """
 
     joints: tuple[JointNow, ...]
@@ -84,5 +87,7 @@ class Snapshot:
     report: Report | None = None
     counters: Counters = Counters()
     cycles: NDArray[np.int64] = field(default_factory=_no_cycles)
-    error_lsb: NDArray[np.float64] = field(default_factory=_no_errors)
+    error_lsb: NDArray[np.float64] = field(default_factory=_no_values)
     window_cycles: int = 1
+    reported: NDArray[np.float64] = field(default_factory=_no_values)
+    internals: NDArray[np.float64] = field(default_factory=_no_values)

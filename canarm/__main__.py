@@ -1,0 +1,5 @@
+"""`python -m canarm`."""
+
+from .cli import main
+
+main()

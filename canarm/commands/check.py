@@ -1,0 +1,63 @@
+"""`canarm check`: is a cell right, and what can be set in it."""
+
+from typing import Annotated
+
+from canarm_controller.dynamics import NominalArm
+from canarm_controller.errors import ControllerError
+from canarm_emulator.truth import truth_keys
+from canarm_protocol.cell import Cell
+from canarm_protocol.cell_file import setting_keys
+from canarm_protocol.wiring import card_nodes
+from cyclopts import Parameter
+
+from ..options import CellOptions
+
+
+def check(
+    *,
+    cell: CellOptions = CellOptions(),
+    keys: Annotated[bool, Parameter(negative=(), help="List every key of --truth and --set with its nominal value.")] = False,
+) -> int:
+    """Validate a cell file and show what it describes."""
+    nominal = cell.load()
+    if keys:
+        _print_keys(nominal)
+    else:
+        _print_cell(nominal)
+    return 0
+
+
+def _print_cell(cell: Cell) -> None:
+    print(f"{cell.name}: {cell.title}")
+    print(f"bus: {cell.bus.bitrate} bit/s, cycle {cell.bus.cycle_us} us, controller is node {cell.bus.controller_node_id}")
+    for node in card_nodes(cell):
+        card = node.card
+        print(f"card {card.name}: {card.model} in slot {card.slot} of {card.robot}, node 0x{card.node_id:02X}")
+        for layout in (*node.rpdos, *node.tpdos):
+            wires = {channel.number: channel.signal for channel in card.channel}
+            if len(layout.objects) == 1 and len(wires) > 1:
+                signals = ", ".join(wires.values())
+            else:
+                signals = ", ".join(wires[mapped.subindex] for mapped in layout.objects)
+            print(f"  {layout.kind.upper()}{layout.number} 0x{layout.cob_id:03X}: {signals}")
+    for robot in cell.robot:
+        try:
+            arm = NominalArm.from_robot(robot)
+        except ControllerError as error:
+            print(f"robot {robot.name}: no control law here can drive it: {error}")
+            continue
+        for joint, inertia, per_ampere in zip(robot.joint, arm.effective_inertia, arm.torque_per_ampere, strict=True):
+            print(
+                f"joint {joint.name}: {joint.limits_deg[0]:g} to {joint.limits_deg[1]:g} deg, "
+                f"{inertia:.4f} kg m2, {per_ampere:.3g} N m/A, at most {joint.amplifier.max_current_a:g} A"
+            )
+    print("ok")
+
+
+def _print_keys(cell: Cell) -> None:
+    print("--truth, what differs from nominal in the true robot:")
+    for key in truth_keys(cell):
+        print(f"  {key.name:<34} {key.nominal:<12g} {key.unit:<10} {key.description}")
+    print("--set, gains and limits of the controller:")
+    for name, value in setting_keys(cell).items():
+        print(f"  {name:<46} {value}")

@@ -1,0 +1,157 @@
+"""The dashboard as a textual application: timers that drain the link and draw a snapshot, keys, commands.
+
+The only place that reads the wall clock. A sample never becomes a message or a reactive; a timer pulls one snapshot.
+"""
+
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, ClassVar
+
+from textual.app import App, ComposeResult, SystemCommand
+from textual.binding import Binding, BindingType
+from textual.screen import Screen
+from textual.widgets import ContentSwitcher, Footer
+
+from canarm_protocol.cell import Cell
+from canarm_protocol.port import BusPort, open_port
+
+from . import texts
+from .errors import TerminalError
+from .feed import Feed
+from .help import HelpScreen
+from .link import InBackground, Link, in_thread
+from .widgets import JointsPane, WordLine
+
+DRAIN_HZ = 20
+REDRAW_HZ = 10
+
+
+class DashboardApp(App[None]):
+    """The dashboard of one cell. `open_feed_port` opens the bench bus and raises `BusError` where that fails.
+
+    `where` spells the bus for the header until a port says it better. `clock_ns` is the wall clock in ns. `on_start` is
+    called once, when the first screen stands.
+    """
+
+    TITLE = "canarm"
+    CSS = """
+    #header { background: $panel; }
+    #notice { display: none; background: $surface; }
+    #notice.-shown { display: block; }
+    #panes { height: 1fr; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("q", "quit", "Quit", id="app.quit", tooltip="Leave the dashboard; the bench and the controller go on"),
+        Binding("question_mark", "help", "Help", key_display="?", id="app.help", tooltip="What the screen means"),
+        Binding("space", "pause", "Pause", id="view.pause", tooltip="Hold the panes; data are still received"),
+    ]
+
+    def __init__(
+        self,
+        cell: Cell,
+        open_feed_port: Callable[[], BusPort],
+        *,
+        where: str = "bench",
+        clock_ns: Callable[[], int] = time.monotonic_ns,
+        in_background: InBackground = in_thread,
+        on_start: Callable[[], None] | None = None,
+    ) -> None:
+        super().__init__()
+        self.cell = cell
+        self.feed = Feed(cell)
+        self.link = Link(open_feed_port, where, in_background=in_background)
+        self.is_paused = False
+        self._clock_ns = clock_ns
+        self._on_start = on_start
+        self._connections = 0
+
+    def compose(self) -> ComposeResult:
+        """Header, notice, panes, counters, keys."""
+        yield WordLine(id="header")
+        yield WordLine(id="notice")
+        with ContentSwitcher(initial="pane-joints", id="panes"):
+            yield JointsPane(self.cell)
+        yield WordLine(id="counters")
+        yield Footer()
+
+    def on_mount(self) -> None:
+        """Start the timers."""
+        self.drain()
+        self.redraw()
+        self.set_interval(1.0 / DRAIN_HZ, self.drain)
+        self.set_interval(1.0 / REDRAW_HZ, self.redraw)
+
+    def on_ready(self) -> None:
+        """The first screen stands."""
+        if self._on_start is not None:
+            self._on_start()
+
+    def on_unmount(self) -> None:
+        """Give the bus back."""
+        self.link.close()
+
+    def drain(self) -> None:
+        """Take from the bus what there is."""
+        now_ns = self._clock_ns()
+        frames = self.link.poll(now_ns)
+        if self.link.connections != self._connections:
+            self._connections = self.link.connections
+            self.feed.reconnected()
+        self.feed.receive(frames, now_ns)
+
+    def redraw(self) -> None:
+        """Draw one snapshot: the header always, the panes unless they are paused."""
+        snapshot = self.feed.snapshot(self._clock_ns())
+        screen = self.screen_stack[0]
+        header, notice = screen.query_one("#header", WordLine), screen.query_one("#notice", WordLine)
+        header.show(texts.header_words(self.link, snapshot, self.is_paused, self.size.width - 2))
+        said = texts.notice(self.link, snapshot)
+        notice.set_class(said is not None, "-shown")
+        notice.show(() if said is None else (said,))
+        screen.query_one("#counters", WordLine).show(texts.counter_words(snapshot.counters, self.link.discarded))
+        if not self.is_paused:
+            screen.query_one(JointsPane).show(snapshot)
+
+    def action_pause(self) -> None:
+        """Hold the panes, or let them go on."""
+        self.is_paused = not self.is_paused
+        self.redraw()
+
+    def action_help(self) -> None:
+        """Say what the screen means."""
+        self.push_screen(HelpScreen())
+
+    def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:
+        """The commands of the palette, as "area: action"."""
+        yield SystemCommand("View: pause", "Hold the panes, or let them go on", self.action_pause)
+        yield SystemCommand("View: theme", "Choose other colours", self.action_change_theme)
+        yield SystemCommand("View: picture", "Save the screen as an SVG file", self._save_picture)
+        yield SystemCommand("Dashboard: help", "What the screen means, and its keys", self.action_help)
+        yield SystemCommand("Dashboard: quit", "Leave; the bench and the controller go on", self.action_quit)
+
+    def _save_picture(self) -> None:
+        # The palette has to be gone before the picture is taken.
+        self.set_timer(0.1, self.deliver_screenshot)
+
+
+def run_dashboard(
+    cell: Cell,
+    interface: str,
+    channel: str | None,
+    bus_options: Mapping[str, Any],
+    on_start: Callable[[], None] | None = None,
+) -> int:
+    """Show the bench bus `-i interface -c channel key=value …` until the user quits; return an exit status, 0 = quit.
+
+    `on_start` is called once, when the first screen stands. A bus that is missing or lost is shown, and tried again.
+    Raises `TerminalError` where stdin or stderr, on which the dashboard is drawn, is no terminal.
+    """
+    for stream, name in ((sys.__stdin__, "stdin"), (sys.__stderr__, "stderr")):
+        if stream is None or not stream.isatty():
+            raise TerminalError(f"{name} is no terminal, and the dashboard needs one; leave it out with --no-tui")
+    words = [f"-i {interface}", *([] if channel is None else [f"-c {channel}"])]
+    where = " ".join([*words, *(f"{key}={value}" for key, value in bus_options.items())])
+    app = DashboardApp(cell, lambda: open_port(interface, channel, **bus_options), where=where, on_start=on_start)
+    app.run()
+    return app.return_code or 0

@@ -1,0 +1,70 @@
+"""Lines in braille: samples to a least and greatest value a dot column, and those to characters.
+
+A character cell is 2 dots wide and 4 dots high. Arrays in, arrays out; no widgets, no colours.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+BLANK = 0x2800
+DOTS_X, DOTS_Y = 2, 4
+_DOT_BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint8)
+"""Bit of each dot of a cell in Unicode's braille patterns (U+2800 block), row by row from the top."""
+
+
+def decimate(
+    cycles: NDArray[np.int64], values: NDArray[np.float64], columns: int, cycles_a_column: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least and greatest of `values` (n,) in each of `columns` columns, newest at the right; NaN where there is none.
+
+    `cycles` (n,) do not decrease. Columns begin at multiples of `cycles_a_column`, so that a trace keeps its shape
+    while it moves on. Each column also reaches to the last value before it, so that the line is connected.
+    """
+    low, high = np.full(columns, np.nan), np.full(columns, np.nan)
+    if not len(cycles):
+        return low, high
+    bins = cycles // cycles_a_column
+    bins = bins - (bins[-1] - columns + 1)
+    wanted = np.isfinite(values) & (bins >= 0)
+    bins, values = bins[wanted], values[wanted]
+    if not len(bins):
+        return low, high
+    starts = np.flatnonzero(np.diff(bins, prepend=-1))
+    low[bins[starts]] = np.minimum.reduceat(values, starts)
+    high[bins[starts]] = np.maximum.reduceat(values, starts)
+    joined = starts[1:][bins[starts[1:]] == bins[starts[1:] - 1] + 1]
+    columns_joined, before = bins[joined], values[joined - 1]
+    low[columns_joined] = np.minimum(low[columns_joined], before)
+    high[columns_joined] = np.maximum(high[columns_joined], before)
+    return low, high
+
+
+def dot_rows(values: NDArray[np.float64], scale: float, rows: int) -> NDArray[np.int64]:
+    """Dot row (0 = top) of finite values between +scale (top) and -scale (bottom) on `rows` character rows; clipped."""
+    last = DOTS_Y * rows - 1
+    position = np.rint((scale - np.clip(values, -scale, scale)) / (2.0 * scale) * last)
+    return position.astype(np.int64)
+
+
+def trace_cells(low: NDArray[np.float64], high: NDArray[np.float64], scale: float, rows: int) -> NDArray[np.uint8]:
+    """Braille bits, (rows, columns // 2), of strokes from `low` to `high`, one a dot column; NaN is left empty."""
+    drawn = np.isfinite(low) & np.isfinite(high)
+    top = dot_rows(np.where(drawn, high, 0.0), scale, rows)
+    bottom = dot_rows(np.where(drawn, low, 0.0), scale, rows)
+    y = np.arange(DOTS_Y * rows)[:, np.newaxis]
+    return pack_dots(drawn & (top <= y) & (y <= bottom))
+
+
+def limit_cells(values: NDArray[np.float64], scale: float, rows: int, cells: int) -> NDArray[np.uint8]:
+    """Braille bits, (rows, cells), of dotted horizontal lines at `values`: every other dot."""
+    dots = np.zeros((DOTS_Y * rows, DOTS_X * cells), dtype=np.bool_)
+    dots[dot_rows(values, scale, rows), ::2] = True
+    return pack_dots(dots)
+
+
+def pack_dots(dots: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Braille bits, (height // 4, width // 2), of a picture of `dots` (height, width)."""
+    height, width = dots.shape
+    blocks = dots.reshape(height // DOTS_Y, DOTS_Y, width // DOTS_X, DOTS_X)
+    bits: NDArray[np.uint8] = np.einsum("ryxc,yc->rx", blocks, _DOT_BITS, dtype=np.uint8, casting="unsafe")
+    return bits

@@ -1,0 +1,52 @@
+"""The help screen: what the keys do and what the words on the screen mean."""
+
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import VerticalScroll
+from textual.screen import ModalScreen
+from textual.widgets import Static
+
+HELP = """\
+[b]Keys[/b]
+  q  quit      space  pause and go on      ctrl+p  all commands      ?  this help
+  Paused, the panes stand still; data are still received, and the header stays live.
+
+[b]Header[/b]
+  connected      the bus is open and the bench sends
+  no data        the bus is open, but no telemetry has come; it begins with a controller's first cycle
+  lost           the bus is gone; the last data stay, and it is tried again every second
+  stale          nothing has come for more than half a second
+  late           cycles that the controller began too late
+  cycles/s       cycles a second of the bus's time, and of wall time where that differs
+  × real time    how many seconds of the run pass in a second
+
+[b]Joints[/b]
+  Angle, reference and error belong to the same cycle: the newest whose reference has arrived.
+  Error          true angle minus reference, in steps (LSB) of the joint's potentiometer
+  RMS            of the error over the last 10 s of the run, as are the traces
+  saturated +/−  the amplifier is at its limit, in that direction
+  The traces need a terminal of 100 columns."""
+
+
+class HelpScreen(ModalScreen[None]):
+    """What the screen means."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape,question_mark,space", "dismiss", "Close"),
+        Binding("q", "app.quit", "Quit"),
+    ]
+    DEFAULT_CSS = """
+    HelpScreen { align: center middle; }
+    HelpScreen VerticalScroll {
+        width: 108; max-width: 100%; height: auto; max-height: 100%;
+        border: round $primary; padding: 0 1; background: $surface;
+    }
+    """
+
+    def compose(self) -> ComposeResult:
+        """The text, and how to leave it."""
+        with VerticalScroll() as box:
+            box.border_title, box.border_subtitle = "canarm dashboard", "escape closes"
+            yield Static(HELP)

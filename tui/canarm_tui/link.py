@@ -1,0 +1,153 @@
+"""The dashboard's connection: opens the port, announces a listener, drains, notices a loss and tries again.
+
+Opening may take seconds (a host that does not answer, a serial adapter), so it happens in the background; everything
+else is called from one place with the time handed in. What the frames mean is the feed's business.
+"""
+
+import contextlib
+import threading
+from collections.abc import Callable
+from enum import Enum
+
+from canarm_protocol.errors import BusError
+from canarm_protocol.frames import Frame, NmtState, heartbeat_frame
+from canarm_protocol.port import BusPort
+
+LISTENER_NODE_ID = 0x31
+"""Node-ID under which the dashboard announces itself on the bench bus."""
+HEARTBEAT_NS = 500_000_000
+"""A third of the time after which the bench takes a listener for gone."""
+RETRY_NS = 1_000_000_000
+MAX_READS = 16
+"""Reads in one `poll`, so that a bus that never falls silent cannot hold the keyboard."""
+
+InBackground = Callable[[Callable[[], None]], None]
+
+
+class LinkState(Enum):
+    """What there is of a connection."""
+
+    CONNECTING = "connecting"
+    CONNECTED = "connected"
+    LOST = "lost"
+
+
+def in_thread(job: Callable[[], None]) -> None:
+    """Run `job` in a thread that does not hold up the end of the program."""
+    threading.Thread(target=job, name="canarm-tui-open", daemon=True).start()
+
+
+class Link:
+    """One bus, opened again whenever it is lost, `RETRY_NS` after the loss."""
+
+    def __init__(
+        self,
+        open_port: Callable[[], BusPort],
+        where: str,
+        node_id: int = LISTENER_NODE_ID,
+        in_background: InBackground = in_thread,
+    ) -> None:
+        self.where = where
+        """The bus as the command line spells it; the port's own words once it is open."""
+        self.state = LinkState.CONNECTING
+        self.reason: str | None = None
+        """Why the bus is lost, or could not be opened."""
+        self.connections = 0
+        """How many times the bus was opened."""
+        self._open_port = open_port
+        self._in_background = in_background
+        self._heartbeat = heartbeat_frame(node_id, NmtState.OPERATIONAL)
+        self._lock = threading.Lock()
+        self._opened: BusPort | str | None = None
+        self._port: BusPort | None = None
+        self._is_opening = self._is_closed = False
+        self._due_ns: int | None = None
+        self._discarded_before = 0
+
+    @property
+    def discarded(self) -> int:
+        """Error frames, FD frames and echoes that the ports left out."""
+        return self._discarded_before + _discarded_by(self._port)
+
+    def poll(self, now_ns: int) -> list[tuple[int, Frame]]:
+        """Do what is due at `now_ns`; return (bus time in ns, frame) of what has arrived. Raises nothing.
+
+        Waits only where the bus does not take the heartbeat, up to the port's own limit.
+        """
+        if self._port is None:
+            self._connect(now_ns)
+        if self._port is None:
+            return []
+        frames: list[tuple[int, Frame]] = []
+        try:
+            if self._due_ns is None or now_ns >= self._due_ns:
+                self._due_ns = now_ns + HEARTBEAT_NS
+                self._port.send([self._heartbeat])
+            for _ in range(MAX_READS):
+                arrived = self._port.receive(0.0)
+                if not arrived:
+                    break
+                frames += arrived
+        except BusError as error:
+            self._lose(str(error), now_ns)
+        return frames
+
+    def close(self) -> None:
+        """Give the bus back; one that is still being opened is closed as soon as it is open. May be called again."""
+        with self._lock:
+            self._is_closed = True
+            opened, self._opened = self._opened, None
+        for port in (opened, self._port):
+            if isinstance(port, BusPort):
+                _close(port)
+        self._port = None
+
+    def _connect(self, now_ns: int) -> None:
+        if not self._is_opening and not self._is_closed and (self._due_ns is None or now_ns >= self._due_ns):
+            self._is_opening = True
+            self._in_background(self._open)
+        with self._lock:
+            opened, self._opened = self._opened, None
+        if isinstance(opened, BusPort):
+            self._is_opening = False
+            self._port, self.where = opened, opened.description
+            self.state, self.reason, self._due_ns = LinkState.CONNECTED, None, None
+            self.connections += 1
+        elif opened is not None:
+            self._is_opening = False
+            self._lose(opened, now_ns)
+
+    def _open(self) -> None:
+        result: BusPort | str
+        try:
+            result = self._open_port()
+        except BusError as error:
+            result = str(error)
+        # In a thread of its own an unforeseen error would vanish, and the dashboard would wait for ever.
+        except Exception as error:
+            result = f"{self.where}: {type(error).__name__}: {error}"
+        with self._lock:
+            if not self._is_closed:
+                self._opened = result
+                return
+        if isinstance(result, BusPort):
+            _close(result)
+
+    def _lose(self, reason: str, now_ns: int) -> None:
+        port, self._port = self._port, None
+        self._discarded_before += _discarded_by(port)
+        if port is not None:
+            _close(port)
+        self.state, self.reason, self._due_ns = LinkState.LOST, reason, now_ns + RETRY_NS
+
+
+def _close(port: BusPort) -> None:
+    with contextlib.suppress(BusError):
+        port.close()
+
+
+def _discarded_by(port: BusPort | None) -> int:
+    if port is None:
+        return 0
+    discarded = port.discarded
+    return discarded.error_frames + discarded.fd_frames + discarded.own_echoes

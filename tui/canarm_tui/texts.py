@@ -1,0 +1,226 @@
+"""What the dashboard says: a snapshot and the state of the link as words, numbers with units, and a tone for each.
+
+Pure functions. A tone becomes a colour elsewhere, and is never the only bearer of a meaning.
+"""
+
+import math
+from collections.abc import Sequence
+from enum import Enum
+from typing import NamedTuple
+
+from canarm_protocol.bench_objects import CONTROLLER_STATES
+
+from .link import Link, LinkState
+from .snapshot import Counters, JointNow, Rates, Report, Snapshot
+
+STALE_NS = 500_000_000
+"""Telemetry older than this is called stale."""
+REPORT_STALE_NS = 2_000_000_000
+"""The controller reports a few times a second; a state older than this is called stale."""
+LIMIT_LSB = 1.0
+"""Tracking within one step of the position sensor is as good as the sensor can tell."""
+SEPARATOR = " │ "
+ABSENT = "–"
+
+
+class Tone(Enum):
+    """What a text means for the reader."""
+
+    PLAIN = "plain"
+    DIM = "dim"
+    GOOD = "good"
+    WARNING = "warning"
+    BAD = "bad"
+
+
+class Word(NamedTuple):
+    """A piece of text and its tone."""
+
+    text: str
+    tone: Tone = Tone.PLAIN
+
+
+_STATE_WORDS = {
+    "running": Word("▶ running", Tone.GOOD),
+    "bringing up": Word("… bringing up", Tone.PLAIN),
+    "stopping": Word("▼ stopping", Tone.WARNING),
+    "done": Word("✓ done", Tone.GOOD),
+    "failed": Word("✖ failed", Tone.BAD),
+}
+
+
+def link_word(link: Link, snapshot: Snapshot) -> Word:
+    """The state of the connection and its data."""
+    if link.state is LinkState.CONNECTING:
+        return Word("… connecting", Tone.WARNING)
+    if link.state is LinkState.LOST:
+        return Word("✖ lost" if link.connections else "✖ not connected", Tone.BAD)
+    if snapshot.age_ns is None:
+        return Word("○ no data", Tone.WARNING)
+    return Word("● connected", Tone.GOOD)
+
+
+def state_word(report: Report | None) -> Word:
+    """The controller's state."""
+    if report is None:
+        return Word("controller –", Tone.DIM)
+    name = CONTROLLER_STATES.get(report.state, f"state {report.state}")
+    word = _STATE_WORDS.get(name, Word(name))
+    is_over = name in ("done", "failed")
+    if report.age_ns > REPORT_STALE_NS and not is_over:
+        return Word(f"{word.text} (stale)", Tone.WARNING)
+    return word
+
+
+def rate_word(rates: Rates | None) -> Word:
+    """Cycles a second, on both clocks where they differ."""
+    if rates is None:
+        return Word(f"{ABSENT} cycles/s", Tone.DIM)
+    wall = rates.cycles_per_wall_s
+    if math.isnan(rates.cycles_per_s) or abs(rates.cycles_per_s - wall) < 0.05 * wall:
+        return Word(f"{wall:.0f} cycles/s")
+    return Word(f"{rates.cycles_per_s:.0f} cycles/s ({wall:.0f} wall)")
+
+
+def real_time_word(rates: Rates | None) -> Word:
+    """How many seconds of the run pass in a second."""
+    return (
+        Word(f"{ABSENT} × real time", Tone.DIM) if rates is None else Word(f"{rates.real_time_factor:.2f} × real time")
+    )
+
+
+def late_word(report: Report | None) -> Word:
+    """The controller's late cycles."""
+    if report is None:
+        return Word(f"late {ABSENT}", Tone.DIM)
+    return Word(f"▲ late {report.late}", Tone.WARNING) if report.late else Word("late 0")
+
+
+def age_word(age_ns: int | None) -> Word:
+    """How old the data are."""
+    if age_ns is None:
+        return Word(f"age {ABSENT}", Tone.DIM)
+    if age_ns > STALE_NS:
+        return Word(f"▲ stale {age_ns * 1e-9:.1f} s", Tone.WARNING)
+    return Word(f"age {age_ns * 1e-9:.2f} s")
+
+
+def header_words(link: Link, snapshot: Snapshot, is_paused: bool, width: int) -> tuple[Word, ...]:
+    """The header line for `width` columns; what does not fit is left out from the end, the place of the bus first."""
+    words = [
+        link_word(link, snapshot),
+        state_word(snapshot.report),
+        age_word(snapshot.age_ns),
+        late_word(snapshot.report),
+        rate_word(snapshot.rates),
+        real_time_word(snapshot.rates),
+        Word(link.where, Tone.DIM),
+    ]
+    if is_paused:
+        words.insert(1, Word("⏸ paused", Tone.WARNING))
+    while len(words) > 2 and _length(words) > width:
+        words.pop()
+    return tuple(words)
+
+
+def _length(words: Sequence[Word]) -> int:
+    return sum(len(word.text) for word in words) + len(SEPARATOR) * (len(words) - 1)
+
+
+def notice(link: Link, snapshot: Snapshot) -> Word | None:
+    """What the reader should know about the connection, or None when all is well."""
+    if link.state is LinkState.LOST:
+        return Word(f"{link.reason or link.where}; trying again every second", Tone.BAD)
+    if link.state is LinkState.CONNECTING:
+        return Word(f"opening {link.where}", Tone.DIM)
+    if snapshot.age_ns is None:
+        return Word(f"{link.where}: no telemetry yet; it begins with a controller's first cycle", Tone.WARNING)
+    return None
+
+
+def counter_words(counters: Counters, discarded: int) -> tuple[Word, ...]:
+    """Frames and samples, counted; `discarded` are those that the port left out."""
+
+    def count(name: str, value: int) -> Word:
+        return Word(f"{name} {value}", Tone.WARNING if value else Tone.DIM)
+
+    return (
+        Word(f"frames {counters.received}", Tone.DIM),
+        count("unknown", counters.unknown),
+        count("malformed", counters.malformed),
+        count("discarded", discarded),
+        count("dropped samples", counters.dropped_samples),
+        count("dropped references", counters.dropped_references),
+    )
+
+
+JOINT_COLUMNS = (
+    ("joint", 10),
+    ("angle °", 9),
+    ("reference °", 11),
+    ("error LSB", 10),
+    ("RMS LSB", 8),
+    ("speed rad/s", 11),
+    ("current A", 9),
+    ("command A", 9),
+    ("amplifier", 13),
+)
+"""Heading and width of the columns of the joints table."""
+
+
+def joint_words(name: str, joint: JointNow) -> tuple[Word, ...]:
+    """One row of the joints table."""
+    return (
+        Word(name),
+        Word(number(math.degrees(joint.angle_rad), 2)),
+        Word(number(math.degrees(joint.reference_rad), 2)),
+        _error_word(joint.error_lsb),
+        Word(number(joint.rms_lsb, 2, signed=False)),
+        Word(number(joint.speed_rad_s, 3)),
+        Word(number(joint.current_a, 3)),
+        Word(number(joint.command_a, 3)),
+        saturation_word(joint),
+    )
+
+
+def _error_word(error_lsb: float) -> Word:
+    if abs(error_lsb) > LIMIT_LSB:
+        return Word(f"▲ {number(error_lsb, 2)}", Tone.WARNING)
+    return Word(number(error_lsb, 2))
+
+
+def saturation_word(joint: JointNow) -> Word:
+    """Whether the amplifier is at its limit, and on which side."""
+    if math.isnan(joint.command_a):
+        return Word(ABSENT, Tone.DIM)
+    if joint.saturation == 0:
+        return Word("within", Tone.DIM)
+    return Word(f"▲ saturated {'+' if joint.saturation > 0 else '−'}", Tone.WARNING)
+
+
+def trace_words(name: str, joint: JointNow) -> tuple[Word, ...]:
+    """The title of an error trace."""
+    if math.isnan(joint.max_lsb):
+        return Word(f"{name} error"), Word("no reference yet", Tone.DIM)
+    limit = f"±{LIMIT_LSB:g} LSB"
+    verdict = Word(f"✓ within {limit}", Tone.GOOD)
+    if joint.max_lsb > LIMIT_LSB:
+        verdict = Word(f"▲ beyond {limit}", Tone.WARNING)
+    return (
+        Word(f"{name} error {number(joint.error_lsb, 2)} LSB"),
+        Word(f"rms {joint.rms_lsb:.2f}", Tone.DIM),
+        Word(f"max {joint.max_lsb:.2f}", Tone.DIM),
+        verdict,
+    )
+
+
+def number(value: float, decimals: int, signed: bool = True) -> str:
+    """A number with a sign of full width, or a dash for NaN; no "−0.00"."""
+    if not math.isfinite(value):
+        return ABSENT
+    text = f"{value:.{decimals}f}" if abs(value) < 1e6 else f"{value:.1e}"
+    if float(text) == 0.0:
+        text = text.removeprefix("-")
+    elif signed and value > 0.0:
+        text = f"+{text}"
+    return text.replace("-", "−")

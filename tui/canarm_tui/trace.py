@@ -1,0 +1,112 @@
+"""The error traces: a widget that draws the window of a snapshot in braille, line by line.
+
+Only here do decimated values become strips of styled text. It keeps the snapshot it draws, and nothing else.
+"""
+
+import itertools
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.segment import Segment
+from textual.strip import Strip
+from textual.widget import Widget
+
+from . import texts
+from .braille import BLANK, DOTS_X, DOTS_Y, decimate, dot_rows, limit_cells, trace_cells
+from .snapshot import JointNow, Snapshot
+from .styles import line_of
+from .texts import LIMIT_LSB
+
+
+class ErrorTrace(Widget):
+    """The error of one joint over the window: a title, a scale in LSB, a braille line, dotted lines at the limits."""
+
+    COMPONENT_CLASSES: ClassVar[set[str]] = {"error-trace--line", "error-trace--limit", "error-trace--scale"}
+    DEFAULT_CSS = """
+    ErrorTrace { height: 1fr; min-height: 6; padding: 0 1; }
+    ErrorTrace .error-trace--line { color: $text-primary; }
+    ErrorTrace .error-trace--limit { color: $warning 70%; }
+    ErrorTrace .error-trace--scale { color: $foreground 60%; }
+    """
+    SCALE_WIDTH = 7
+    _LINE, _LIMIT, _EMPTY = range(3)
+
+    def __init__(self, name: str, joint: int) -> None:
+        super().__init__(id=f"trace-{name}")
+        self._joint_name, self._joint = name, joint
+        self._snapshot: Snapshot | None = None
+        self._drawn: tuple[tuple[Snapshot | None, int, int], list[Strip]] | None = None
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show the window of `snapshot`."""
+        self._snapshot = snapshot
+        self.refresh()
+
+    def notify_style_update(self) -> None:
+        """A theme was changed: nothing drawn before is right any more."""
+        super().notify_style_update()
+        self._drawn = None
+
+    def render_line(self, y: int) -> Strip:
+        """One line of the widget; all lines of a snapshot are drawn together."""
+        key = (self._snapshot, self.size.width, self.size.height)
+        if self._drawn is None or self._drawn[0] != key:
+            self._drawn = (key, self._draw(self.size.width, self.size.height))
+        strips = self._drawn[1]
+        return strips[y] if y < len(strips) else Strip.blank(self.size.width, self.rich_style)
+
+    def _draw(self, width: int, height: int) -> list[Strip]:
+        snapshot = self._snapshot
+        joint = JointNow() if snapshot is None else snapshot.joints[self._joint]
+        title = line_of(texts.trace_words(self._joint_name, joint))
+        strips = [Strip(title.render_segments(self.visual_style)).adjust_cell_length(width, self.rich_style)]
+        rows, cells = height - 1, width - self.SCALE_WIDTH
+        if rows < 1 or cells < 1:
+            return strips
+        scale = nice_scale(joint.max_lsb)
+        low = high = np.full(DOTS_X * cells, np.nan)
+        if snapshot is not None and len(snapshot.cycles):
+            cycles_a_column = math.ceil(snapshot.window_cycles / (DOTS_X * cells))
+            errors = snapshot.error_lsb[:, self._joint]
+            low, high = decimate(snapshot.cycles, errors, DOTS_X * cells, cycles_a_column)
+        line = trace_cells(low, high, scale, rows)
+        limit = limit_cells(np.array([LIMIT_LSB, -LIMIT_LSB]), scale, rows, cells)
+        labels = scale_labels(scale, rows)
+        scale_style = self.get_component_rich_style("error-trace--scale")
+        for row in range(rows):
+            label = Segment(labels[row].rjust(self.SCALE_WIDTH - 1) + "│", scale_style)
+            strips.append(Strip([label, *self._segments(line[row], limit[row])], width))
+        return strips
+
+    def _segments(self, line: NDArray[np.uint8], limit: NDArray[np.uint8]) -> list[Segment]:
+        """One row of the plot, cut where the style changes."""
+        kinds = np.where(line != 0, self._LINE, np.where(limit != 0, self._LIMIT, self._EMPTY))
+        styles = (
+            self.get_component_rich_style("error-trace--line"),
+            self.get_component_rich_style("error-trace--limit"),
+            self.rich_style,
+        )
+        text = "".join(map(chr, (BLANK + (line | limit).astype(np.int32)).tolist())).replace(chr(BLANK), " ")
+        cuts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(text)]
+        return [Segment(text[start:end], styles[kinds[start]]) for start, end in itertools.pairwise(cuts)]
+
+
+def nice_scale(greatest_lsb: float) -> float:
+    """End of the symmetric scale: the least of 2, 5, 10, 20, 50, … LSB that holds `greatest_lsb`; 2 for NaN."""
+    scale, step = 2.0, 0
+    factors = (2.5, 2.0, 2.0)
+    while greatest_lsb > scale:
+        scale *= factors[step % 3]
+        step += 1
+    return scale
+
+
+def scale_labels(scale: float, rows: int) -> list[str]:
+    """The label of each character row of a plot: its ends, the limits, and zero where there is room."""
+    values = (0.0, -scale, scale, -LIMIT_LSB, LIMIT_LSB)
+    labels = [""] * rows
+    for value, row in zip(values, dot_rows(np.array(values), scale, rows) // DOTS_Y, strict=True):
+        labels[row] = texts.number(value, 0)
+    return labels

@@ -1,0 +1,112 @@
+"""The parts of the screen that are text: one-line texts, the joints table, and the pane that holds it with the traces.
+
+Each is handed a snapshot (or words) and draws it; none keeps data of its own, reads a clock or knows the bus.
+"""
+
+from collections.abc import Sequence
+
+from textual.app import ComposeResult
+from textual.containers import Vertical, VerticalScroll
+from textual.content import Content
+from textual.coordinate import Coordinate
+from textual.events import Resize
+from textual.widgets import DataTable, Static
+
+from canarm_protocol.cell import Cell
+
+from . import texts
+from .snapshot import Counters, JointNow, Snapshot
+from .styles import STYLES, line_of
+from .texts import Word
+from .trace import ErrorTrace
+
+TRACES_FROM_COLUMNS = 100
+
+
+class WordLine(Static):
+    """One line of words; redrawn only when they change."""
+
+    DEFAULT_CSS = "WordLine { height: 1; text-wrap: nowrap; text-overflow: ellipsis; padding: 0 1; }"
+
+    def __init__(self, *, id: str) -> None:
+        super().__init__(id=id)
+        self.words: tuple[Word, ...] = ()
+
+    def show(self, words: tuple[Word, ...]) -> None:
+        """Show `words`."""
+        if words != self.words:
+            self.words = words
+            self.update(line_of(words), layout=False)
+
+
+class JointsTable(DataTable[Content]):
+    """A row a joint; only cells whose text changed are written."""
+
+    DEFAULT_CSS = "JointsTable { height: auto; max-height: 60%; }"
+
+    def __init__(self, names: Sequence[str]) -> None:
+        super().__init__(cursor_type="row", zebra_stripes=False, id="joints")
+        self._names = names
+        self._shown: list[tuple[Word, ...]] = []
+
+    def on_mount(self) -> None:
+        """Set up columns and rows."""
+        for title, width in texts.JOINT_COLUMNS:
+            self.add_column(_aligned(title, title, width), width=width)
+        for name in self._names:
+            words = texts.joint_words(name, JointNow())
+            self._shown.append(words)
+            self.add_row(*(self._cell(column, word) for column, word in enumerate(words)))
+
+    def show(self, joints: Sequence[JointNow]) -> None:
+        """Show the state of the joints."""
+        for row, (name, joint) in enumerate(zip(self._names, joints, strict=True)):
+            words = texts.joint_words(name, joint)
+            for column, (word, before) in enumerate(zip(words, self._shown[row], strict=True)):
+                if word != before:
+                    self.update_cell_at(Coordinate(row, column), self._cell(column, word))
+            self._shown[row] = words
+
+    @staticmethod
+    def _cell(column: int, word: Word) -> Content:
+        title, width = texts.JOINT_COLUMNS[column]
+        return Content.styled(_aligned(title, word.text, width), STYLES[word.tone])
+
+
+def _aligned(title: str, text: str, width: int) -> str:
+    return text if title in ("joint", "amplifier") else text.rjust(width)
+
+
+class JointsPane(Vertical):
+    """The joints in numbers, and below them their errors over time."""
+
+    DEFAULT_CSS = """
+    JointsPane #traces { height: 1fr; }
+    JointsPane.-narrow #traces { display: none; }
+    JointsPane.-narrow JointsTable { max-height: 100%; }
+    """
+
+    def __init__(self, cell: Cell) -> None:
+        super().__init__(id="pane-joints")
+        self._names = cell.joint_names
+        self._shown: Counters | None = None
+
+    def compose(self) -> ComposeResult:
+        """The table and the traces."""
+        yield JointsTable(self._names)
+        with VerticalScroll(id="traces", can_focus=False):
+            for joint, name in enumerate(self._names):
+                yield ErrorTrace(name, joint)
+
+    def on_resize(self, event: Resize) -> None:
+        """Below `TRACES_FROM_COLUMNS` the table has all the room."""
+        self.set_class(event.size.width < TRACES_FROM_COLUMNS, "-narrow")
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show `snapshot`, unless nothing has come since the last one."""
+        if snapshot.counters == self._shown:
+            return
+        self._shown = snapshot.counters
+        self.query_one(JointsTable).show(snapshot.joints)
+        for trace in self.query(ErrorTrace):
+            trace.show(snapshot)
