@@ -20,23 +20,22 @@ def decimate(
     `cycles` (n,) do not decrease. Columns begin at multiples of `cycles_a_column`, so that a trace keeps its shape
     while it moves on. Each column also reaches to the last value before it, so that the line is connected.
     """
-    low, high = np.full(columns, np.nan), np.full(columns, np.nan)
-    if not len(cycles):
-        return low, high
-    bins = cycles // cycles_a_column
-    bins = bins - (bins[-1] - columns + 1)
-    wanted = np.isfinite(values) & (bins >= 0)
-    bins, values = bins[wanted], values[wanted]
-    if not len(bins):
-        return low, high
-    starts = np.flatnonzero(np.diff(bins, prepend=-1))
-    low[bins[starts]] = np.minimum.reduceat(values, starts)
-    high[bins[starts]] = np.maximum.reduceat(values, starts)
-    joined = starts[1:][bins[starts[1:]] == bins[starts[1:] - 1] + 1]
-    columns_joined, before = bins[joined], values[joined - 1]
-    low[columns_joined] = np.minimum(low[columns_joined], before)
-    high[columns_joined] = np.maximum(high[columns_joined], before)
-    return low, high
+    # One column more at the left, cut off at the end, so that the first one shown is connected as well.
+    low, high = np.full(columns + 1, np.nan), np.full(columns + 1, np.nan)
+    if len(cycles):
+        bins = cycles // cycles_a_column
+        bins = bins - (bins[-1] - columns)
+        wanted = np.isfinite(values) & (bins >= 0)
+        bins, values = bins[wanted], values[wanted]
+        starts = np.flatnonzero(np.diff(bins, prepend=-1))
+        if len(starts):
+            low[bins[starts]] = np.minimum.reduceat(values, starts)
+            high[bins[starts]] = np.maximum.reduceat(values, starts)
+        joined = starts[1:][bins[starts[1:]] == bins[starts[1:] - 1] + 1]
+        before = values[joined - 1]
+        low[bins[joined]] = np.minimum(low[bins[joined]], before)
+        high[bins[joined]] = np.maximum(high[bins[joined]], before)
+    return low[1:], high[1:]
 
 
 def dot_rows(values: NDArray[np.float64], scale: float, rows: int) -> NDArray[np.int64]:

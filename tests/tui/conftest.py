@@ -1,0 +1,103 @@
+"""A clock that is set by hand, a port whose frames are put in by hand, and frames laid out as the cell's bench says."""
+
+from collections.abc import Sequence
+
+import pytest
+
+from canarm_protocol.bench_objects import bench_pdos
+from canarm_protocol.cell import Cell
+from canarm_protocol.cell_file import load_cell
+from canarm_protocol.errors import BusError
+from canarm_protocol.frames import Frame
+from canarm_protocol.port import BusPort, Discarded
+
+CYCLE_NS = 2_500_000
+
+
+class Clock:
+    """Wall time in ns that passes only when a test says so."""
+
+    def __init__(self) -> None:
+        self.now_ns = 1_000_000_000
+
+    def __call__(self) -> int:
+        return self.now_ns
+
+    def advance(self, seconds: float) -> None:
+        self.now_ns += round(seconds * 1e9)
+
+
+class FakePort(BusPort):
+    """Gives the frames of `arriving` once, keeps what is sent; `is_broken` makes every use fail as a lost bus does."""
+
+    def __init__(self) -> None:
+        self.description = "-i fake -c bench"
+        self.discarded = Discarded()
+        self.arriving: list[tuple[int, Frame]] = []
+        self.sent: list[Frame] = []
+        self.is_broken = False
+        self.is_closed = False
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        self._check()
+        self.sent += frames
+
+    def receive(self, timeout_s: float) -> list[tuple[int, Frame]]:
+        assert timeout_s == 0.0, "the dashboard must not wait for the bus"
+        self._check()
+        frames, self.arriving = self.arriving, []
+        return frames
+
+    def fileno(self) -> int | None:
+        return None
+
+    def close(self) -> None:
+        self.is_closed = True
+
+    def _check(self) -> None:
+        if self.is_broken:
+            raise BusError(f"{self.description}: the server closed the connection")
+
+
+class Wire:
+    """Frames of the bench node and of a controller, by what they say; all joints alike unless told otherwise."""
+
+    def __init__(self, cell: Cell) -> None:
+        self.pdos = bench_pdos(cell)
+        self.joints = len(cell.joints)
+
+    def telemetry(self, cycle: int, angle_rad: float = 0.0, command_a: float = 0.0) -> list[tuple[int, Frame]]:
+        frames = [Frame(self.pdos.status.cob_id, self.pdos.status.pack(cycle))]
+        for truth, drive in zip(self.pdos.truth, self.pdos.drive, strict=True):
+            frames.append(Frame(truth.cob_id, truth.pack(angle_rad, 0.5)))
+            frames.append(Frame(drive.cob_id, drive.pack(0.25, command_a)))
+        return [(cycle * CYCLE_NS, frame) for frame in frames]
+
+    def reference(self, tick: int, angle_rad: float = 0.0) -> list[tuple[int, Frame]]:
+        return [
+            (tick * CYCLE_NS, Frame(layout.cob_id, layout.pack(tick, angle_rad))) for layout in self.pdos.reference
+        ]
+
+    def report(self, tick: int, late: int, state: int) -> list[tuple[int, Frame]]:
+        layout = self.pdos.controller
+        return [(tick * CYCLE_NS, Frame(layout.cob_id, layout.pack(tick, late, state)))]
+
+
+@pytest.fixture
+def cell() -> Cell:
+    return load_cell("konkuk1")
+
+
+@pytest.fixture
+def wire(cell: Cell) -> Wire:
+    return Wire(cell)
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def port() -> FakePort:
+    return FakePort()

@@ -1,0 +1,212 @@
+"""The dashboard as its user meets it, on a fake bus and a clock set by hand: keys, states, sizes."""
+
+import asyncio
+import contextlib
+import math
+
+import pytest
+
+from canarm_protocol.errors import BusError
+from canarm_tui import DashboardApp, TerminalError, run_dashboard
+from canarm_tui.trace import ErrorTrace
+from canarm_tui.widgets import JointsTable, WordLine
+
+LSB_RAD = math.radians(270.0 / 255.0)
+WIDE, NARROW = (120, 36), (90, 30)
+
+
+@pytest.fixture
+def app(cell, port, clock):
+    return DashboardApp(cell, lambda: port, clock_ns=clock, in_background=lambda job: job())
+
+
+@contextlib.asynccontextmanager
+async def running(app, size=WIDE):
+    async with app.run_test(size=size) as pilot:
+        await shown(app, pilot)
+        yield pilot
+
+
+async def shown(app, pilot):
+    """What the timers do sooner or later, now."""
+    app.drain()
+    app.redraw()
+    await pilot.pause()
+
+
+def line(app, name):
+    return " │ ".join(word.text for word in app.screen_stack[0].query_one(f"#{name}", WordLine).words)
+
+
+def row(app, index):
+    return [str(cell).strip() for cell in app.screen_stack[0].query_one(JointsTable).get_row_at(index)]
+
+
+def screen_text(app):
+    """The characters of the screen, line by line."""
+    return ["".join(segment.text for segment in strip) for strip in app.screen._compositor.render_strips()]
+
+
+def drives(scenario):
+    """Run an asynchronous test."""
+
+    def run(*args, **kwargs):
+        asyncio.run(scenario(*args, **kwargs))
+
+    run.__name__, run.__doc__ = scenario.__name__, scenario.__doc__
+    run.__wrapped__ = scenario
+    return run
+
+
+@drives
+async def test_a_sample_is_shown_in_the_table_and_the_header(app, port, wire):
+    async with running(app) as pilot:
+        port.arriving = [*wire.report(8, 0, 2), *wire.reference(8, 0.5), *wire.telemetry(8, 0.5 + LSB_RAD / 2, 1.5)]
+        await shown(app, pilot)
+        assert line(app, "header").startswith("● connected │ ▶ running │ age 0.00 s │ late 0")
+        degrees = math.degrees(0.5)
+        assert row(app, 0) == [
+            "joint2", f"+{degrees + 270 / 255 / 2:.2f}", f"+{degrees:.2f}", "+0.50", "0.50", "+0.500", "+0.250", "+1.500",
+            "▲ saturated +",
+        ]  # fmt: skip
+        assert any("joint3 error +0.50 LSB" in text for text in screen_text(app))
+
+
+@drives
+async def test_a_connection_without_telemetry_says_so(app):
+    async with running(app):
+        assert line(app, "header").startswith("○ no data")
+        assert line(app, "notice") == "-i fake -c bench: no telemetry yet; it begins with a controller's first cycle"
+
+
+@drives
+async def test_data_that_stop_are_called_stale_and_stay(app, port, wire, clock):
+    async with running(app) as pilot:
+        port.arriving = wire.telemetry(8, 0.5)
+        await shown(app, pilot)
+        before = row(app, 0)
+        clock.advance(0.6)
+        await shown(app, pilot)
+        assert "▲ stale 0.6 s" in line(app, "header")
+        assert row(app, 0) == before
+
+
+@drives
+async def test_a_lost_bus_is_named_the_data_stay_and_it_comes_back(cell, port, wire, clock):
+    ports = [port, type(port)()]
+    app = DashboardApp(cell, lambda: ports.pop(0), clock_ns=clock, in_background=lambda job: job())
+    async with running(app) as pilot:
+        port.arriving = wire.telemetry(8, 0.5)
+        await shown(app, pilot)
+        before, second = row(app, 0), ports[0]
+        port.is_broken = True
+        await shown(app, pilot)
+        assert line(app, "header").startswith("✖ lost")
+        assert line(app, "notice") == "-i fake -c bench: the server closed the connection; trying again every second"
+        assert "the server closed" in screen_text(app)[1]
+        assert row(app, 0) == before
+        clock.advance(1.0)
+        second.arriving = wire.telemetry(800, 0.25)
+        await shown(app, pilot)
+        assert line(app, "header").startswith("● connected")
+        assert line(app, "notice") == ""
+        assert "dropped samples 0" in line(app, "counters")
+
+
+@drives
+async def test_a_bus_that_cannot_be_opened_is_not_called_lost(cell, clock):
+    def refuse():
+        raise BusError("-i canarm -c bench: nobody listens there; start one with: canarm emulator")
+
+    app = DashboardApp(cell, refuse, clock_ns=clock, in_background=lambda job: job())
+    async with running(app) as pilot:
+        assert line(app, "header").startswith("✖ not connected")
+        assert "start one with: canarm emulator" in line(app, "notice")
+        await pilot.press("q")
+    assert app.return_code == 0
+
+
+@drives
+async def test_a_paused_dashboard_holds_its_panes_but_not_its_header(app, port, wire):
+    async with running(app) as pilot:
+        port.arriving = wire.telemetry(8, 0.5)
+        await shown(app, pilot)
+        before = row(app, 0)
+        await pilot.press("space")
+        port.arriving = wire.telemetry(12, 0.25) + wire.report(12, 0, 3)
+        await shown(app, pilot)
+        assert row(app, 0) == before
+        assert "⏸ paused │ ▼ stopping" in line(app, "header")
+        await pilot.press("space")
+        await shown(app, pilot)
+        assert row(app, 0)[1] == f"+{math.degrees(0.25):.2f}"
+        assert "paused" not in line(app, "header")
+
+
+@drives
+async def test_the_traces_go_below_100_columns_and_come_back(app):
+    async with running(app, NARROW) as pilot:
+        assert not any(trace.region for trace in app.query(ErrorTrace))
+        assert "joint3" in "".join(screen_text(app))
+        await pilot.resize_terminal(100, 30)
+        assert all(trace.region for trace in app.query(ErrorTrace))
+
+
+@drives
+async def test_help_opens_and_closes_and_q_quits_from_it(app):
+    async with running(app) as pilot:
+        await pilot.press("question_mark")
+        assert any("dashboard" in text for text in screen_text(app))
+        assert len(app.screen_stack) == 2
+        await shown(app, pilot)
+        await pilot.press("question_mark")
+        assert len(app.screen_stack) == 1
+        await pilot.press("question_mark", "q")
+    assert app.return_code == 0
+
+
+@drives
+async def test_the_palette_offers_commands_by_area(app):
+    commands = [command.title for command in app.get_system_commands(None)]
+    assert commands == ["View: pause", "View: theme", "View: picture", "Dashboard: help", "Dashboard: quit"]
+    async with running(app) as pilot:
+        await pilot.press("ctrl+p")
+        await pilot.press("q")
+        assert app.is_running, "a letter typed into the palette quit the dashboard"
+        await pilot.press("escape", "q")
+    assert app.return_code == 0
+
+
+@drives
+async def test_the_caller_is_told_once_that_the_dashboard_stands(cell, port, clock):
+    calls = []
+    app = DashboardApp(
+        cell, lambda: port, clock_ns=clock, in_background=lambda job: job(), on_start=lambda: calls.append(port.sent[0].can_id)
+    )
+    async with running(app) as pilot:
+        await pilot.pause()
+    assert calls == [0x731]
+    assert port.is_closed
+
+
+@drives
+async def test_a_constant_error_is_drawn_where_the_scale_says(app, port, wire):
+    # 2 s of an error of exactly +1 LSB: the line lies on the upper limit.
+    async with running(app) as pilot:
+        for cycle in range(0, 800, 4):
+            port.arriving += wire.reference(cycle) + wire.telemetry(cycle, LSB_RAD)
+        await shown(app, pilot)
+        trace = app.query_one("#trace-joint2", ErrorTrace)
+        lines = [trace.render_line(y) for y in range(trace.size.height)]
+        marked = [strip.text for strip in lines if strip.text.startswith("    +1│")]
+        assert len(marked) == 1
+        cells = marked[0][7:]
+        assert set(cells[-18:]) <= set("⠉⠒⠤⣀"), "one dot row, on every column"
+        assert len(set(cells[-18:])) == 1
+        assert set(cells[:60]) <= set("⠁⠂⠄⡀"), "before the run only the dotted limit"
+        assert not any(set(strip.text[-18:]) & set("⠉⠒⠤⣀") for strip in lines[1:] if strip.text != marked[0])
+
+
+def test_without_a_terminal_the_dashboard_says_what_to_do(cell):
+    with pytest.raises(TerminalError, match="is no terminal, and the dashboard needs one; leave it out with --no-tui"):
+        run_dashboard(cell, "canarm", "bench", {})

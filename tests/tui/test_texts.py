@@ -1,0 +1,106 @@
+"""What the dashboard says: every state has a word or a sign of its own, colour or not."""
+
+import math
+
+import pytest
+
+from canarm_tui import texts
+from canarm_tui.link import Link
+from canarm_tui.snapshot import JointNow, Rates, Report, Snapshot
+from canarm_tui.texts import SEPARATOR, Tone
+from canarm_tui.trace import nice_scale, scale_labels
+
+S = 1_000_000_000
+
+
+@pytest.fixture
+def link(port):
+    link = Link(lambda: port, "-i fake -c bench", in_background=lambda job: job())
+    link.poll(0)
+    return link
+
+
+@pytest.mark.parametrize(("age_ns", "text"), [(None, "age –"), (20_000_000, "age 0.02 s"), (1.3 * S, "▲ stale 1.3 s")])
+def test_old_data_are_called_stale(age_ns, text):
+    assert texts.age_word(age_ns).text == text
+
+
+def test_half_a_second_is_not_yet_stale():
+    assert texts.age_word(S // 2).tone is Tone.PLAIN
+    assert texts.age_word(S // 2 + 1).tone is Tone.WARNING
+
+
+@pytest.mark.parametrize(
+    ("state", "text"),
+    [(0, "idle"), (1, "… bringing up"), (2, "▶ running"), (3, "▼ stopping"), (4, "✓ done"), (5, "✖ failed"), (9, "state 9")],
+)
+def test_every_state_of_the_controller_has_a_word(state, text):
+    assert texts.state_word(Report(0, 0, state, age_ns=0)).text == text
+
+
+def test_a_controller_that_has_fallen_silent_is_not_called_running():
+    assert texts.state_word(Report(0, 0, 2, age_ns=3 * S)).text == "▶ running (stale)"
+    assert texts.state_word(Report(0, 0, 4, age_ns=3 * S)).text == "✓ done"
+
+
+def test_both_rates_are_shown_where_they_differ():
+    assert texts.rate_word(Rates(400.0, 4800.0, 12.0)).text == "400 cycles/s (4800 wall)"
+    assert texts.rate_word(Rates(400.0, 399.0, 1.0)).text == "399 cycles/s"
+    assert texts.rate_word(Rates(math.nan, 399.0, 1.0)).text == "399 cycles/s"
+
+
+def test_the_header_leaves_out_the_end_where_it_does_not_fit(link):
+    snapshot = Snapshot(joints=(), age_ns=0, rates=Rates(400.0, 400.0, 1.0), report=Report(5, 2, 2, 0))
+    full = texts.header_words(link, snapshot, is_paused=True, width=200)
+    assert SEPARATOR.join(word.text for word in full) == (
+        "● connected │ ⏸ paused │ ▶ running │ age 0.00 s │ ▲ late 2 │ 400 cycles/s │ 1.00 × real time │ -i fake -c bench"
+    )
+    narrow = texts.header_words(link, snapshot, is_paused=True, width=50)
+    assert narrow == full[:4]
+    assert len(SEPARATOR.join(word.text for word in narrow)) <= 50
+
+
+@pytest.mark.parametrize(
+    ("joint", "text"),
+    [
+        (JointNow(command_a=1.5, saturation=1), "▲ saturated +"),
+        (JointNow(command_a=-1.5, saturation=-1), "▲ saturated −"),
+        (JointNow(command_a=0.2), "within"),
+        (JointNow(), "–"),
+    ],
+)
+def test_saturation_is_a_word_with_a_sign(joint, text):
+    assert texts.saturation_word(joint).text == text
+
+
+def test_a_row_is_in_degrees_and_marks_an_error_beyond_one_step():
+    joint = JointNow(math.pi / 6, -0.5, math.pi / 4, -1.25, 0.5, 1.25, 0.75, -1.5, -1)
+    assert [word.text for word in texts.joint_words("joint2", joint)] == [
+        "joint2", "+30.00", "+45.00", "▲ −1.25", "0.50", "−0.500", "+0.750", "−1.500", "▲ saturated −",
+    ]  # fmt: skip
+
+
+def test_every_text_of_a_row_fits_its_column():
+    worst = JointNow(-100.0, -10.0, -100.0, -9999.0, 9999.0, 9999.0, -99.0, -99.0, -1)
+    for word, (_, width) in zip(texts.joint_words("a-long-one", worst), texts.JOINT_COLUMNS, strict=True):
+        assert len(word.text) <= width
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.004, "0.00"), (-0.004, "0.00"), (1.0, "+1.00"), (-1.0, "−1.00"), (math.nan, "–"), (math.inf, "–")]
+)
+def test_numbers_are_signed_and_have_no_negative_zero(value, text):
+    assert texts.number(value, 2) == text
+
+
+@pytest.mark.parametrize(("greatest", "scale"), [(math.nan, 2), (0.3, 2), (2.0, 2), (2.1, 5), (5.1, 10), (11, 20), (49, 50), (51, 100)])
+def test_the_scale_is_the_least_of_2_5_10_that_holds_the_error(greatest, scale):
+    assert nice_scale(greatest) == scale
+
+
+def test_scale_labels_name_the_ends_the_limits_and_zero():
+    assert scale_labels(2.0, 9) == ["+2", "", "+1", "", "0", "", "−1", "", "−2"]
+
+
+def test_the_limits_keep_their_label_where_there_is_no_room_for_all():
+    assert scale_labels(50.0, 4) == ["+50", "+1", "−1", "−50"]
