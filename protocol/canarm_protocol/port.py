@@ -31,7 +31,6 @@ class Discarded:
 
     error_frames: int = 0
     fd_frames: int = 0
-    own_echoes: int = 0
 
 
 class BusPort(ABC):
@@ -140,6 +139,9 @@ class _PythonCanPort(BusPort):
         if interface not in can.VALID_INTERFACES:
             known = ", ".join(sorted(can.VALID_INTERFACES))
             raise BusError(f"{self.description}: python-can knows no such interface; it knows {known}")
+        # Own frames cannot be told from others': SocketCAN marks whatever this host sent as not received.
+        if options.get("receive_own_messages"):
+            raise BusError(f"{self.description}: leave receive_own_messages out; own frames must not come back")
         try:
             self._bus = can.Bus(interface=interface, channel=channel, **options)
         # Drivers raise whatever they like, from ImportError to ctypes' own.
@@ -175,8 +177,6 @@ class _PythonCanPort(BusPort):
                 self.discarded.error_frames += 1
             elif message.is_fd:
                 self.discarded.fd_frames += 1
-            elif not message.is_rx:
-                self.discarded.own_echoes += 1
             else:
                 frames.append(_stamped_frame(message))
             message = self._bus.recv(0) if remaining else None

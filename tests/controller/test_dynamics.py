@@ -1,13 +1,12 @@
-"""The nominal arm against the paper's closed form (derived again with sympy) and against Pinocchio."""
+"""The nominal arm against Lagrange's equations of two rods, done by sympy; see test_serial_arm for physics engines."""
 
 from collections.abc import Callable
 
 import numpy as np
-import pinocchio
 import pytest
 import sympy
 
-from canarm_controller.dynamics import COULOMB_SMOOTHING_RAD_S, NominalArm
+from canarm_controller.dynamics import NominalArm
 from canarm_controller.errors import ControllerError
 from canarm_protocol.cell import Robot
 from canarm_protocol.cell_file import load_cell
@@ -41,56 +40,6 @@ def random_states(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         rng.uniform(-2.5, 2.5, (count, 2)),
         rng.uniform(-20.0, 20.0, (count, 2)),
     )
-
-
-def pinocchio_model(robot: Robot) -> pinocchio.Model:
-    """The same chain in Pinocchio, placed joint by joint from its Denavit-Hartenberg parameters."""
-    model = pinocchio.Model()
-    model.gravity.linear = np.array(robot.gravity_m_s2)
-    parent, place = 0, pinocchio.SE3.Identity()
-    for joint in robot.joint:
-        link = joint.link
-        turn = pinocchio.SE3(pinocchio.utils.rotate("z", np.radians(link.theta_offset_deg)), np.zeros(3))
-        parent = model.addJoint(parent, pinocchio.JointModelRZ(), place * turn, joint.name)
-        along = pinocchio.SE3(
-            pinocchio.utils.rotate("x", np.radians(link.alpha_deg)), np.array([link.a_m, 0, link.d_m])
-        )
-        inertia = pinocchio.Inertia(link.mass_kg, np.array(link.centre_of_mass_m), np.diag(link.inertia_kg_m2))
-        model.appendBodyToJoint(parent, inertia, along)
-        place = along
-    return model
-
-
-@pytest.mark.parametrize("robot", [ROBOT, ODD_ROBOT], ids=["rods", "general planar two-link"])
-def test_inertia_coriolis_and_gravity_agree_with_pinocchio(robot: Robot) -> None:
-    arm = NominalArm.from_robot(robot)
-    model = pinocchio_model(robot)
-    data = model.createData()
-    still = np.zeros(2)
-    for q, qd, _ in zip(*random_states(500), strict=True):
-        mass_matrix = pinocchio.crba(model, data, q)
-        symmetric = np.triu(mass_matrix) + np.triu(mass_matrix, 1).T
-        gravity = pinocchio.rnea(model, data, q, still, still)
-        np.testing.assert_allclose(arm.inertia(q), symmetric, rtol=1e-9)
-        np.testing.assert_allclose(arm.gravity(q), gravity, rtol=1e-9, atol=1e-12)
-        coriolis = pinocchio.rnea(model, data, q, qd, still) - gravity
-        np.testing.assert_allclose(arm.coriolis(q, qd), coriolis, rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.parametrize("robot", [ROBOT, ODD_ROBOT], ids=["rods", "general planar two-link"])
-def test_torque_is_pinocchio_plus_rotor_and_friction(robot: Robot) -> None:
-    arm = NominalArm.from_robot(robot)
-    model = pinocchio_model(robot)
-    data = model.createData()
-    for q, qd, qdd in zip(*random_states(200), strict=True):
-        drive = [
-            joint.motor.reflected_inertia_kg_m2 * qdd[i]
-            + joint.motor.viscous_friction_nm_s * qd[i]
-            + joint.motor.coulomb_friction_nm * np.tanh(qd[i] / COULOMB_SMOOTHING_RAD_S)
-            for i, joint in enumerate(robot.joint)
-        ]
-        expected = pinocchio.rnea(model, data, q, qd, qdd) + drive
-        np.testing.assert_allclose(arm.torque_nm(q, qd, qdd), expected, rtol=1e-9, atol=1e-12)
 
 
 def test_rods_give_the_closed_form_that_sympy_derives_from_the_lagrangian() -> None:

@@ -29,7 +29,7 @@ def peer(channel: str) -> Iterator[can.BusABC]:
 
 @pytest.fixture
 def port(channel: str) -> Iterator[BusPort]:
-    with open_port("virtual", channel, receive_own_messages=True) as port:
+    with open_port("virtual", channel) as port:
         yield port
 
 
@@ -87,7 +87,7 @@ def test_a_remote_frame_on_a_canarm_bus_is_a_bus_error(serve):
 
 
 def test_any_python_can_bus_carries_frames_both_ways(port, peer, channel):
-    assert port.description == f"-i virtual -c {channel} receive_own_messages=True"
+    assert port.description == f"-i virtual -c {channel}"
     port.send([Frame(0x123, b"\x0a"), Frame(0x1AAAAAAA, b"", is_extended=True), Frame(0x7, is_remote=True)])
     received = [peer.recv(DEADLINE_S) for _ in range(3)]
     assert [(message.arbitration_id, bytes(message.data)) for message in received[:2]] == [
@@ -116,12 +116,22 @@ def test_remote_frames_pass_without_data(port, peer):
     assert port.receive(DEADLINE_S) == [(1_000_000_000, Frame(0x701, is_remote=True))]
 
 
-def test_error_frames_fd_frames_and_own_echoes_are_counted_and_left_out(port, peer):
-    port.send([Frame(0x1)])
+def test_error_frames_are_counted_and_left_out(port, peer):
     peer.send(can.Message(is_error_frame=True))
     peer.send(can.Message(arbitration_id=2, is_extended_id=False, timestamp=3.0))
     assert port.receive(DEADLINE_S) == [(3_000_000_000, Frame(2))]
-    assert port.discarded == Discarded(error_frames=1, own_echoes=1)
+    assert port.discarded == Discarded(error_frames=1)
+
+
+def test_a_frame_that_the_driver_marks_as_sent_here_is_passed_on(port, peer):
+    """SocketCAN does so with the frames of every program on this host (MSG_DONTROUTE, raw(7) of Linux's can.rst)."""
+    peer.send(can.Message(arbitration_id=2, is_extended_id=False, timestamp=3.0, is_rx=False))
+    assert port.receive(DEADLINE_S) == [(3_000_000_000, Frame(2))]
+
+
+def test_own_frames_cannot_be_asked_for(channel):
+    with pytest.raises(BusError, match="leave receive_own_messages out"):
+        open_port("virtual", channel, receive_own_messages=True)
 
 
 def test_fd_frames_are_counted_and_left_out(channel):

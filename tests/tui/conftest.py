@@ -74,9 +74,7 @@ class Wire:
         return [(cycle * CYCLE_NS, frame) for frame in frames]
 
     def reference(self, tick: int, angle_rad: float = 0.0) -> list[tuple[int, Frame]]:
-        return [
-            (tick * CYCLE_NS, Frame(layout.cob_id, layout.pack(tick, angle_rad))) for layout in self.pdos.reference
-        ]
+        return [(tick * CYCLE_NS, Frame(layout.cob_id, layout.pack(tick, angle_rad))) for layout in self.pdos.reference]
 
     def report(self, tick: int, late: int, state: int) -> list[tuple[int, Frame]]:
         layout = self.pdos.controller

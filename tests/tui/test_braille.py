@@ -67,7 +67,9 @@ def test_a_trace_keeps_its_shape_while_it_moves_on():
 
 
 def test_samples_older_than_the_columns_and_unknown_ones_are_left_out():
-    low, high = decimate(np.array([0, 9, 10, 11, 12]), np.array([9.0, NAN, 1.0, NAN, 3.0]), columns=3, cycles_a_column=1)
+    low, high = decimate(
+        np.array([0, 9, 10, 11, 12]), np.array([9.0, NAN, 1.0, NAN, 3.0]), columns=3, cycles_a_column=1
+    )
     np.testing.assert_array_equal(low, [1.0, NAN, 3.0])
     np.testing.assert_array_equal(high, [1.0, NAN, 3.0])
 

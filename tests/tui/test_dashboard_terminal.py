@@ -3,6 +3,7 @@
 Nothing sleeps: between two looks at the screen the test does the hub's work.
 """
 
+import shlex
 import shutil
 import subprocess
 import sys
@@ -24,24 +25,19 @@ pytestmark = pytest.mark.skipif(
 
 
 class Terminal:
-    """A tmux server of its own, with one session."""
+    """A tmux server of its own with one pane, in which the command runs and then its exit status is shown."""
 
     def __init__(self, socket: Path, columns: int, rows: int, command: list[str]) -> None:
         self._tmux = ["tmux", "-S", str(socket), "-f", "/dev/null"]
-        size = ["-x", str(columns), "-y", str(rows)]
-        # One command line, so that the pane is kept also when the program ends at once.
-        self._run("new-session", "-d", *size, "sh", ";", "set-option", "-g", "remain-on-exit", "on", ";",
-                  "respawn-pane", "-k", *command)  # fmt: skip
+        # Where COLUMNS and LINES are set, programs believe them instead of the terminal.
+        script = f'unset COLUMNS LINES; {shlex.join(command)}; echo "exit status $?"; exec cat'
+        self._run("new-session", "-d", "-x", str(columns), "-y", str(rows), "sh", "-c", script)
 
     def screen(self) -> str:
         return self._run("capture-pane", "-p")
 
     def press(self, key: str) -> None:
         self._run("send-keys", key)
-
-    def exit_status(self) -> str:
-        """Of the program in the pane; empty while it runs."""
-        return self._run("display-message", "-p", "#{pane_dead_status}").strip()
 
     def close(self) -> None:
         self._run("kill-server")
@@ -67,9 +63,10 @@ class FakeBench:
             if isinstance(event, Received) and event.frame.can_id == LISTENER_COB_ID:
                 self._listened = True
         if self._listened:
-            for self._cycle in range(self._cycle + 1, self._cycle + 9):
-                for time_ns, frame in self._bench.frames(self._cycle):
+            for cycle in range(self._cycle, self._cycle + 8):
+                for time_ns, frame in self._bench.frames(cycle):
                     self.hub.send("bench", time_ns, frame)
+            self._cycle += 8
         self.hub.flush()
 
 
@@ -87,50 +84,46 @@ def terminal(bench, tmp_path):
     terminal.close()
 
 
-def wait_for(condition, work, terminal):
-    """Work until `condition()` holds."""
+def wait_for(terminal, work, *texts):
+    """Work until the screen shows all `texts`, however it breaks lines; return the screen."""
     deadline_s = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < deadline_s, f"not within {DEADLINE_S} s; the screen:\n{terminal.screen()}"
+    while True:
+        screen = terminal.screen()
+        if all(text in " ".join(screen.split()) for text in texts):
+            return screen
+        assert time.monotonic() < deadline_s, f"{texts} not within {DEADLINE_S} s; the screen:\n{screen}"
         work()
 
 
-def test_the_dashboard_shows_a_run_notices_a_loss_comes_back_and_quits(bench, terminal, cell):
-    def says(*texts):
-        return lambda: all(text in terminal.screen() for text in texts)
+@pytest.fixture
+def idle():
+    """Work that lets time pass and sends nothing."""
+    hub = Hub("127.0.0.1", 0)
+    yield lambda: hub.poll(0.02)
+    hub.close()
 
-    def waiting():
-        bench.hub.poll(0.02)
 
-    wait_for(says("● connected", "▶ running", "joint2 error", "cycles/s"), bench.work, terminal)
-    wait_for(says("beyond ±1 LSB"), bench.work, terminal)
-    assert any(0x2801 <= ord(character) <= 0x28FF for character in terminal.screen())
-    assert "unknown 0 │ malformed 0 │ discarded 0 │ dropped samples 0 │ dropped references 0" in terminal.screen()
+def test_the_dashboard_shows_a_run_notices_a_loss_comes_back_and_quits(bench, terminal, cell, idle):
+    wait_for(terminal, bench.work, "● connected", "▶ running", "joint2 error", "cycles/s")
+    screen = wait_for(terminal, bench.work, "beyond ±1 LSB")
+    assert any(0x2801 <= ord(character) <= 0x28FF for character in screen)
+    assert "dropped samples 0 │ dropped references 0 │ unknown 0 │ malformed 0 │ discarded 0" in screen
 
     bench.hub.close()
-    still = Hub("127.0.0.1", 0)
-    wait_for(says("✖ lost", "trying again every second", "joint2 error"), lambda: still.poll(0.02), terminal)
-    still.close()
+    wait_for(terminal, idle, "✖ lost", "trying again every second", "joint2 error")
 
     again = FakeBench(cell, bench.port)
     try:
-        wait_for(says("● connected", "▶ running"), again.work, terminal)
+        wait_for(terminal, again.work, "● connected", "▶ running")
         terminal.press("q")
-        wait_for(lambda: terminal.exit_status() == "0", again.work, terminal)
+        screen = wait_for(terminal, again.work, "exit status")
     finally:
         again.hub.close()
-    assert "Traceback" not in terminal.screen()
+    assert screen.strip() == "exit status 0"
 
 
-def test_without_a_bench_the_dashboard_says_what_to_start_and_still_quits(bench, terminal):
-    def opening_nothing():
-        idle.poll(0.02)
-
+def test_without_a_bench_the_dashboard_says_what_to_start_and_still_quits(bench, terminal, idle):
     bench.hub.close()
-    idle = Hub("127.0.0.1", 0)
-    try:
-        wait_for(lambda: "canarm emulator" in terminal.screen(), opening_nothing, terminal)
-        terminal.press("q")
-        wait_for(lambda: terminal.exit_status() == "0", opening_nothing, terminal)
-    finally:
-        idle.close()
+    wait_for(terminal, idle, "✖ not connected", "start one with: canarm emulator")
+    terminal.press("q")
+    assert wait_for(terminal, idle, "exit status").strip() == "exit status 0"

@@ -1,4 +1,4 @@
-"""The feed: frames of the bench bus in, snapshots out. Numbers are those of the cell file: 270 degrees on 255 steps, 2.5 ms."""
+"""The feed: frames of the bench bus in, snapshots out. Of the cell file: 270 degrees on 255 steps, cycles of 2.5 ms."""
 
 import math
 
@@ -36,7 +36,10 @@ def test_error_is_true_minus_reference_angle_in_steps_of_the_potentiometer(feed,
 
 @pytest.mark.parametrize("reference_comes_first", [True, False])
 def test_a_reference_finds_its_cycle_whichever_comes_first(feed, wire, reference_comes_first):
-    telemetry, references = wire.telemetry(8, LSB_RAD), [*wire.reference(7, 5.0), *wire.reference(8), *wire.reference(9, 5.0)]
+    telemetry, references = (
+        wire.telemetry(8, LSB_RAD),
+        [*wire.reference(7, 5.0), *wire.reference(8), *wire.reference(9, 5.0)],
+    )
     feed.receive(references + telemetry if reference_comes_first else telemetry + references, 0)
     assert feed.snapshot(0).joints[1].error_lsb == pytest.approx(1.0, abs=1e-4)
 
@@ -137,6 +140,25 @@ def test_a_sample_that_lacks_a_frame_is_dropped_and_counted(feed, wire):
 def test_samples_that_never_came_are_counted(feed, wire):
     feed.receive(wire.telemetry(0) + wire.telemetry(16), 0)  # telemetry comes every 4th cycle: 4, 8 and 12 are missing
     assert feed.snapshot(0).counters.dropped_samples == 3
+
+
+def test_telemetry_between_two_multiples_of_the_divider_hides_no_loss(feed, wire):
+    feed.receive(wire.telemetry(4) + wire.telemetry(5) + wire.telemetry(8), 0)
+    assert feed.snapshot(0).counters.dropped_samples == 0
+    feed.receive(wire.telemetry(9) + wire.telemetry(16), 0)  # 12 is missing
+    assert feed.snapshot(0).counters.dropped_samples == 1
+
+
+def test_while_cycles_stand_still_the_present_angle_is_shown_and_no_error(feed, wire):
+    feed.receive(wire.reference(8) + wire.telemetry(8, LSB_RAD), 0)
+    feed.receive(wire.telemetry(8, 0.75), 1)
+    snapshot = feed.snapshot(1)
+    assert snapshot.cycles.tolist() == [8]
+    assert (snapshot.joints[0].angle_rad, snapshot.age_ns) == (0.75, 0)
+    assert math.isnan(snapshot.joints[0].error_lsb)
+    assert snapshot.joints[0].rms_lsb == pytest.approx(1.0, abs=1e-4)
+    feed.receive(wire.reference(12) + wire.telemetry(12, LSB_RAD), 2)
+    assert feed.snapshot(2).joints[0].error_lsb == pytest.approx(1.0, abs=1e-4)
 
 
 def test_references_that_never_came_are_counted_for_every_joint(feed, wire):

@@ -6,7 +6,7 @@ import pytest
 
 from canarm_tui import texts
 from canarm_tui.link import Link
-from canarm_tui.snapshot import JointNow, Rates, Report, Snapshot
+from canarm_tui.snapshot import Counters, JointNow, Rates, Report, Snapshot
 from canarm_tui.texts import SEPARATOR, Tone
 from canarm_tui.trace import nice_scale, scale_labels
 
@@ -32,7 +32,15 @@ def test_half_a_second_is_not_yet_stale():
 
 @pytest.mark.parametrize(
     ("state", "text"),
-    [(0, "idle"), (1, "… bringing up"), (2, "▶ running"), (3, "▼ stopping"), (4, "✓ done"), (5, "✖ failed"), (9, "state 9")],
+    [
+        (0, "idle"),
+        (1, "… bringing up"),
+        (2, "▶ running"),
+        (3, "▼ stopping"),
+        (4, "✓ done"),
+        (5, "✖ failed"),
+        (9, "state 9"),
+    ],
 )
 def test_every_state_of_the_controller_has_a_word(state, text):
     assert texts.state_word(Report(0, 0, state, age_ns=0)).text == text
@@ -49,11 +57,20 @@ def test_both_rates_are_shown_where_they_differ():
     assert texts.rate_word(Rates(math.nan, 399.0, 1.0)).text == "399 cycles/s"
 
 
+def test_a_long_place_of_the_bus_is_cut(link):
+    link.where = "-i canarm -c bench host=127.0.0.1 port=29536"
+    words = texts.header_words(link, Snapshot(joints=()), is_paused=False, width=116)
+    text = SEPARATOR.join(word.text for word in words)
+    assert len(text) == 116
+    assert text.endswith("-i canarm -c bench host=127.0.0.1 port=295…")
+
+
 def test_the_header_leaves_out_the_end_where_it_does_not_fit(link):
     snapshot = Snapshot(joints=(), age_ns=0, rates=Rates(400.0, 400.0, 1.0), report=Report(5, 2, 2, 0))
     full = texts.header_words(link, snapshot, is_paused=True, width=200)
     assert SEPARATOR.join(word.text for word in full) == (
-        "● connected │ ⏸ paused │ ▶ running │ age 0.00 s │ ▲ late 2 │ 400 cycles/s │ 1.00 × real time │ -i fake -c bench"
+        "● connected │ ⏸ paused │ ▶ running │ age 0.00 s │ ▲ late 2 │ 400 cycles/s │ 1.00 × real time"
+        " │ -i fake -c bench"
     )
     narrow = texts.header_words(link, snapshot, is_paused=True, width=50)
     assert narrow == full[:4]
@@ -63,10 +80,10 @@ def test_the_header_leaves_out_the_end_where_it_does_not_fit(link):
 @pytest.mark.parametrize(
     ("joint", "text"),
     [
-        (JointNow(command_a=1.5, saturation=1), "▲ saturated +"),
-        (JointNow(command_a=-1.5, saturation=-1), "▲ saturated −"),
-        (JointNow(command_a=0.2), "within"),
-        (JointNow(), "–"),
+        (JointNow(command_a=1.5, saturation=1), " saturated +"),
+        (JointNow(command_a=-1.5, saturation=-1), " saturated −"),
+        (JointNow(command_a=0.2), " within"),
+        (JointNow(), " –"),
     ],
 )
 def test_saturation_is_a_word_with_a_sign(joint, text):
@@ -76,24 +93,37 @@ def test_saturation_is_a_word_with_a_sign(joint, text):
 def test_a_row_is_in_degrees_and_marks_an_error_beyond_one_step():
     joint = JointNow(math.pi / 6, -0.5, math.pi / 4, -1.25, 0.5, 1.25, 0.75, -1.5, -1)
     assert [word.text for word in texts.joint_words("joint2", joint)] == [
-        "joint2", "+30.00", "+45.00", "▲ −1.25", "0.50", "−0.500", "+0.750", "−1.500", "▲ saturated −",
+        "joint2", "+30.00", "+45.00", "▲ −1.25", "0.50", "−0.500", "+0.750", "−1.500", " saturated −",
     ]  # fmt: skip
 
 
 def test_every_text_of_a_row_fits_its_column():
-    worst = JointNow(-100.0, -10.0, -100.0, -9999.0, 9999.0, 9999.0, -99.0, -99.0, -1)
-    for word, (_, width) in zip(texts.joint_words("a-long-one", worst), texts.JOINT_COLUMNS, strict=True):
-        assert len(word.text) <= width
+    far = JointNow(-math.pi, -10.0, -math.pi, -255.0, 255.0, 255.0, -10.0, -10.0, -1)
+    for word, (title, width) in list(zip(texts.joint_words("joint2", far), texts.JOINT_COLUMNS, strict=True))[1:]:
+        assert len(word.text) <= width, title
+    assert sum(width for _, width in texts.JOINT_COLUMNS) + len("joint2") == 79
+
+
+def test_counters_that_are_zero_go_where_room_is_short():
+    counters = Counters(received=10, dropped_references=3)
+    wide = texts.counter_words(counters, 0, width=100)
+    assert SEPARATOR.join(word.text for word in wide) == (
+        "frames 10 │ dropped samples 0 │ dropped references 3 │ unknown 0 │ malformed 0 │ discarded 0"
+    )
+    assert [word.text for word in texts.counter_words(counters, 0, width=78)] == ["frames 10", "dropped references 3"]
 
 
 @pytest.mark.parametrize(
-    ("value", "text"), [(0.004, "0.00"), (-0.004, "0.00"), (1.0, "+1.00"), (-1.0, "−1.00"), (math.nan, "–"), (math.inf, "–")]
+    ("value", "text"),
+    [(0.004, "0.00"), (-0.004, "0.00"), (1.0, "+1.00"), (-1.0, "−1.00"), (math.nan, "–"), (math.inf, "–")],
 )
 def test_numbers_are_signed_and_have_no_negative_zero(value, text):
     assert texts.number(value, 2) == text
 
 
-@pytest.mark.parametrize(("greatest", "scale"), [(math.nan, 2), (0.3, 2), (2.0, 2), (2.1, 5), (5.1, 10), (11, 20), (49, 50), (51, 100)])
+@pytest.mark.parametrize(
+    ("greatest", "scale"), [(math.nan, 2), (0.3, 2), (2.0, 2), (2.1, 5), (5.1, 10), (11, 20), (49, 50), (51, 100)]
+)
 def test_the_scale_is_the_least_of_2_5_10_that_holds_the_error(greatest, scale):
     assert nice_scale(greatest) == scale
 

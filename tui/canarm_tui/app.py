@@ -37,7 +37,7 @@ class DashboardApp(App[None]):
     TITLE = "canarm"
     CSS = """
     #header { background: $panel; }
-    #notice { display: none; background: $surface; }
+    #notice { display: none; height: auto; max-height: 3; text-wrap: wrap; background: $surface; }
     #notice.-shown { display: block; }
     #panes { height: 1fr; }
     """
@@ -69,7 +69,7 @@ class DashboardApp(App[None]):
     def compose(self) -> ComposeResult:
         """Header, notice, panes, counters, keys."""
         yield WordLine(id="header")
-        yield WordLine(id="notice")
+        yield WordLine(id="notice", may_wrap=True)
         with ContentSwitcher(initial="pane-joints", id="panes"):
             yield JointsPane(self.cell)
         yield WordLine(id="counters")
@@ -109,7 +109,8 @@ class DashboardApp(App[None]):
         said = texts.notice(self.link, snapshot)
         notice.set_class(said is not None, "-shown")
         notice.show(() if said is None else (said,))
-        screen.query_one("#counters", WordLine).show(texts.counter_words(snapshot.counters, self.link.discarded))
+        counted = texts.counter_words(snapshot.counters, self.link.discarded, self.size.width - 2)
+        screen.query_one("#counters", WordLine).show(counted)
         if not self.is_paused:
             screen.query_one(JointsPane).show(snapshot)
 

@@ -56,6 +56,7 @@ class Feed:
         self._cycle: int | None = None
         self._cycle_ns = 0
         self._sample: tuple[int, int] | None = None
+        self._idle: NDArray[np.float64] | None = None
         self._telemetry_wall_ns: int | None = None
         self._previous_ticks: list[int | None] = [None] * len(joints)
         self._marks: deque[_Mark] = deque()
@@ -158,12 +159,15 @@ class Feed:
         if len(matched) and cycles[-1] - cycles[matched[-1]] <= self._match:
             row = int(matched[-1])
         finite = errors[matched]
-        angle, speed, current, command = values[row, joint].tolist()
+        now, reference_rad, error = values[row, joint], references[row, joint], errors[row]
+        if self._idle is not None:
+            now, reference_rad, error = self._idle[joint], np.nan, np.nan
+        angle, speed, current, command = now.tolist()
         return JointNow(
             angle_rad=angle,
             speed_rad_s=speed,
-            reference_rad=float(references[row, joint]),
-            error_lsb=float(errors[row]),
+            reference_rad=float(reference_rad),
+            error_lsb=float(error),
             rms_lsb=float(np.sqrt(np.mean(finite * finite))) if len(finite) else np.nan,
             max_lsb=float(np.max(np.abs(finite))) if len(finite) else np.nan,
             current_a=current,
@@ -176,8 +180,7 @@ class Feed:
         if previous is not None:
             if self._row_parts != self._all_parts:
                 self._dropped_samples += 1
-            if cycle > previous + DIVIDER:
-                self._dropped_samples += (cycle - previous) // DIVIDER - 1
+            self._dropped_samples += max(0, (cycle - 1) // DIVIDER - previous // DIVIDER)
         if self._sample is not None and cycle < self._sample[0]:
             self._begin_run(cycle)
         self._telemetry_wall_ns = self._wall_ns
@@ -186,7 +189,7 @@ class Feed:
     def _begin_run(self, cycle: int) -> None:
         self._samples.clear()
         self._marks.clear()
-        self._sample = None
+        self._sample = self._idle = None
         for joint, tick in enumerate(self._references.last_ticks):
             # The new run's first references may have come before its first telemetry: they are not far from it.
             if tick > cycle + self._match:
@@ -208,7 +211,10 @@ class Feed:
     def _take_row(self, cycle: int) -> None:
         if self._sample is None or self._sample[0] != cycle:
             self._samples.append(cycle, self._row)
-            self._sample = cycle, self._cycle_ns
+            self._sample, self._idle = (cycle, self._cycle_ns), None
+        else:
+            # No SYNC has come, and still the bench sends: the robot may move, and no reference belongs to that.
+            self._idle = np.array(self._row).reshape(-1, FIELDS)
 
     def _reference_of(self, joint: int) -> Callable[..., None]:
         ring = self._references

@@ -15,7 +15,7 @@ HELP = """\
 
 [b]Header[/b]
   connected      the bus is open and the bench sends
-  no data        the bus is open, but no telemetry has come; it begins with a controller's first cycle
+  no data        the bus is open, but no bench has sent telemetry on it
   lost           the bus is gone; the last data stay, and it is tried again every second
   stale          nothing has come for more than half a second
   late           cycles that the controller began too late
@@ -24,6 +24,7 @@ HELP = """\
 
 [b]Joints[/b]
   Angle, reference and error belong to the same cycle: the newest whose reference has arrived.
+  While no cycles come, the angle is the present one, without reference and error.
   Error          true angle minus reference, in steps (LSB) of the joint's potentiometer
   RMS            of the error over the last 10 s of the run, as are the traces
   saturated +/−  the amplifier is at its limit, in that direction

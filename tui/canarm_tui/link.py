@@ -66,7 +66,7 @@ class Link:
 
     @property
     def discarded(self) -> int:
-        """Error frames, FD frames and echoes that the ports left out."""
+        """Error frames and FD frames that the ports left out."""
         return self._discarded_before + _discarded_by(self._port)
 
     def poll(self, now_ns: int) -> list[tuple[int, Frame]]:
@@ -150,4 +150,4 @@ def _discarded_by(port: BusPort | None) -> int:
     if port is None:
         return 0
     discarded = port.discarded
-    return discarded.error_frames + discarded.fd_frames + discarded.own_echoes
+    return discarded.error_frames + discarded.fd_frames

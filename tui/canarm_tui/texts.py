@@ -20,6 +20,8 @@ REPORT_STALE_NS = 2_000_000_000
 LIMIT_LSB = 1.0
 """Tracking within one step of the position sensor is as good as the sensor can tell."""
 SEPARATOR = " │ "
+LEAST_PLACE = 18
+"""Fewer characters of a bus than "-i canarm -c bench" has say nothing."""
 ABSENT = "–"
 
 
@@ -106,7 +108,7 @@ def age_word(age_ns: int | None) -> Word:
 
 
 def header_words(link: Link, snapshot: Snapshot, is_paused: bool, width: int) -> tuple[Word, ...]:
-    """The header line for `width` columns; what does not fit is left out from the end, the place of the bus first."""
+    """The header line for `width` columns; what does not fit is cut from the end, where the place of the bus stands."""
     words = [
         link_word(link, snapshot),
         state_word(snapshot.report),
@@ -114,12 +116,14 @@ def header_words(link: Link, snapshot: Snapshot, is_paused: bool, width: int) ->
         late_word(snapshot.report),
         rate_word(snapshot.rates),
         real_time_word(snapshot.rates),
-        Word(link.where, Tone.DIM),
     ]
     if is_paused:
         words.insert(1, Word("⏸ paused", Tone.WARNING))
     while len(words) > 2 and _length(words) > width:
         words.pop()
+    room = width - _length(words) - len(SEPARATOR)
+    if room >= min(len(link.where), LEAST_PLACE):
+        words.append(Word(link.where if len(link.where) <= room else f"{link.where[: room - 1]}…", Tone.DIM))
     return tuple(words)
 
 
@@ -134,38 +138,41 @@ def notice(link: Link, snapshot: Snapshot) -> Word | None:
     if link.state is LinkState.CONNECTING:
         return Word(f"opening {link.where}", Tone.DIM)
     if snapshot.age_ns is None:
-        return Word(f"{link.where}: no telemetry yet; it begins with a controller's first cycle", Tone.WARNING)
+        return Word(f"{link.where}: no telemetry yet; is this the bench bus of a running emulator?", Tone.WARNING)
     return None
 
 
-def counter_words(counters: Counters, discarded: int) -> tuple[Word, ...]:
-    """Frames and samples, counted; `discarded` are those that the port left out."""
+def counter_words(counters: Counters, discarded: int, width: int) -> tuple[Word, ...]:
+    """Frames and samples, counted; `discarded` are those that the port left out. What is 0 goes where room is short."""
 
     def count(name: str, value: int) -> Word:
         return Word(f"{name} {value}", Tone.WARNING if value else Tone.DIM)
 
-    return (
+    words = (
         Word(f"frames {counters.received}", Tone.DIM),
+        count("dropped samples", counters.dropped_samples),
+        count("dropped references", counters.dropped_references),
         count("unknown", counters.unknown),
         count("malformed", counters.malformed),
         count("discarded", discarded),
-        count("dropped samples", counters.dropped_samples),
-        count("dropped references", counters.dropped_references),
     )
+    if _length(words) <= width:
+        return words
+    return words[0], *(word for word in words[1:] if word.tone is Tone.WARNING)
 
 
 JOINT_COLUMNS = (
-    ("joint", 10),
-    ("angle °", 9),
-    ("reference °", 11),
+    ("joint", 0),
+    ("angle °", 8),
+    ("ref. °", 9),
     ("error LSB", 10),
     ("RMS LSB", 8),
-    ("speed rad/s", 11),
-    ("current A", 9),
-    ("command A", 9),
-    ("amplifier", 13),
+    ("rad/s", 8),
+    ("motor A", 8),
+    ("command A", 10),
+    (" amplifier", 12),
 )
-"""Heading and width of the columns of the joints table."""
+"""Heading and width of the columns of the joints table; the first is as wide as the longest name."""
 
 
 def joint_words(name: str, joint: JointNow) -> tuple[Word, ...]:
@@ -192,10 +199,10 @@ def _error_word(error_lsb: float) -> Word:
 def saturation_word(joint: JointNow) -> Word:
     """Whether the amplifier is at its limit, and on which side."""
     if math.isnan(joint.command_a):
-        return Word(ABSENT, Tone.DIM)
+        return Word(f" {ABSENT}", Tone.DIM)
     if joint.saturation == 0:
-        return Word("within", Tone.DIM)
-    return Word(f"▲ saturated {'+' if joint.saturation > 0 else '−'}", Tone.WARNING)
+        return Word(" within", Tone.DIM)
+    return Word(f" saturated {'+' if joint.saturation > 0 else '−'}", Tone.WARNING)
 
 
 def trace_words(name: str, joint: JointNow) -> tuple[Word, ...]:

@@ -5,11 +5,13 @@ Only here do decimated values become strips of styled text. It keeps the snapsho
 
 import itertools
 import math
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.segment import Segment
+from rich.style import Style
 from textual.strip import Strip
 from textual.widget import Widget
 
@@ -31,7 +33,6 @@ class ErrorTrace(Widget):
     ErrorTrace .error-trace--scale { color: $foreground 60%; }
     """
     SCALE_WIDTH = 7
-    _LINE, _LIMIT, _EMPTY = range(3)
 
     def __init__(self, name: str, joint: int) -> None:
         super().__init__(id=f"trace-{name}")
@@ -61,7 +62,9 @@ class ErrorTrace(Widget):
         snapshot = self._snapshot
         joint = JointNow() if snapshot is None else snapshot.joints[self._joint]
         title = line_of(texts.trace_words(self._joint_name, joint))
-        strips = [Strip(title.render_segments(self.visual_style)).adjust_cell_length(width, self.rich_style)]
+        # Looking up a style costs more than drawing a row; every one is looked up once.
+        plain = self.rich_style
+        strips = [Strip(title.render_segments(self.visual_style)).adjust_cell_length(width, plain)]
         rows, cells = height - 1, width - self.SCALE_WIDTH
         if rows < 1 or cells < 1:
             return strips
@@ -75,22 +78,23 @@ class ErrorTrace(Widget):
         limit = limit_cells(np.array([LIMIT_LSB, -LIMIT_LSB]), scale, rows, cells)
         labels = scale_labels(scale, rows)
         scale_style = self.get_component_rich_style("error-trace--scale")
-        for row in range(rows):
-            label = Segment(labels[row].rjust(self.SCALE_WIDTH - 1) + "│", scale_style)
-            strips.append(Strip([label, *self._segments(line[row], limit[row])], width))
-        return strips
-
-    def _segments(self, line: NDArray[np.uint8], limit: NDArray[np.uint8]) -> list[Segment]:
-        """One row of the plot, cut where the style changes."""
-        kinds = np.where(line != 0, self._LINE, np.where(limit != 0, self._LIMIT, self._EMPTY))
         styles = (
             self.get_component_rich_style("error-trace--line"),
             self.get_component_rich_style("error-trace--limit"),
-            self.rich_style,
+            plain,
         )
-        text = "".join(map(chr, (BLANK + (line | limit).astype(np.int32)).tolist())).replace(chr(BLANK), " ")
-        cuts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(text)]
-        return [Segment(text[start:end], styles[kinds[start]]) for start, end in itertools.pairwise(cuts)]
+        for row in range(rows):
+            label = Segment(labels[row].rjust(self.SCALE_WIDTH - 1) + "│", scale_style)
+            strips.append(Strip([label, *_segments(line[row], limit[row], styles)], width))
+        return strips
+
+
+def _segments(line: NDArray[np.uint8], limit: NDArray[np.uint8], styles: Sequence[Style]) -> list[Segment]:
+    """One row of the plot, cut where the style changes: `styles` are those of the line, the limits and the rest."""
+    kinds = np.where(line != 0, 0, np.where(limit != 0, 1, 2))
+    text = "".join(map(chr, (BLANK + (line | limit).astype(np.int32)).tolist())).replace(chr(BLANK), " ")
+    cuts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(text)]
+    return [Segment(text[start:end], styles[kinds[start]]) for start, end in itertools.pairwise(cuts)]
 
 
 def nice_scale(greatest_lsb: float) -> float:

@@ -28,31 +28,33 @@ class WordLine(Static):
 
     DEFAULT_CSS = "WordLine { height: 1; text-wrap: nowrap; text-overflow: ellipsis; padding: 0 1; }"
 
-    def __init__(self, *, id: str) -> None:
+    def __init__(self, *, id: str, may_wrap: bool = False) -> None:
         super().__init__(id=id)
+        self._may_wrap = may_wrap
         self.words: tuple[Word, ...] = ()
 
     def show(self, words: tuple[Word, ...]) -> None:
         """Show `words`."""
         if words != self.words:
             self.words = words
-            self.update(line_of(words), layout=False)
+            self.update(line_of(words), layout=self._may_wrap)
 
 
 class JointsTable(DataTable[Content]):
     """A row a joint; only cells whose text changed are written."""
 
-    DEFAULT_CSS = "JointsTable { height: auto; max-height: 60%; }"
+    DEFAULT_CSS = "JointsTable { height: auto; max-height: 60%; padding: 0 0 0 1; }"
 
     def __init__(self, names: Sequence[str]) -> None:
-        super().__init__(cursor_type="row", zebra_stripes=False, id="joints")
+        super().__init__(cursor_type="row", cell_padding=0, id="joints")
         self._names = names
+        self._widths = [width or max(map(len, (title, *names))) for title, width in texts.JOINT_COLUMNS]
         self._shown: list[tuple[Word, ...]] = []
 
     def on_mount(self) -> None:
         """Set up columns and rows."""
-        for title, width in texts.JOINT_COLUMNS:
-            self.add_column(_aligned(title, title, width), width=width)
+        for column, (title, _) in enumerate(texts.JOINT_COLUMNS):
+            self.add_column(self._aligned(column, title), width=self._widths[column])
         for name in self._names:
             words = texts.joint_words(name, JointNow())
             self._shown.append(words)
@@ -67,14 +69,12 @@ class JointsTable(DataTable[Content]):
                     self.update_cell_at(Coordinate(row, column), self._cell(column, word))
             self._shown[row] = words
 
-    @staticmethod
-    def _cell(column: int, word: Word) -> Content:
-        title, width = texts.JOINT_COLUMNS[column]
-        return Content.styled(_aligned(title, word.text, width), STYLES[word.tone])
+    def _cell(self, column: int, word: Word) -> Content:
+        return Content.styled(self._aligned(column, word.text), STYLES[word.tone])
 
-
-def _aligned(title: str, text: str, width: int) -> str:
-    return text if title in ("joint", "amplifier") else text.rjust(width)
+    def _aligned(self, column: int, text: str) -> str:
+        """Numbers to the right; words, in the first and the last column, to the left."""
+        return text if column in (0, len(self._widths) - 1) else text.rjust(self._widths[column])
 
 
 class JointsPane(Vertical):

@@ -10,14 +10,14 @@ from math import atan2, cos, hypot, isclose, radians, sin, tanh
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from canarm_protocol.cell import Joint, Robot
 
-from .errors import ControllerError
+from ..errors import DynamicsError
+from .chain import Floats, check_parameters
+from .checks import check_samples, check_state
 
 Pair = tuple[float, float]
-Floats = NDArray[np.float64]
 
 COULOMB_SMOOTHING_RAD_S = 0.02
 """Coulomb friction is Fc·tanh(qd / this): one step of the 8-bit tachometer (5/255 rad/s), below which the sign of the
@@ -61,7 +61,7 @@ class NominalArm:
 
     @classmethod
     def from_robot(cls, robot: Robot) -> Self:
-        """The arm of a cell's nominal parameters. Raises `ControllerError` unless it is a planar pair of joints."""
+        """The arm of a cell's nominal parameters. Raises `DynamicsError` unless it is a planar pair of joints."""
         _check_planar_pair(robot)
         first, second = robot.joint
         reach = first.link.a_m
@@ -93,10 +93,20 @@ class NominalArm:
         )
 
     def torque_nm(self, q: Sequence[float], qd: Sequence[float], qdd: Sequence[float]) -> Pair:
-        """Joint torques for one state (rad, rad/s, rad/s²): inverse dynamics with the drive, in plain floats."""
-        q1, q2 = q
-        v1, v2 = qd
-        a1, a2 = qdd
+        """Joint torques for one state (rad, rad/s, rad/s²): inverse dynamics with the drive, in plain floats.
+
+        Raises `DynamicsError` for another number of joints, and for a value that is not finite.
+        """
+        try:
+            q1, q2 = q
+            v1, v2 = qd
+            a1, a2 = qdd
+            total = q1 + q2 + v1 + v2 + a1 + a2
+            if total - total:  # NaN unless all are finite, or if their sum overflows
+                check_state(self.joint_names, q=q, qd=qd, qdd=qdd)
+        except (TypeError, ValueError):
+            check_state(self.joint_names, q=q, qd=qd, qdd=qdd)
+            raise
         own1, own2 = self.inertia_constants_kg_m2
         coupling = self.coupling_kg_m2
         angle = q2 + self.coupling_phase_rad
@@ -126,7 +136,11 @@ class NominalArm:
         )
 
     def torque_batch_nm(self, q: Floats, qd: Floats, qdd: Floats) -> Floats:
-        """`torque_nm` for many states at once: arrays (n, 2) in, torques (n, 2) out."""
+        """`torque_nm` for many states at once: arrays (n, 2) in, torques (n, 2) out.
+
+        Raises `DynamicsError` for another shape, and for a value that is not finite; names the sample and joint.
+        """
+        check_samples(self.joint_names, q=q.T, qd=qd.T, qdd=qdd.T)
         (q1, q2), (v1, v2), (a1, a2) = q.T, qd.T, qdd.T
         own1, own2 = self.inertia_constants_kg_m2
         angle = q2 + self.coupling_phase_rad
@@ -171,14 +185,24 @@ def _centre_from_axis(joint: Joint) -> Pair:
     return joint.link.a_m + x, y
 
 
+def is_planar_pair(robot: Robot) -> bool:
+    """Whether `NominalArm` can describe the robot: two joints with parallel axes."""
+    return len(robot.joint) == 2 and all(_is_untwisted(joint) for joint in robot.joint)
+
+
+def _is_untwisted(joint: Joint) -> bool:
+    return isclose(cos(radians(joint.link.alpha_deg)), 1.0, abs_tol=1e-12)
+
+
 def _check_planar_pair(robot: Robot) -> None:
     if len(robot.joint) != 2:
-        raise ControllerError(
+        raise DynamicsError(
             f"robot {robot.name!r} has {len(robot.joint)} joints; the closed form takes 2 parallel revolute joints"
         )
     for joint in robot.joint:
-        if not isclose(cos(radians(joint.link.alpha_deg)), 1.0, abs_tol=1e-12):
-            raise ControllerError(
+        if not _is_untwisted(joint):
+            raise DynamicsError(
                 f"robot {robot.name!r}, {joint.name}.link.alpha_deg = {joint.link.alpha_deg}: must be 0; the closed "
                 "form takes 2 parallel revolute joints that move in one plane"
             )
+    check_parameters(robot)

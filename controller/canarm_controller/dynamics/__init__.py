@@ -1,0 +1,24 @@
+"""Dynamics of the nominal robot: the closed form of two planar joints, the general fast forms, and their yardstick.
+
+- `planar_pair`: `NominalArm`, KON-KUK I's joints 2 and 3 in closed form;
+- `serial_arm`: `SerialArm`, any arm of a cell, by Newton-Euler (`newton_euler` recorded on a `tape`, carried out for
+  one state by `scalar` and for tables by `batch`);
+- `lagrange_euler`: the paper's trace form, slow and plain, against which the others are tested.
+"""
+
+from .arm import Arm, nominal_arm
+from .chain import Chain, ChainLink, Floats, chain_of
+from .planar_pair import COULOMB_SMOOTHING_RAD_S, NominalArm
+from .serial_arm import SerialArm
+
+__all__ = [
+    "COULOMB_SMOOTHING_RAD_S",
+    "Arm",
+    "Chain",
+    "ChainLink",
+    "Floats",
+    "NominalArm",
+    "SerialArm",
+    "chain_of",
+    "nominal_arm",
+]

@@ -1,0 +1,78 @@
+"""What a CANopen master sets in a cell's cards before a run: monitoring, error values, PDOs with the wired channels.
+
+Values only, in an order that the cards accept. Sending them is the master's business; a DCF holds what is left at last.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from .cell import Bus
+from .dictionary import (
+    ANALOGUE_ERROR_MODE,
+    ANALOGUE_ERROR_VALUE,
+    CONSUMER_HEARTBEAT,
+    CYCLE_PERIOD,
+    DIGITAL_ERROR_MODE,
+    DIGITAL_ERROR_VALUE,
+    ERROR_BEHAVIOUR,
+    PRODUCER_HEARTBEAT,
+)
+from .pdo import COMMUNICATION, DISABLED, MAPPING, PdoLayout
+from .wiring import CardNode
+
+TO_PRE_OPERATIONAL = 0
+"""Error behaviour (0x1029:1): leave OPERATIONAL when the controller's heartbeat is lost."""
+ERROR_SETTINGS = (
+    (DIGITAL_ERROR_MODE, 0xFF),
+    (DIGITAL_ERROR_VALUE, 0),
+    (ANALOGUE_ERROR_MODE, 1),
+    (ANALOGUE_ERROR_VALUE, 0),
+)
+"""What every output does on an error: take the error value, which is direction off, current 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One object of a card and the value that it is given."""
+
+    index: int
+    subindex: int
+    value: int
+
+
+def card_settings(node: CardNode, bus: Bus) -> tuple[Setting, ...]:
+    """Everything that the master sets in a card, in order; a PDO is disabled first and enabled last."""
+    return (
+        Setting(CONSUMER_HEARTBEAT, 1, bus.controller_node_id << 16 | bus.heartbeat_timeout_ms),
+        Setting(PRODUCER_HEARTBEAT, 0, bus.heartbeat_ms),
+        Setting(CYCLE_PERIOD, 0, bus.cycle_us),
+        Setting(ERROR_BEHAVIOUR, 1, TO_PRE_OPERATIONAL),
+        *_error_settings(node),
+        *(setting for layout in (*node.rpdos, *node.tpdos) for setting in _pdo_settings(layout)),
+    )
+
+
+def final_values(settings: tuple[Setting, ...]) -> dict[tuple[int, int], int]:
+    """The value that each object has after all `settings`, by index and sub-index."""
+    return {(setting.index, setting.subindex): setting.value for setting in settings}
+
+
+def _error_settings(node: CardNode) -> Iterator[Setting]:
+    for index, value in ERROR_SETTINGS:
+        if index in node.dictionary:
+            for subindex in sorted(node.dictionary[index].subindices):
+                if subindex:
+                    yield Setting(index, subindex, value)
+
+
+def _pdo_settings(layout: PdoLayout) -> Iterator[Setting]:
+    """Disable, map, enable (CiA 301, 7.5.2.36)."""
+    communication = COMMUNICATION[layout.kind] + layout.number - 1
+    mapping = MAPPING[layout.kind] + layout.number - 1
+    yield Setting(communication, 1, DISABLED | layout.cob_id)
+    yield Setting(mapping, 0, 0)
+    for position, mapped in enumerate(layout.objects, start=1):
+        yield Setting(mapping, position, mapped.entry)
+    yield Setting(mapping, 0, len(layout.objects))
+    yield Setting(communication, 2, layout.transmission_type)
+    yield Setting(communication, 1, layout.cob_id)

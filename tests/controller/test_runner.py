@@ -1,0 +1,301 @@
+"""The controller's runner on ports that a test holds in its hands, and on a clock that only waiting moves."""
+
+from collections.abc import Callable, Sequence
+
+import pytest
+
+from canarm.session import make_bench, make_controller
+from canarm_controller.controller import State
+from canarm_controller.runner import Runner, RunResult
+from canarm_emulator.bench import Bench
+from canarm_protocol.cell_file import load_cell
+from canarm_protocol.clock import Clock
+from canarm_protocol.errors import BusError
+from canarm_protocol.frames import Frame
+from canarm_protocol.port import BusPort, Discarded
+
+SYNC, TIME, HEARTBEAT = 0x080, 0x100, 0x700
+
+
+class FakeClock:
+    """Monotonic ns; waiting for nothing is what makes it go on."""
+
+    def __init__(self) -> None:
+        self.now_ns = 5_000_000_000
+
+    def __call__(self) -> int:
+        return self.now_ns
+
+
+class BenchPort(BusPort):
+    """One bus of an emulated bench. `fails_at` raises on it, `drop` takes frames out of what it brings."""
+
+    description = "-i fake"
+
+    def __init__(self, bench: Bench, clock: FakeClock, is_robot: bool = True) -> None:
+        self.discarded = Discarded()
+        self._bench, self._clock, self._is_robot = bench, clock, is_robot
+        self._start_ns = clock.now_ns
+        self.drop: Callable[[Frame], bool] = lambda frame: False
+        self.noise: Frame | None = None
+        self.fails_at: Callable[[Frame], bool] = lambda frame: False
+        self.sent: list[Frame] = []
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        for frame in frames:
+            self.sent.append(frame)
+            if self.fails_at(frame):
+                raise BusError(f"{self.description}: lost")
+            (self._bench.receive if self._is_robot else self._bench.receive_bench)(frame, self)
+
+    def receive(self, timeout_s: float) -> list[tuple[int, Frame]]:
+        bench, clock = self._bench, self._clock
+        found = self._take()
+        if not found and timeout_s > 0.0:
+            # Wait for the bench's next frame, or in vain.
+            limit_ns = clock.now_ns + round(timeout_s * 1e9)
+            if bench.clock is Clock.WALL and self._is_robot:
+                due_ns = min(max(bench.next_due_ns + self._start_ns, clock.now_ns), limit_ns)
+                bench.advance(due_ns - self._start_ns)
+                limit_ns = due_ns
+            clock.now_ns = limit_ns
+            found = self._take()
+        if self.noise is not None:
+            found.append((0, self.noise))
+        return found
+
+    def _take(self) -> list[tuple[int, Frame]]:
+        bench = self._bench
+        name = "records" if self._is_robot else "bench_records"
+        records = getattr(bench, name)
+        setattr(bench, name, [])
+        return [(r.time_ns, r.frame) for r in records if r.origin is None and not self.drop(r.frame)]
+
+    def fileno(self) -> int | None:
+        return None
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+class Setup:
+    """A bench, a controller and the runner between them."""
+
+    def __init__(self, clock: Clock, ticks: int | None = 400, law: str = "mras", listen_ns: int = 0) -> None:
+        self.cell = load_cell("konkuk1")
+        self.clock = FakeClock()
+        self.bench = make_bench(self.cell, {}, clock, 0)
+        self.controller = make_controller(self.cell, law, "sine", None, clock, ticks, listen_ns)
+        self.robot_port = BenchPort(self.bench, self.clock)
+        self.bench_port: BenchPort | None = BenchPort(self.bench, self.clock, is_robot=False)
+        self.states: list[State] = []
+        self.should_stop: Callable[[], str | None] = lambda: None
+        self.bench.start()
+        self.bench.records.clear()
+
+    def run(self) -> RunResult:
+        self.started_ns = self.clock.now_ns
+        runner = Runner(
+            self.controller,
+            self.robot_port,
+            self.bench_port,
+            self.states.append,
+            lambda: self.should_stop(),
+            self.clock,
+        )
+        return runner.run()
+
+    @property
+    def waited_s(self) -> float:
+        return (self.clock.now_ns - self.started_ns) * 1e-9
+
+
+@pytest.mark.parametrize("clock", Clock)
+def test_a_run_of_so_many_ticks_ends_done(clock: Clock) -> None:
+    setup = Setup(clock)
+    result = setup.run()
+    assert (result.state, result.reason, result.ticks, result.missed) == (State.DONE, None, 400, 0)
+    assert setup.states == [State.BRINGING_UP, State.RUNNING, State.STOPPING, State.DONE]
+    assert result.note is None
+    assert set(result.joints) == {"joint2", "joint3"}
+
+
+def test_on_the_wall_clock_a_sync_leaves_every_period() -> None:
+    setup = Setup(Clock.WALL)
+    result = setup.run()
+    assert setup.waited_s == pytest.approx(403 * 0.0025, abs=0.01)
+    assert result.real_time_factor == pytest.approx(1.0, abs=0.01)
+    assert result.lateness is not None
+    assert (result.late, result.lateness.max_ns) == (0, 0)
+
+
+def test_the_assessment_comes_from_the_bench_at_the_end() -> None:
+    setup = Setup(Clock.SYNC, ticks=1500)
+    joints = setup.run().joints
+    scores = setup.bench.assessor.scores
+    for figures, score in zip(joints.values(), scores, strict=True):
+        assert score.samples == 1500 - 1024
+        assert figures.rms_lsb == pytest.approx(score.rms_lsb, rel=1e-6)
+        assert figures.max_lsb == pytest.approx(score.max_lsb, rel=1e-6)
+        assert figures.peak_current_a == pytest.approx(score.peak_current_a, rel=1e-6)
+        assert figures.saturated_cycles == score.saturated_cycles
+        assert figures.speed_ripple is None
+
+
+def test_a_run_that_is_shorter_than_the_settling_time_has_no_error_figures() -> None:
+    joints = Setup(Clock.SYNC, ticks=100).run().joints
+    assert [figures.rms_lsb for figures in joints.values()] == [None, None]
+
+
+@pytest.mark.parametrize("clock", Clock)
+def test_without_a_bench_bus_there_is_a_note_instead(clock: Clock) -> None:
+    setup = Setup(clock, ticks=100)
+    setup.bench_port = None
+    result = setup.run()
+    assert (result.state, result.joints) == (State.DONE, {})
+    assert result.note == "no bench bus: the true error is not known here"
+
+
+@pytest.mark.parametrize("clock", Clock)
+def test_a_bench_bus_that_is_lost_never_disturbs_the_run(clock: Clock) -> None:
+    setup = Setup(clock)
+    sent = setup.bench_port.sent
+    setup.bench_port.fails_at = lambda frame: len(sent) > 100
+    result = setup.run()
+    assert (result.state, result.ticks, result.joints) == (State.DONE, 400, {})
+    assert result.note == "bench bus lost: -i fake: lost"
+
+
+def test_a_bench_node_that_does_not_answer_never_disturbs_the_run() -> None:
+    setup = Setup(Clock.SYNC, ticks=100)
+    setup.bench_port.drop = lambda frame: True
+    result = setup.run()
+    assert (result.state, result.joints) == (State.DONE, {})
+    assert result.note.startswith("no bench node answers")
+
+
+@pytest.mark.parametrize("clock", Clock)
+def test_nobody_on_the_bus_fails_within_seconds(clock: Clock) -> None:
+    setup = Setup(clock, listen_ns=250_000_000)
+    setup.robot_port.drop = lambda frame: True
+    result = setup.run()
+    assert result.state is State.FAILED
+    assert result.reason.startswith("card 'dac' (node 0x12) does not answer")
+    assert setup.waited_s < 2.0
+
+
+@pytest.mark.parametrize("clock", Clock)
+@pytest.mark.parametrize(
+    ("phase", "fails_at"),
+    [
+        ("reset", lambda frame: frame.can_id == 0),
+        ("configuration", lambda frame: frame.can_id == 0x612 and frame.data[1:3] == b"\x16\x10"),
+        ("start", lambda frame: frame == Frame(0, b"\x01\x13")),
+        ("run", lambda frame: frame.can_id == SYNC and frame.data == b"\x64"),
+        ("stop", lambda frame: frame == Frame(0, b"\x02\x12")),
+    ],
+)
+def test_a_bus_that_is_lost_fails_the_run_in_every_phase(
+    clock: Clock, phase: str, fails_at: Callable[[Frame], bool]
+) -> None:
+    setup = Setup(clock, ticks=200)
+    setup.robot_port.fails_at = fails_at
+    result = setup.run()
+    assert setup.states[-1] is result.state
+    if phase != "stop":
+        assert (result.state, result.reason) == (State.FAILED, "bus lost: -i fake: lost")
+
+
+def test_lockstep_without_time_ends_after_two_seconds() -> None:
+    setup = Setup(Clock.SYNC)
+    setup.robot_port.drop = lambda frame: frame.can_id == TIME and setup.controller.tick == 50
+    result = setup.run()
+    assert (result.state, result.reason) == (State.FAILED, "no TIME from the emulator within 2 s of SYNC 50")
+    assert setup.waited_s < 3.0
+
+
+def test_lockstep_without_time_ends_even_if_others_keep_talking() -> None:
+    setup = Setup(Clock.SYNC)
+    setup.robot_port.drop = lambda frame: frame.can_id == TIME and setup.controller.tick == 50
+    setup.robot_port.noise = Frame(0x123, b"\x01")
+    receive = setup.robot_port.receive
+
+    def noisy(timeout_s: float) -> list[tuple[int, Frame]]:
+        setup.clock.now_ns += 1_000_000
+        return receive(0.0)
+
+    setup.robot_port.receive = noisy
+    result = setup.run()
+    assert result.reason == "no TIME from the emulator within 2 s of SYNC 50"
+
+
+@pytest.mark.parametrize("clock", Clock)
+def test_a_request_to_stop_is_a_safe_stop(clock: Clock) -> None:
+    setup = Setup(clock, ticks=None)
+    setup.should_stop = lambda: "SIGTERM" if setup.controller.tick >= 100 else None
+    result = setup.run()
+    assert (result.state, result.reason) == (State.FAILED, "interrupted: SIGTERM")
+    assert [joint.command_a for joint in setup.bench.world.state()] == [0.0, 0.0]
+    assert setup.robot_port.sent[-1] == Frame(0, b"\x80\x14")
+    assert setup.controller.tick <= 100 + 802
+
+
+def test_a_request_to_stop_while_cards_are_looked_for_ends_at_once() -> None:
+    setup = Setup(Clock.SYNC, listen_ns=250_000_000)
+    setup.robot_port.drop = lambda frame: True
+    setup.should_stop = lambda: "SIGINT"
+    result = setup.run()
+    assert (result.state, result.reason) == (State.FAILED, "interrupted: SIGINT")
+    assert setup.waited_s <= 0.2
+
+
+def test_a_start_that_cannot_be_leaves_the_cards_stopped() -> None:
+    setup = Setup(Clock.SYNC)
+    setup.bench = make_bench(
+        setup.cell, {"joint2.initial_deg": "129", "joint2.potentiometer_offset_deg": "5"}, Clock.SYNC, 0
+    )
+    setup.robot_port = BenchPort(setup.bench, setup.clock)
+    setup.bench_port = None
+    setup.bench.start()
+    setup.bench.records.clear()
+    result = setup.run()
+    assert result.state is State.FAILED
+    assert "outside limits_deg" in result.reason
+    assert setup.robot_port.sent[-6:] == [
+        Frame(0, bytes((command, node_id))) for command in (0x02, 0x80) for node_id in (0x12, 0x13, 0x14)
+    ]
+
+
+def test_a_stall_of_the_machine_is_counted_as_missed_cycles() -> None:
+    setup = Setup(Clock.WALL)
+    stalls = []
+
+    def stall() -> None:
+        if setup.controller.tick == 100 and not stalls:
+            stalls.append(setup.clock.now_ns)
+            setup.clock.now_ns += 26_000_000
+
+    setup.controller.on_tick = stall
+    result = setup.run()
+    assert (result.state, result.ticks) == (State.DONE, 400)
+    # Inputs are complete 0.6 ms after SYNC; 26.6 ms after it the next deadline is 24.1 ms ago: nine whole periods.
+    assert (result.missed, result.late) == (9, 1)
+    assert result.lateness.max_ns == pytest.approx(24_100_000, abs=100_000)
+
+
+def test_a_machine_that_is_always_late_still_reads_its_inputs() -> None:
+    """Every cycle takes longer than its period, and yet nothing is lost that was received."""
+    setup = Setup(Clock.WALL)
+    setup.bench_port = None
+
+    def slow() -> None:
+        setup.clock.now_ns += 3_000_000
+        setup.bench.advance(setup.clock.now_ns - setup.robot_port._start_ns)
+
+    setup.controller.on_tick = slow
+    result = setup.run()
+    assert (result.state, result.reason) == (State.DONE, None)
+    assert setup.controller.missed < 8
+    # 3 ms of work a cycle: 400 cycles take the time of 480 periods.
+    assert result.missed == pytest.approx(80, abs=2)
+    assert result.late >= 390

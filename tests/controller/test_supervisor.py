@@ -1,0 +1,138 @@
+"""What the supervisor makes of messages, silence, measurements and commands."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from canarm_controller.supervisor import Supervisor
+from canarm_protocol.cell_file import load_cell
+from canarm_protocol.frames import Emergency, Frame
+from canarm_protocol.wiring import card_nodes
+
+DAC, LATCH, ADC = 0x12, 0x13, 0x14
+OPERATIONAL, PRE_OPERATIONAL, STOPPED, BOOT_UP = b"\x05", b"\x7f", b"\x04", b"\x00"  # CiA 301, heartbeat
+TIMEOUT_CYCLES = 40  # 100 ms of 2.5 ms
+
+
+@pytest.fixture
+def supervisor() -> Supervisor:
+    cell = load_cell("konkuk1")
+    return Supervisor(cell, card_nodes(cell))
+
+
+def beat(node_id: int, state: bytes) -> Frame:
+    return Frame(0x700 + node_id, state)
+
+
+def all_beat(supervisor: Supervisor, tick: int) -> None:
+    for node_id in (DAC, LATCH, ADC):
+        assert supervisor.message(beat(node_id, OPERATIONAL), tick) is None
+
+
+def test_heartbeats_in_operational_keep_it_quiet(supervisor: Supervisor) -> None:
+    for tick in range(0, 400, 8):
+        all_beat(supervisor, tick)
+        assert supervisor.begin_cycle(tick) is None
+
+
+def test_a_heartbeat_is_lost_after_its_timeout_and_not_before(supervisor: Supervisor) -> None:
+    all_beat(supervisor, 100)
+    assert supervisor.begin_cycle(100 + TIMEOUT_CYCLES) is None
+    verdict = supervisor.begin_cycle(101 + TIMEOUT_CYCLES)
+    assert str(verdict) == "heartbeat-lost: card 'dac' (node 0x12) silent for 100 ms"
+
+
+@pytest.mark.parametrize(
+    ("state", "name"), [(BOOT_UP, "BOOT_UP"), (STOPPED, "STOPPED"), (PRE_OPERATIONAL, "PRE_OPERATIONAL"), (b"\x42", "0x42")]
+)
+def test_a_card_that_has_run_must_stay_operational(supervisor: Supervisor, state: bytes, name: str) -> None:
+    all_beat(supervisor, 0)
+    verdict = supervisor.message(beat(LATCH, state), 8)
+    assert str(verdict) == f"card-state: card 'latch' (node 0x13) is in {name}, not OPERATIONAL"
+
+
+def test_a_boot_up_counts_even_before_the_first_heartbeat(supervisor: Supervisor) -> None:
+    assert supervisor.message(beat(LATCH, BOOT_UP), 1) is not None
+
+
+def test_pre_operational_from_before_the_start_passes_but_is_no_sign_of_life(supervisor: Supervisor) -> None:
+    for tick in range(TIMEOUT_CYCLES + 1):
+        assert supervisor.message(beat(ADC, PRE_OPERATIONAL), tick) is None
+        assert supervisor.begin_cycle(tick) is None
+        for node_id in (DAC, LATCH):
+            supervisor.message(beat(node_id, OPERATIONAL), tick)
+    verdict = supervisor.begin_cycle(TIMEOUT_CYCLES + 1)
+    assert str(verdict) == "heartbeat-lost: card 'adc' (node 0x14) not in OPERATIONAL after NMT start for 100 ms"
+
+
+def test_emergencies_name_card_and_code(supervisor: Supervisor) -> None:
+    verdict = supervisor.message(Emergency(0x8130, 0x11).frame(ADC), 0)
+    assert str(verdict) == "card-emergency: card 'adc' (node 0x14) reports error 0x8130"
+    assert supervisor.message(Emergency(0, 0).frame(ADC), 0) is None
+    assert supervisor.message(Frame(0x80 + ADC, bytes(7)), 0) is None
+
+
+@pytest.mark.parametrize("can_id", [0x080, 0x701])
+def test_sync_or_our_own_heartbeat_is_another_controller(supervisor: Supervisor, can_id: int) -> None:
+    verdict = supervisor.message(Frame(can_id, OPERATIONAL), 0)
+    assert verdict is not None
+    assert verdict.detector == "foreign-master"
+
+
+def test_inputs_may_miss_seven_cycles_in_a_row_but_not_eight(supervisor: Supervisor) -> None:
+    for _ in range(3):
+        assert [supervisor.missing("TPDO 0x294 of node 0x14") for _ in range(7)] == [None] * 7
+        assert supervisor.measurement([0.0, 0.0]) is None
+    verdicts = [supervisor.missing("TPDO 0x294 of node 0x14") for _ in range(8)]
+    assert verdicts[:7] == [None] * 7
+    assert str(verdicts[7]) == "inputs-missing: no TPDO 0x294 of node 0x14 for 8 cycles"
+
+
+@pytest.mark.parametrize(("degrees", "is_possible"), [(132.9, True), (133.1, False), (-132.9, True), (-133.1, False)])
+def test_a_joint_cannot_be_beyond_its_stops(supervisor: Supervisor, degrees: float, is_possible: bool) -> None:
+    verdict = supervisor.measurement([0.0, math.radians(degrees)])
+    assert (verdict is None) is is_possible
+    assert verdict is None or verdict.detail.startswith("joint3 measured at")
+
+
+@pytest.mark.parametrize(("degrees", "is_possible"), [(7.9, True), (8.1, False), (-7.9, True), (-8.1, False)])
+def test_a_joint_cannot_jump(supervisor: Supervisor, degrees: float, is_possible: bool) -> None:
+    start = [0.5, -0.5]
+    assert supervisor.measurement(start) is None
+    verdict = supervisor.measurement([0.5 + math.radians(degrees), -0.5])
+    assert (verdict is None) is is_possible
+    assert verdict is None or verdict.detail.startswith("joint2 measured 28.6 deg, then")
+
+
+def test_the_first_measurement_is_no_jump(supervisor: Supervisor) -> None:
+    assert supervisor.measurement([2.0, -2.0]) is None
+
+
+@pytest.mark.parametrize("torque", [[0.0, -3.5], (1, 2), np.array([0.5, 1e9])])
+def test_finite_torques_for_every_joint_pass(supervisor: Supervisor, torque: Sequence[float]) -> None:
+    assert supervisor.command(torque) is None
+
+
+@pytest.mark.parametrize(
+    ("torque", "detail"),
+    [
+        ([math.nan, 0.0], "the law asks for nan N m at joint2"),
+        ([0.0, -math.inf], "the law asks for -inf N m at joint3"),
+        ([0.0], "the law returned 1 torques for 2 joints"),
+        (np.zeros(3), "the law returned 3 torques for 2 joints"),
+        (None, "the law returned None; must be 2 torques in N m"),
+        (1.0, "the law returned 1.0; must be 2 torques in N m"),
+        (["1", "2"], "the law returned ['1', '2']; must be 2 torques in N m"),
+        ([1j, 0.0], "the law returned [1j, 0.0]; must be 2 torques in N m"),
+        (np.zeros((2, 2)), "the law returned array([[0., 0.], [0., 0.]]); must be 2 torques in N m"),
+        ([10**400, 0.0], f"the law returned [1{'0' * 78}; must be 2 torques in N m"),
+    ],
+)
+def test_anything_else_that_a_law_returns_is_told_in_one_line(
+    supervisor: Supervisor, torque: Sequence[float], detail: str
+) -> None:
+    verdict = supervisor.command(torque)
+    assert verdict is not None
+    assert (verdict.detector, verdict.detail) == ("law-output", detail)

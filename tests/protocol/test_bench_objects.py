@@ -1,0 +1,79 @@
+"""The bench node's dictionary and PDOs: complete for every joint, and no COB-ID twice on its bus."""
+
+import canopen
+import pytest
+
+from canarm_protocol.bench_objects import SDO_CHANNELS, bench_dictionary, bench_pdos, sdo_channel
+from canarm_protocol.cell import Cell
+from canarm_protocol.cell_checks import BENCH_NODE_IDS, MOST_JOINTS
+from canarm_protocol.cell_file import load_cell
+from canarm_protocol.dictionary import default_value
+from canarm_protocol.pdo import read_layouts
+
+CELL = load_cell("konkuk1")
+
+
+def crowded(node_id: int) -> Cell:
+    """A cell with as many joints as the bench node takes, and that node-ID."""
+    joints = tuple(CELL.joints[0].model_copy(update={"name": f"j{number}"}) for number in range(MOST_JOINTS))
+    robot = CELL.robot[0].model_copy(update={"joint": joints})
+    return CELL.model_copy(update={"robot": (robot,), "bus": CELL.bus.model_copy(update={"bench_node_id": node_id})})
+
+
+@pytest.mark.parametrize("node_id", [BENCH_NODE_IDS[0], BENCH_NODE_IDS[-1]])
+def test_no_two_messages_of_the_bench_bus_share_a_cob_id(node_id: int) -> None:
+    dictionary = bench_dictionary(crowded(node_id))
+    taken = [0x000, 0x080, 0x100]
+    taken += [base + each for each in (*range(1, 0x70), node_id) for base in (0x080, 0x700)]
+    taken += [cob_id for channel in range(SDO_CHANNELS + 1) for cob_id in sdo_channel(node_id, channel)]
+    for kind in ("rpdo", "tpdo"):
+        taken += [
+            layout.cob_id for layout in read_layouts(dictionary, kind, lambda i, s: default_value(dictionary, i, s))
+        ]
+    assert len(taken) == len(set(taken))
+    assert max(taken) <= 0x77F
+
+
+def test_every_pdo_carries_what_its_name_says() -> None:
+    pdos = bench_pdos(CELL)
+
+    def objects(layout: object) -> list[tuple[int, int]]:
+        return [(mapped.index, mapped.subindex) for mapped in layout.objects]
+
+    assert objects(pdos.status) == [(0x2001, 0)]
+    assert [objects(layout) for layout in pdos.truth] == [[(0x2100, 1), (0x2101, 1)], [(0x2100, 2), (0x2101, 2)]]
+    assert [objects(layout) for layout in pdos.drive] == [[(0x2102, 1), (0x2103, 1)], [(0x2102, 2), (0x2103, 2)]]
+    assert objects(pdos.controller) == [(0x2110, 0), (0x2111, 0), (0x2112, 0)]
+    assert [objects(layout) for layout in pdos.reference] == [[(0x2110, 0), (0x2120, 1)], [(0x2110, 0), (0x2120, 2)]]
+    assert [objects(layout) for layout in pdos.measured] == [[(0x2121, 1), (0x2122, 1)], [(0x2121, 2), (0x2122, 2)]]
+    assert [objects(layout) for layout in pdos.command] == [[(0x2123, 1), (0x2124, 1)], [(0x2123, 2), (0x2124, 2)]]
+    assert objects(pdos.internals[1][0]) == [(0x2131, 2), (0x2132, 2)]
+    assert objects(pdos.internals[1][1]) == [(0x2133, 2), (0x2134, 2)]
+
+
+def test_floats_travel_in_single_precision() -> None:
+    layout = bench_pdos(CELL).truth[0]
+    assert layout.pack(1.0, -2.0).hex() == "0000803f" + "000000c0"  # IEEE 754
+    assert layout.size == 8
+
+
+def test_defaults_fit_their_types_and_every_array_tells_its_length() -> None:
+    for entry in bench_dictionary(CELL).values():
+        if isinstance(entry, canopen.objectdictionary.ODVariable):
+            continue
+        assert entry.index == 0x1003 or entry[0].default == max(entry.subindices)
+        for variable in entry.values():
+            variable.encode_raw(variable.default)
+
+
+def test_sdo_channels_are_the_default_one_and_eight_more() -> None:
+    assert sdo_channel(0x70, 0) == (0x670, 0x5F0)
+    assert [sdo_channel(0x70, n) for n in (1, 8)] == [(0x631, 0x5B1), (0x638, 0x5B8)]
+    dictionary = bench_dictionary(CELL)
+    for channel in range(SDO_CHANNELS + 1):
+        record = 0x1200 + channel
+        assert (default_value(dictionary, record, 1), default_value(dictionary, record, 2)) == sdo_channel(
+            0x70, channel
+        )
+    with pytest.raises(ValueError, match=r"^SDO channel 9: the bench has channels 0 to 8$"):
+        sdo_channel(0x70, 9)

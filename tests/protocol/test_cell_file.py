@@ -1,0 +1,366 @@
+"""A wrong cell is answered with one line a problem: file, key, value, and what would be right."""
+
+import pytest
+
+from canarm_protocol.cell_checks import MOST_JOINTS, problems
+from canarm_protocol.cell_file import load_cell, parse_cell, setting_keys, shipped_cells
+from canarm_protocol.errors import CellError, ProtocolError
+
+TEXT = shipped_cells()["konkuk1"]
+LATCH_JOINT3 = '{ number = 2, signal = "joint3.direction" }'
+
+
+def complaints(old: str, new: str) -> list[str]:
+    """What is said of konkuk1 with the first `old` replaced by `new`."""
+    assert old in TEXT
+    with pytest.raises(CellError) as caught:
+        parse_cell(TEXT.replace(old, new, 1), "my.toml")
+    return str(caught.value).splitlines()
+
+
+def setting_complaint(key: str, value: str) -> str:
+    with pytest.raises(CellError) as caught:
+        load_cell("konkuk1", {key: value})
+    return str(caught.value)
+
+
+def test_every_shipped_cell_is_valid_and_named_as_its_file() -> None:
+    for name in shipped_cells():
+        assert load_cell(name).name == name
+
+
+def test_konkuk1_has_the_nominal_parameters_of_the_paper() -> None:
+    cell = load_cell("konkuk1")
+    assert cell.bus.cycle_ns == 2_500_000
+    assert cell.bus.cycle_s == 2.5e-3
+    assert [joint.motor.torque_per_ampere for joint in cell.joints] == pytest.approx([4.08, 2.72])
+    assert [joint.motor.reflected_inertia_kg_m2 for joint in cell.joints] == pytest.approx([0.054, 0.024])
+    assert [card.node_id for card in cell.card] == [0x12, 0x13, 0x14]
+
+
+def test_a_cell_is_read_from_a_file(tmp_path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(TEXT.replace("cycle_us = 2500", "cycle_us = 5000"), encoding="utf-8")
+    assert load_cell(str(path)).bus.cycle_us == 5000
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("bitrate = 1_000_000", "", "bus.bitrate: is missing"),
+        (
+            "bitrate = 1_000_000",
+            "bitrate = 300_000",
+            "bus.bitrate = 300000: must be 10000, 20000, 50000, 125000, 250000, 500000, 800000 or 1000000",
+        ),
+        ("cycle_us = 2500", 'cycle_us = "2500"', 'bus.cycle_us = "2500": must be a whole number'),
+        ("cycle_us = 2500", "cycle_us = 2500.5", "bus.cycle_us = 2500.5: must be a whole number"),
+        ("cycle_us = 2500", "cycle_us = true", "bus.cycle_us = true: must be a whole number"),
+        ("cycle_us = 2500", "cycle_us = 10", "bus.cycle_us = 10: must be at least 500"),
+        ("slot = 3", "slot = 8", "card 'latch'.slot = 8: must be at most 7"),
+        ("node_id = 0x13", "node_id = 200", "card 'latch'.node_id = 0xC8: node-IDs are 0x01 to 0x7F"),
+        ("node_id = 0x13", "node_id = 0", "card 'latch'.node_id = 0x00: node-IDs are 0x01 to 0x7F"),
+        (
+            "mass_kg = 1.0",
+            "mass_kg = -1.0",
+            "robot 'konkuk1'.joint 'joint2'.link.mass_kg = -1.0: must be greater than 0",
+        ),
+        ("mass_kg = 1.0", 'mass_kg = "1"', "robot 'konkuk1'.joint 'joint2'.link.mass_kg = \"1\": must be a number"),
+        ("home_deg = 20.0", "home_deg = nan", "robot 'konkuk1'.joint 'joint2'.home_deg = nan: must be a finite number"),
+        (
+            "[0.0, 2.7e-3, 2.7e-3]",
+            "[0.0, 2.7e-3]",
+            "robot 'konkuk1'.joint 'joint2'.link.inertia_kg_m2 = [0.0, 0.0027]: element 3 is missing",
+        ),
+        (
+            "[0.0, 2.7e-3, 2.7e-3]",
+            "3.0",
+            "robot 'konkuk1'.joint 'joint2'.link.inertia_kg_m2 = 3.0: must be an array, [...]",
+        ),
+        ("[bus]", "[[bus]]", "bus = [{...}]: must be a table"),
+        (
+            'name = "konkuk1"',
+            'name = "Konkuk 1"',
+            "name = \"Konkuk 1\": must be lower-case letters, digits, '-' and '_', beginning with a letter, at most 32",
+        ),
+        ('title = "KON', 'title = 5 # "KON', 'title = 5: must be text in "quotes"'),
+        ('model = "sc300"', 'model = "sc30"', "card 'latch'.model = \"sc30\": must be 'dac0808', 'sc300' or 'adc0809'"),
+        (
+            "joint3.direction",
+            "Joint 3",
+            'card \'latch\'.channel 2.signal = "Joint 3": must be "<joint>.<quantity>", such as "joint2.potentiometer"',
+        ),
+    ],
+)
+def test_a_wrong_value_is_named_with_its_key_and_what_would_be_right(old: str, new: str, complaint: str) -> None:
+    assert complaints(old, new) == [f"my.toml: {complaint}"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "lines"),
+    [
+        (
+            "cycle_us = 2500",
+            "cycle_uss = 2500",
+            ["bus.cycle_us: is missing", "bus.cycle_uss: unknown key; did you mean 'cycle_us'?"],
+        ),
+        ("[physics]", "[fysics]", ["physics: is missing", "fysics: unknown table; did you mean 'physics'?"]),
+        (
+            "max_step_us = 650",
+            "max_step_us = 650\nqq = 1",
+            ["physics.qq: unknown key; known are max_step_us"],
+        ),
+        (
+            "node_id = 0x13",
+            "node_id = 0x13\nspeed = 1",
+            [
+                "card 'latch'.speed: unknown key; known are name, model, robot, slot, node_id, conversion_us, channel",
+            ],
+        ),
+    ],
+)
+def test_an_unknown_key_comes_with_the_nearest_known_one(old: str, new: str, lines: list[str]) -> None:
+    assert complaints(old, new) == [f"my.toml: {line}" for line in lines]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        (
+            "node_id = 0x13",
+            "node_id = 0x12",
+            "card 'latch'.node_id = 0x12: card 'dac' has it already; by slot it would be 0x13",
+        ),
+        (
+            "node_id = 0x13",
+            "node_id = 1",
+            "card 'latch'.node_id = 0x01: is bus.controller_node_id; by slot it would be 0x13",
+        ),
+        ("slot = 3", "slot = 2", "card 'latch'.slot = 2: card 'dac' of the same robot is there; slots are 1 to 7"),
+        ('name = "latch"', 'name = "dac"', "card.name = 'dac': is used 2 times; each must be unique"),
+        (
+            'robot = "konkuk1"\nslot = 3',
+            'robot = "konkuk2"\nslot = 3',
+            "card 'latch'.robot = \"konkuk2\": no such robot; this cell has konkuk1",
+        ),
+        (
+            '"joint3.current_command"',
+            '"joint2.current_command"',
+            "card 'dac'.channel 2.signal = \"joint2.current_command\": "
+            "is wired to card 'dac'.channel 1 already; wire it once",
+        ),
+        (
+            LATCH_JOINT3 + ",",
+            "",
+            'card.channel: "joint3.direction" is not wired; a channel of card model sc300 takes it',
+        ),
+        (
+            "joint3.direction",
+            "joint4.direction",
+            "card 'latch'.channel 2.signal = \"joint4.direction\": robot 'konkuk1' has no joint 'joint4'; "
+            "it has joint2, joint3",
+        ),
+        (
+            "joint3.direction",
+            "joint3.directions",
+            "card 'latch'.channel 2.signal = \"joint3.directions\": card model sc300 takes <joint>.direction",
+        ),
+        (
+            LATCH_JOINT3,
+            '{ number = 5, signal = "joint3.direction" }',
+            "card 'latch'.channel 5: card model sc300 has channels 1 to 4",
+        ),
+        (
+            LATCH_JOINT3,
+            '{ number = 1, signal = "joint3.direction" }',
+            "card 'latch'.channel 1: is listed twice; give each wire its own channel",
+        ),
+        (
+            "heartbeat_timeout_ms = 100",
+            "heartbeat_timeout_ms = 39",
+            "bus.heartbeat_timeout_ms = 39: must be at least twice heartbeat_ms = 20, "
+            "or one late heartbeat stops the robot",
+        ),
+        (
+            "cycle_us = 2500",
+            "cycle_us = 60_000",
+            "bus.heartbeat_timeout_ms = 100: must be at least two cycles (cycle_us = 60000), "
+            "the controller sends no more often than that",
+        ),
+        ("bench_node_id = 0x70", "bench_node_id = 0x6F", "bus.bench_node_id = 0x6F: must be 0x70 to 0x7F"),
+        (
+            "controller_node_id = 1",
+            "controller_node_id = 0x70",
+            "bus.controller_node_id = 0x70: is bench_node_id; on the bench bus they meet",
+        ),
+        (
+            "[-130.0, 130.0]",
+            "[130.0, -130.0]",
+            "joint 'joint2'.limits_deg = [130, -130]: must be [lower, upper] with lower < upper",
+        ),
+        (
+            "[-130.0, 130.0]",
+            "[-130.0, 140.0]",
+            "joint 'joint2'.limits_deg = [-130, 140]: the potentiometer sees -135 to 135 degrees; stay within",
+        ),
+        (
+            "home_deg = 20.0",
+            "home_deg = 131.0",
+            "joint 'joint2'.home_deg = 131: must lie within limits_deg = [-130, 130]",
+        ),
+        (
+            "tachometer_zero_v = 2.5",
+            "tachometer_zero_v = 5.0",
+            "joint 'joint2'.sensors.tachometer_zero_v = 5: must lie between 0 and full_scale_v = 5",
+        ),
+        (
+            "potentiometer_zero_v = 2.5",
+            "potentiometer_zero_v = 5.5",
+            "joint 'joint2'.sensors.potentiometer_zero_v = 5.5: must be at most full_scale_v = 5",
+        ),
+        (
+            "conversion_us = 100",
+            "conversion_us = 334",
+            "card 'adc'.conversion_us = 334: a scan of 6 channels and bus.compute_delay_us = 500 "
+            "do not fit into bus.cycle_us = 2500",
+        ),
+    ],
+)
+def test_parts_that_do_not_fit_together_are_named(old: str, new: str, complaint: str) -> None:
+    assert complaints(old, new) == [f"my.toml: {complaint}"]
+
+
+def test_an_adc_that_just_fits_into_the_cycle_is_accepted() -> None:
+    assert parse_cell(TEXT.replace("conversion_us = 100", "conversion_us = 333"), "my.toml")
+
+
+def test_joints_on_one_adc_share_its_reference_voltage() -> None:
+    joint2, joint3 = TEXT.split('name = "joint3"')
+    joint3 = joint3.replace("full_scale_v = 5.0", "full_scale_v = 5.5")
+    text = joint2 + 'name = "joint3"' + joint3.replace("potentiometer_zero_v = 2.5", "potentiometer_zero_v = 2.75")
+    with pytest.raises(CellError) as caught:
+        parse_cell(text, "my.toml")
+    assert str(caught.value) == (
+        "my.toml: card 'adc': its joints' sensors.full_scale_v must be the same; they are 5 (joint2), 5.5 (joint3)"
+    )
+
+
+def test_several_problems_are_told_at_once() -> None:
+    lines = complaints("node_id = 0x13", "node_id = 0x12\nconversion_us = 0")
+    assert lines == [
+        "my.toml: card 'latch'.conversion_us = 0: must be at least 1"
+    ]  # values first, then what they share
+    text = TEXT.replace("node_id = 0x13", "node_id = 0x12").replace("slot = 4", "slot = 3")
+    with pytest.raises(CellError) as caught:
+        parse_cell(text, "my.toml")
+    assert len(str(caught.value).splitlines()) == 2
+
+
+def test_more_joints_than_the_bench_node_has_objects_for_are_refused() -> None:
+    cell = load_cell("konkuk1")
+    joints = tuple(cell.joints[0].model_copy(update={"name": f"j{number}"}) for number in range(MOST_JOINTS + 1))
+    crowded = cell.model_copy(update={"robot": (cell.robot[0].model_copy(update={"joint": joints}),)})
+    assert "robot.joint: 33 joints; a cell has at most 32" in list(problems(crowded))
+
+
+def test_what_is_not_toml_is_said_with_its_line() -> None:
+    (line,) = complaints("[bus]", "[bus")
+    assert line.startswith("my.toml: not valid TOML:")
+    assert "line 7" in line
+
+
+def test_an_empty_file_is_told_every_table_that_it_lacks() -> None:
+    with pytest.raises(CellError) as caught:
+        parse_cell("", "my.toml")
+    lines = str(caught.value).splitlines()
+    tables = ("name", "title", "bus", "physics", "robot", "card", "control", "supervision")
+    assert lines == [f"my.toml: {table}: is missing" for table in tables]
+
+
+@pytest.mark.parametrize(
+    ("name", "complaint"),
+    [
+        ("konkuk", "konkuk: no such file, and no cell of that name; did you mean 'konkuk1'?"),
+        ("zzz.toml", "zzz.toml: no such file, and no cell of that name; known are konkuk1"),
+    ],
+)
+def test_a_cell_that_is_not_there_is_said_with_those_that_are(monkeypatch, tmp_path, name: str, complaint: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(CellError) as caught:
+        load_cell(name)
+    assert str(caught.value) == complaint
+    assert isinstance(caught.value, ProtocolError)
+
+
+def test_what_cannot_be_read_as_text_is_no_cell(tmp_path) -> None:
+    with pytest.raises(CellError, match=r"cannot be read: Is a directory$"):
+        load_cell(str(tmp_path))
+    path = tmp_path / "binary.toml"
+    path.write_bytes(b"\xff\xfe")
+    with pytest.raises(CellError, match=r"binary\.toml: is not a text in UTF-8; a cell is a TOML file$"):
+        load_cell(str(path))
+
+
+def test_keys_of_the_command_line_are_laid_over_the_file() -> None:
+    cell = load_cell("konkuk1", {"control.mras.gamma_bias": "10", "supervision.missing_cycles": "5"})
+    assert cell.control.mras.gamma_bias == 10.0
+    assert isinstance(cell.control.mras.gamma_bias, float)
+    assert cell.supervision.missing_cycles == 5
+
+
+def test_every_key_that_set_takes_is_listed_with_its_nominal_value() -> None:
+    keys = setting_keys(load_cell("konkuk1"))
+    assert keys["control.natural_frequency_rad_s"] == 12.0
+    assert keys["supervision.missing_cycles"] == 8
+    for key, value in keys.items():
+        load_cell("konkuk1", {key: str(value).lower()})
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "complaint"),
+    [
+        (
+            "control.natural_freq",
+            "3",
+            "--set control.natural_freq=3: no such key (see `canarm check --keys`); "
+            "did you mean 'natural_frequency_rad_s'?",
+        ),
+        (
+            "control.mras.gamma",
+            "3",
+            "--set control.mras.gamma=3: no such key (see `canarm check --keys`); did you mean 'gamma_bias'?",
+        ),
+        (
+            "bus.cycle_us",
+            "3",
+            "--set bus.cycle_us=3: keys begin with 'control.' or 'supervision.'; see `canarm check --keys`",
+        ),
+        ("control", "3", "--set control=3: keys begin with 'control.' or 'supervision.'; see `canarm check --keys`"),
+        ("control.damping_ratio", "abc", "--set control.damping_ratio=abc: 'abc' is not a value such as 1.0"),
+        ("control.damping_ratio", "1,5", "--set control.damping_ratio=1,5: '1,5' is not a value such as 1.0"),
+        (
+            "control.damping_ratio",
+            "1\nx = 2",
+            "--set control.damping_ratio=1\nx = 2: '1\\nx = 2' is not a value such as 1.0",
+        ),
+        ("supervision.missing_cycles", "", "--set supervision.missing_cycles=: '' is not a value such as 8"),
+        (
+            "control.damping_ratio",
+            "-1",
+            "cell konkuk1 with --set: control.damping_ratio = -1: must be greater than 0",
+        ),
+        (
+            "supervision.missing_cycles",
+            "2.5",
+            "cell konkuk1 with --set: supervision.missing_cycles = 2.5: must be a whole number",
+        ),
+        ("control.damping_ratio", "true", "cell konkuk1 with --set: control.damping_ratio = true: must be a number"),
+    ],
+)
+def test_a_wrong_key_of_the_command_line_is_named(key: str, value: str, complaint: str) -> None:
+    assert setting_complaint(key, value) == complaint
+
+
+def test_a_table_cannot_be_set_whole() -> None:
+    complaint = setting_complaint("control.mras", "3")
+    assert complaint.startswith("--set control.mras=3: is a table; set one of its keys, gamma_alpha, gamma_beta,")

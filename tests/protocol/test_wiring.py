@@ -1,0 +1,91 @@
+"""EDS mapping and cell wiring joined: which bytes of which frame are which joint's signal."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from canarm_protocol.cell import Quantity
+from canarm_protocol.cell_file import load_cell, parse_cell, shipped_cells
+from canarm_protocol.wiring import InputSlot, OutputFrames, card_nodes, input_slots, sensor_scale
+
+CELL = load_cell("konkuk1")
+NODES = card_nodes(CELL)
+CODES = st.integers(0, 255)
+BITS = st.integers(0, 3)
+
+
+def swapped() -> str:
+    """konkuk1 with joint 3 on the latch's channel 4 and the DAC's channel 1."""
+    text = shipped_cells()["konkuk1"]
+    text = text.replace('{ number = 2, signal = "joint3.direction" }', '{ number = 4, signal = "joint3.direction" }')
+    text = text.replace(
+        '{ number = 1, signal = "joint2.current_command" }', '{ number = 3, signal = "joint2.current_command" }'
+    )
+    return text.replace(
+        '{ number = 2, signal = "joint3.current_command" }', '{ number = 1, signal = "joint3.current_command" }'
+    )
+
+
+def test_a_code_travels_shifted_left_by_seven_and_directions_two_bits_a_joint() -> None:
+    frames = OutputFrames(CELL, NODES).pack([0x80, 0xFF], [0b10, 0b01])
+    assert frames == [(0x312, bytes.fromhex("0040807f")), (0x213, bytes([0b0110]))]
+
+
+@given(st.tuples(CODES, CODES), st.tuples(BITS, BITS))
+def test_outputs_are_read_back_from_their_bytes(codes: tuple[int, int], directions: tuple[int, int]) -> None:
+    (_, analogue), (_, digital) = OutputFrames(CELL, NODES).pack(codes, directions)
+    values = [int.from_bytes(analogue[i : i + 2], "little", signed=True) for i in (0, 2)]
+    assert [value >> 7 for value in values] == list(codes)
+    assert min(values) >= 0
+    assert (digital[0] & 3, digital[0] >> 2) == directions
+
+
+def test_the_wiring_of_the_cell_decides_where_a_joint_sits() -> None:
+    cell = parse_cell(swapped(), "swapped")
+    frames = OutputFrames(cell, card_nodes(cell)).pack([1, 2], [0b01, 0b10])
+    assert frames == [
+        (0x312, (2 << 7).to_bytes(2, "little") + (1 << 7).to_bytes(2, "little")),
+        (0x213, bytes([0b1000_0001])),
+    ]
+
+
+def test_only_wired_channels_are_mapped() -> None:
+    dac, latch, adc = NODES
+    assert [[mapped.subindex for mapped in layout.objects] for layout in dac.rpdos] == [[1, 2]]
+    assert [[mapped.subindex for mapped in layout.objects] for layout in latch.rpdos] == [[1]]
+    assert [[mapped.subindex for mapped in layout.objects] for layout in adc.tpdos] == [[1, 2, 3, 4], [5, 6]]
+
+
+def test_every_input_has_its_place_in_a_frame() -> None:
+    position, speed, current = Quantity.POTENTIOMETER, Quantity.TACHOMETER, Quantity.CURRENT_SENSE
+    assert input_slots(CELL, NODES) == (
+        InputSlot(0x14, 0x294, 0, position, 0),
+        InputSlot(0x14, 0x294, 1, position, 1),
+        InputSlot(0x14, 0x294, 2, speed, 0),
+        InputSlot(0x14, 0x294, 3, speed, 1),
+        InputSlot(0x14, 0x394, 0, current, 0),
+        InputSlot(0x14, 0x394, 1, current, 1),
+    )
+
+
+def test_sensor_scales_are_those_of_the_parts() -> None:
+    """Potentiometer 270 degrees on 0..5 V (1.059 degrees a step), tachometer ±2.5 rad/s (0.0196), current 1.5 A."""
+    joint = CELL.joints[0]
+    angle = sensor_scale(joint, Quantity.POTENTIOMETER)
+    assert math.degrees(angle.step) == pytest.approx(1.059, abs=5e-4)
+    assert math.degrees(angle(0)) == pytest.approx(-135.0)
+    assert math.degrees(angle(255)) == pytest.approx(135.0)
+    speed = sensor_scale(joint, Quantity.TACHOMETER)
+    assert speed.step == pytest.approx(0.0196, abs=5e-5)
+    assert (speed(0), speed(127.5), speed(255)) == pytest.approx((-2.5, 0.0, 2.5))
+    current = sensor_scale(joint, Quantity.CURRENT_SENSE)
+    assert (current(0), current(255)) == pytest.approx((0.0, 1.5))
+
+
+def test_an_output_has_no_sensor_scale() -> None:
+    with pytest.raises(
+        ValueError, match=r"^direction is no sensor; sensors are potentiometer, tachometer and current_sense$"
+    ):
+        sensor_scale(CELL.joints[0], Quantity.DIRECTION)
