@@ -1,6 +1,6 @@
 """The command line: one entry for all commands, one place where errors become a line and an exit status.
 
-Status 0: done. 1: the run failed or ended in a safe stop. 2: the command line, a cell or another file given to it is wrong.
+Exit status 0: done. 1: the run failed or ended in a safe stop. 2: the command line, a cell or another file is wrong.
 """
 
 import importlib.metadata
@@ -9,54 +9,92 @@ import os
 import sys
 from collections.abc import Sequence
 
-from canarm_protocol.errors import BusError, CellError, ProtocolError
 from cyclopts import App, CycloptsError
+from cyclopts.config import Env
 
-from .session import UsageError
+from canarm_protocol.errors import BusError, ProtocolError
 
-FAILED, WRONG_USAGE, INTERRUPTED = 1, 2, 130
+from .stopping import interrupt_on_terminate
+from .usage import UsageError
+
+FAILED, WRONG_USAGE = 1, 2
+ENVIRONMENT_PREFIX = "CANARM_"
+LOG_LEVEL = f"{ENVIRONMENT_PREFIX}LOG"
 
 app = App(
     name="canarm",
     version=importlib.metadata.version("canarm"),
     help="Hardware-in-the-loop bench for robot servo controllers on a virtual CAN bus.",
+    help_epilogue=(
+        "Every option can be given in the environment as well: --sync-timeout as CANARM_SYNC_TIMEOUT, and so on. "
+        "Exit status: 0 done; 1 the run failed or was stopped; 2 the command line or a file is wrong."
+    ),
+    config=Env(ENVIRONMENT_PREFIX, command=False, show=False),
     result_action="return_value",
+    suppress_keyboard_interrupt=False,
 )
 for _name, _help in {
     "demo": "Run emulator and controller against each other, with the dashboard on a terminal.",
     "emulator": "Emulate the robot: cards, electrics, arm and both buses.",
     "controller": "Control the robot: find the cards, run the law, stop safely.",
-    "tui": "Watch a running bench.",
+    "tui": "Watch a running bench in a dashboard.",
     "check": "Validate a cell file and show what it describes.",
 }.items():
     app.command(f"canarm.commands.{_name}:{_name}", name=_name, help=_help)
+app.register_install_completion_command(add_to_startup=False)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave with its exit status."""
-    logging.basicConfig(level=os.environ.get("CANARM_LOG", "ERROR").upper(), format="%(levelname)s %(name)s: %(message)s")
+    status = run(sys.argv[1:] if arguments is None else arguments)
     try:
-        sys.exit(run(sys.argv[1:] if arguments is None else arguments))
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(FAILED)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError as error:
+        status = _lose_stdout(error)
+    sys.exit(status)
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run one command and return its exit status. Every expected error ends in one line on stderr."""
+    """Run one command and return its exit status. Every error ends in a line on stderr, never in a traceback."""
     try:
+        interrupt_on_terminate()
+        _set_up_logging()
         result = app(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as error:
-        return _complain(f"{error} See `canarm {' '.join(error.command_chain or ())} --help`.", WRONG_USAGE)
-    except (UsageError, CellError) as error:
+        command = " ".join(("canarm", *(error.command_chain or ())))
+        return _complain(f"{' '.join(str(error).split())} See `{command} --help`.", WRONG_USAGE)
+    except UsageError as error:
         return _complain(str(error), WRONG_USAGE)
     except BusError as error:
         return _complain(str(error), FAILED)
     except ProtocolError as error:
         return _complain(str(error), WRONG_USAGE)
     except KeyboardInterrupt:
-        return _complain("interrupted", INTERRUPTED)
+        return _complain("interrupted", FAILED)
+    except BrokenPipeError as error:
+        return _lose_stdout(error)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        return _complain(f"{where}{error.strerror or error}", FAILED)
+    except Exception as error:
+        logging.getLogger(__name__).debug("", exc_info=True)
+        where = f"; {LOG_LEVEL}=debug shows where"
+        return _complain(f"this should not happen: {type(error).__name__}: {error}{where}", FAILED)
     return result if isinstance(result, int) else 0
+
+
+def _set_up_logging() -> None:
+    level = os.environ.get(LOG_LEVEL, "error").upper()
+    if level not in logging.getLevelNamesMapping():
+        raise UsageError(f"{LOG_LEVEL}={level.lower()}: must be debug, info, warning, error or critical")
+    logging.basicConfig(level=level, format="%(levelname)s %(name)s: %(message)s")
+
+
+def _lose_stdout(error: OSError) -> int:
+    # What is left in the buffer would be tried again, and complained about, when the interpreter ends.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return _complain(f"stdout: {error.strerror}", FAILED)
 
 
 def _complain(text: str, status: int) -> int:

@@ -1,21 +1,63 @@
-"""The options that several commands share, and what they become."""
+"""The options that several commands share, and what they become. Every one can come from the environment as well."""
 
+import difflib
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
+
+import can
+from cyclopts import Parameter
 
 from canarm_protocol.cell import Cell
 from canarm_protocol.cell_file import load_cell
+from canarm_protocol.errors import BusError
 from canarm_protocol.port import BusPort, open_port, parse_bus_options
 from canarm_protocol.socketcand import DEFAULT_PORT
-from cyclopts import Parameter
 
-from .session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError, parse_settings
+from .usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError, parse_settings
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_ADDRESS = f"{DEFAULT_HOST}:{DEFAULT_PORT}"
-ClockName = Literal["wall", "sync"]
-Words = Annotated[list[str], Parameter(negative=(), consume_multiple=False)]
+ROBOT_BUS, BENCH_BUS = "can0", "bench"
+LOSSY = "udp_multicast"
+"""python-can's interface that may lose frames."""
+
+
+def _positive(type_: object, value: float | None) -> None:
+    if value is not None and not (math.isfinite(value) and value > 0.0):
+        raise ValueError("must be a number of seconds above 0.")
+
+
+def _not_negative(type_: object, value: int) -> None:
+    if value < 0:
+        raise ValueError("must be 0 or more.")
+
+
+Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
+Seconds = Annotated[float, Parameter(metavar="SECONDS", validator=_positive, show_default=lambda value: f"{value:g} s")]
+Address = Annotated[str, Parameter(metavar="HOST:PORT")]
+Seed = Annotated[int, Parameter(validator=_not_negative, help="Seed of the sensor noise.")]
+Words = Annotated[list[str], Parameter(negative=(), metavar="KEY=VALUE", show_default=False)]
+Settings = Annotated[Words, Parameter(consume_multiple=False)]
+"""One KEY=VALUE an option."""
+BusWords = Annotated[Words, Parameter(consume_multiple=True)]
+"""As many KEY=VALUE after one option as there are, as python-can's own tools take them."""
+MoreBusWords = Annotated[
+    str, Parameter(help="Options KEY=VALUE of the robot's bus, as after --bus-kwargs.", show_env_var=False)
+]
+ClockName = Annotated[
+    Literal["wall", "sync"],
+    Parameter(help="What drives time: the wall clock, or SYNC (lockstep: as fast as the machine can, and repeatable)."),
+]
+Truth = Annotated[
+    Settings,
+    Parameter(
+        help="What differs from nominal in the true robot, as joint3.mass=0.9; may be repeated. Keys: check --keys."
+    ),
+]
+WithParent = Annotated[bool, Parameter(negative=(), show=False)]
 
 
 @Parameter(name="*")
@@ -23,9 +65,14 @@ Words = Annotated[list[str], Parameter(negative=(), consume_multiple=False)]
 class CellOptions:
     """Which cell, and which of its gains are other than in the file."""
 
-    cell: Annotated[str, Parameter(help="Cell: a shipped name or a TOML file.")] = DEFAULT_CELL
+    cell: Annotated[str, Parameter(metavar="NAME|FILE", help="Cell: a shipped name or a TOML file.")] = DEFAULT_CELL
     settings: Annotated[
-        Words, Parameter(name="--set", help="KEY=VALUE over control.* and supervision.* of the cell; may be repeated.")
+        Settings,
+        Parameter(
+            name="--set",
+            help="Gain or limit of the controller other than in the cell, as control.natural_frequency_rad_s=10; "
+            "may be repeated. Keys: check --keys.",
+        ),
     ] = field(default_factory=list)
 
     def load(self) -> Cell:
@@ -38,13 +85,19 @@ class CellOptions:
 class ControlOptions:
     """What the controller is to do."""
 
-    law: Annotated[str, Parameter(help="Control law: pd, mras, or FILE.py:CLASS.")] = DEFAULT_LAW
+    law: Annotated[
+        str, Parameter(metavar="NAME|FILE.py:CLASS", help="Control law: pd, mras, or a class of your own.")
+    ] = DEFAULT_LAW
     feedforward: Annotated[
         Literal["none", "table", "online"] | None,
         Parameter(help="Feed-forward torque; the law's own choice unless given."),
     ] = None
     trajectory: Annotated[
-        str, Parameter(help="Trajectory: sine, trapezoid, or a CSV file (time_s and a column of degrees a joint).")
+        str,
+        Parameter(
+            metavar="NAME|FILE",
+            help="Trajectory: sine, trapezoid, or a CSV file with time_s and a column of degrees for each joint.",
+        ),
     ] = DEFAULT_TRAJECTORY
 
 
@@ -53,48 +106,106 @@ class ControlOptions:
 class OutputOptions:
     """Where the run is recorded and how it is summed up."""
 
-    out: Annotated[Path | None, Parameter(help="Run folder to record into.")] = None
-    json: Annotated[bool, Parameter(negative=(), help="Last line on stdout is the summary as one JSON object.")] = False
+    out: Annotated[Path | None, Parameter(metavar="DIR", help="Run folder to record into; must not hold a run.")] = None
+    json: Annotated[Flag, Parameter(help="Last line on stdout is the summary as one JSON object.")] = False
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class BusOptions:
-    """The robot's bus and the bench's, by python-can's flags."""
+    """The robot's bus, by python-can's flags. `more` are further KEY=VALUE, given without --bus-kwargs."""
 
     interface: Annotated[
-        str | None, Parameter(name=["--interface", "-i"], help="python-can interface of the robot's bus.")
+        str | None,
+        Parameter(
+            name=["--interface", "-i"],
+            metavar="NAME",
+            help="python-can interface of the robot's bus, such as socketcan.",
+        ),
     ] = None
-    channel: Annotated[str | None, Parameter(name=["--channel", "-c"], help="Channel of the robot's bus.")] = None
-    bus_kwargs: Annotated[
-        Words, Parameter(help="KEY=VALUE for the robot's bus, as host=127.0.0.1; may be repeated.")
-    ] = field(default_factory=list)
-    bench_interface: Annotated[str | None, Parameter(help="python-can interface of the bench bus.")] = None
-    bench_channel: Annotated[str | None, Parameter(help="Channel of the bench bus.")] = None
-    bench_bus_kwargs: Annotated[Words, Parameter(help="KEY=VALUE for the bench bus; may be repeated.")] = field(
+    channel: Annotated[
+        str | None,
+        Parameter(name=["--channel", "-c"], metavar="NAME", help="Channel of the robot's bus, such as vcan0."),
+    ] = None
+    bus_kwargs: Annotated[BusWords, Parameter(help="Options of the robot's bus, such as bitrate=1000000.")] = field(
         default_factory=list
     )
 
-    def open_robot(self) -> BusPort | None:
-        """The robot's bus if one is named. Raises `BusError`."""
-        if self.interface is None:
-            if self.channel is not None or self.bus_kwargs:
-                raise UsageError("-c/--channel and bus options need -i/--interface as well")
-            return None
-        return open_port(self.interface, self.channel, **parse_bus_options(self.bus_kwargs))
-
-    def open_bench(self) -> BusPort | None:
-        """The bench bus if one is named. Raises `BusError`."""
-        if self.bench_interface is None:
-            if self.bench_channel is not None or self.bench_bus_kwargs:
-                raise UsageError("--bench-channel and its options need --bench-interface as well")
-            return None
-        return open_port(self.bench_interface, self.bench_channel, **parse_bus_options(self.bench_bus_kwargs))
+    def named(self, more: Sequence[str] = ()) -> "NamedBus | None":
+        """The robot's bus if one is named. Raises `UsageError`."""
+        return _named("-i", self.interface, self.channel, [*self.bus_kwargs, *more])
 
 
-def parse_address(option: str, text: str) -> tuple[str, int]:
-    """HOST:PORT. Raises `UsageError`."""
-    host, colon, port = text.rpartition(":")
-    if not colon or not host or not port.isdigit() or int(port) > 0xFFFF:
-        raise UsageError(f"{option} {text}: write HOST:PORT with a port from 0 to 65535, such as {DEFAULT_ADDRESS}")
-    return host.strip("[]"), int(port)
+@Parameter(name="*")
+@dataclass(frozen=True)
+class BenchBusOptions:
+    """The bench bus, by flags like those of the robot's."""
+
+    bench_interface: Annotated[
+        str | None, Parameter(metavar="NAME", help="python-can interface of the bench bus, such as socketcan.")
+    ] = None
+    bench_channel: Annotated[str | None, Parameter(metavar="NAME", help="Channel of the bench bus, such as vcan1.")] = (
+        None
+    )
+    bench_bus_kwargs: Annotated[BusWords, Parameter(help="Options of the bench bus.")] = field(default_factory=list)
+
+    def named(self) -> "NamedBus | None":
+        """The bench bus if one is named. Raises `UsageError`."""
+        return _named("--bench-interface", self.bench_interface, self.bench_channel, self.bench_bus_kwargs)
+
+
+@dataclass(frozen=True)
+class NamedBus:
+    """A bus as python-can names it; not yet open."""
+
+    interface: str
+    channel: str | None
+    options: Mapping[str, Any]
+
+    def open(self) -> BusPort:
+        """Open it. Raises `UsageError` for options that its driver does not take, `BusError` for other failures."""
+        try:
+            return open_port(self.interface, self.channel, **self.options)
+        except BusError as error:
+            # Wrong options raise one of these in every driver.
+            if isinstance(error.__cause__, TypeError | ValueError | KeyError):
+                raise UsageError(str(error)) from None
+            raise
+
+
+def check_clock(clock: str, *buses: NamedBus | None) -> None:
+    """Refuse lockstep over a bus that may lose frames. Raises `UsageError`."""
+    if clock == "sync" and any(bus is not None and bus.interface == LOSSY for bus in buses):
+        raise UsageError(
+            f"--clock sync over {LOSSY}: it may lose frames, and lockstep would stand still; take --clock wall"
+        )
+
+
+def parse_address(option: str, text: str, any_port: bool = False) -> tuple[str, int]:
+    """HOST:PORT, with port 0 only where `any_port` says so. Raises `UsageError`."""
+    host, colon, digits = text.rpartition(":")
+    lowest = 0 if any_port else 1
+    # `isdigit` alone takes digits of other scripts, and superscripts.
+    if not colon or not host or not (digits.isascii() and digits.isdigit()) or not lowest <= int(digits) <= 0xFFFF:
+        raise UsageError(
+            f"{option} {text}: write HOST:PORT with a port from {lowest} to 65535, such as {DEFAULT_ADDRESS}"
+        )
+    return host.strip("[]"), int(digits)
+
+
+def _named(option: str, interface: str | None, channel: str | None, words: Sequence[str]) -> NamedBus | None:
+    try:
+        options = parse_bus_options(words)
+    except BusError as error:
+        raise UsageError(str(error)) from None
+    if interface is None:
+        if channel is not None or words:
+            given = f"channel {channel}" if channel is not None else words[0]
+            raise UsageError(f"{given}: of which bus? name its interface, such as {option} socketcan")
+        return None
+    if interface not in can.VALID_INTERFACES:
+        known = sorted(can.VALID_INTERFACES)
+        close = difflib.get_close_matches(interface, known, n=1)
+        hint = f"did you mean {close[0]}?" if close else f"it knows {', '.join(known)}"
+        raise UsageError(f"{option} {interface}: python-can knows no such interface; {hint}")
+    return NamedBus(interface, channel, options)

@@ -12,27 +12,32 @@ from types import TracebackType
 from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
+
 from canarm_controller.controller import Controller, State
+from canarm_controller.errors import ControllerError
 from canarm_controller.recording import ControllerRecorder
 from canarm_emulator.assessor import Assessor
-from canarm_emulator.bench import CycleTruth
+from canarm_emulator.bench import CycleTruth, Record
 from canarm_emulator.errors import TruthError
 from canarm_emulator.recording import Recorder
 from canarm_emulator.truth import Truth
 from canarm_protocol.cell import Cell
-from canarm_protocol.clock import Clock
 from canarm_protocol.cell_file import load_cell
+from canarm_protocol.clock import Clock
 from canarm_protocol.frames import Frame
 from canarm_protocol.run_folder import create_run_folder, update_run_file
-from numpy.typing import NDArray
 
 from .session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, make_bench, make_controller, provenance, tick_count
 from .summary import JointFigures, Summary
+from .usage import UsageError
 
 Floats = NDArray[np.float64]
 
 FRAMES_KEPT = 10_000
 _SIGNALS = ("true_angle_rad", "true_speed_rad_s", "current_a", "command_a", "reference_rad", "measured_rad")
+_TRUE_SIGNALS = 4
+"""The first fields of `canarm_emulator.world.JointState`, in its order."""
 _MECHANICS = (".mass", ".viscous", ".coulomb", ".rotor_inertia", ".wire_stiffness")
 
 
@@ -53,10 +58,9 @@ class StampedFrame(NamedTuple):
 
 @dataclass(frozen=True)
 class _History:
-    """The last cycles of a run in a ring: one row a cycle, `_SIGNALS` of every joint."""
+    """The last controlled cycles of a run in a ring: one row a cycle, `_SIGNALS` of every joint."""
 
     rows: Floats
-    joints: int
 
     def column(self, joint: int, signal: str, cycles: int) -> Floats:
         """One signal, oldest first."""
@@ -68,7 +72,11 @@ class _History:
 
 
 class RigJoint:
-    """Histories (numpy arrays, one value a cycle, oldest first) and figures of one joint."""
+    """Histories and figures of one joint.
+
+    Histories are numpy arrays with one value a controlled cycle, oldest first, all of one length and of the same
+    cycles; a stop adds none. They are copies: what was read stays as it was when the run goes on.
+    """
 
     def __init__(self, rig: "Rig", index: int) -> None:
         self._rig, self._index = rig, index
@@ -85,27 +93,27 @@ class RigJoint:
 
     @property
     def current_a(self) -> Floats:
-        """Motor current, signed."""
+        """Motor current at each SYNC, signed."""
         return self._rig._column(self._index, "current_a")
 
     @property
     def command_a(self) -> Floats:
-        """What the amplifier was asked for, signed."""
+        """What the amplifier is asked for from each SYNC on, signed."""
         return self._rig._column(self._index, "command_a")
 
     @property
     def reference_rad(self) -> Floats:
-        """The controller's reference."""
+        """The controller's reference for each SYNC."""
         return self._rig._column(self._index, "reference_rad")
 
     @property
     def measured_rad(self) -> Floats:
-        """The joint angle as the controller measured it."""
+        """The joint angle as the controller measured it in each cycle; the last one where a measurement was missing."""
         return self._rig._column(self._index, "measured_rad")
 
     @property
     def rms_error_lsb(self) -> float:
-        """RMS of true minus reference angle in steps of the position sensor, first 1024 cycles left out; NaN before that."""
+        """RMS of true minus reference angle in steps of the position sensor, first 1024 cycles left out; NaN before."""
         return self._figure("rms_lsb")
 
     @property
@@ -125,7 +133,7 @@ class RigJoint:
 
     @property
     def speed_ripple(self) -> float:
-        """Standard deviation over mean of the true speed where the reference runs at constant speed; NaN if it never does."""
+        """Standard deviation over mean of the true speed while the reference's is constant; NaN if it never is."""
         return self._rig._assessor.scores[self._index].speed_ripple or math.nan
 
     def _figure(self, name: str) -> float:
@@ -136,15 +144,18 @@ class RigJoint:
 class Rig:
     """A cell with its controller, ready to run in virtual time; use it in a `with` statement.
 
-    `cell` is a name, a file or a `Cell`; `law`, `trajectory` and `feedforward` are as on the command line; `truth` and `settings`
-    are what `--truth` and `--set` take. `history_s` bounds the histories (older cycles are forgotten). `out` names a run folder.
+    `cell` is a name, a file or a `Cell`; `law`, `trajectory` and `feedforward` are as on the command line; `truth` and
+    `settings` are what `--truth` and `--set` take. `history_s` bounds the histories (older cycles are forgotten). `out`
+    names a run folder.
 
-    Raises `CellError`, `TruthError`, `LawError`, `TrajectoryError` or `ControllerError` for what cannot be.
+    Raises `CellError`, `TruthError`, `ControllerError` (`LawError`, `TrajectoryError`), `RunFolderError` or
+    `UsageError` (a `ValueError`) for what cannot be. What goes wrong on the robot raises nothing: it ends in a safe
+    stop, with `reason`.
     """
 
     def __init__(
         self,
-        cell: str | Cell = DEFAULT_CELL,
+        cell: str | Path | Cell = DEFAULT_CELL,
         law: str = DEFAULT_LAW,
         trajectory: str = DEFAULT_TRAJECTORY,
         *,
@@ -155,25 +166,29 @@ class Rig:
         history_s: float = 60.0,
         out: Path | str | None = None,
     ) -> None:
+        if isinstance(cell, Cell) and settings:
+            raise UsageError("settings: go with the name or file of a cell; lay them over this one with load_cell()")
+        if seed < 0:
+            raise UsageError(f"seed {seed}: must not be negative")
         as_text = {key: str(value) for key, value in (settings or {}).items()}
-        self.cell = cell if isinstance(cell, Cell) else load_cell(cell, as_text)
-        self._names = {"law": law, "trajectory": trajectory, "seed": seed}
-        self._true_settings = {key: str(value) for key, value in (truth or {}).items()}
+        self.cell = cell if isinstance(cell, Cell) else load_cell(str(cell), as_text)
+        self._law, self._trajectory, self._seed = law, trajectory, seed
+        self._true_settings = {key: _truth_text(value) for key, value in (truth or {}).items()}
         self._bench = make_bench(self.cell, self._true_settings, Clock.SYNC, seed)
         self._controller = make_controller(self.cell, law, trajectory, feedforward, Clock.SYNC)
         self._assessor: Assessor = self._bench.assessor
-        size = max(1, round(history_s / self.cell.bus.cycle_s))
-        self._history = _History(np.zeros((size, len(_SIGNALS) * len(self.cell.joints))), len(self.cell.joints))
+        size = tick_count(self.cell, history_s, "history_s")
+        self._history = _History(np.zeros((size, len(_SIGNALS) * len(self.cell.joints))))
         self._truth: CycleTruth | None = None
         self.events: list[Event] = []
-        self.frames: deque[StampedFrame] = deque(maxlen=FRAMES_KEPT)
-        """The last frames of can0, oldest first."""
+        """Changes of the controller's state, with the reason of a stop, and of the truth; oldest first."""
+        self._records: deque[Record] = deque(maxlen=FRAMES_KEPT)
         self.joints = {name: RigJoint(self, index) for index, name in enumerate(self.cell.joint_names)}
         self._state = State.IDLE
         self._folder: Path | None = None
         self._recorders: tuple[Recorder, ControllerRecorder] | None = None
         if out is not None:
-            self._record(create_run_folder(Path(out)), seed)
+            self._record(create_run_folder(Path(out)))
         self._bench.on_cycle = self._keep_truth
         self._controller.on_tick = self._on_tick
         self._bench.start()
@@ -195,16 +210,24 @@ class Rig:
         return self._controller.reason
 
     @property
+    def frames(self) -> list[StampedFrame]:
+        """The last `FRAMES_KEPT` frames of can0, oldest first."""
+        return [StampedFrame(record.time_ns, record.frame) for record in self._records]
+
+    @property
     def time_s(self) -> float:
         """Virtual time since the bench was switched on."""
         return self._bench.time_ns * 1e-9
 
     def run(self, seconds: float) -> None:
-        """Let virtual time pass. Returns early when the controller has stopped the robot."""
+        """Let virtual time pass. Returns early when the controller has stopped the robot, at once if it had before.
+
+        Raises `UsageError` for less than a cycle, `EmulatorError` when the integration of the true robot diverges.
+        """
         controller = self._controller
+        goal = controller.controlled_ticks + tick_count(self.cell, seconds, "seconds")
         if controller.state is State.IDLE:
             controller.begin(0)
-        goal = controller.controlled_ticks + tick_count(self.cell, seconds)
         while controller.controlled_ticks < goal and not controller.is_finished:
             self._exchange()
         if controller.is_finished:
@@ -218,15 +241,18 @@ class Rig:
         """
         if not key.endswith(_MECHANICS):
             raise TruthError(f"{key}: cannot change during a run; these can: {', '.join(_MECHANICS)} of a joint")
-        self._true_settings[key] = str(value)
-        self._bench.world.change(Truth.from_settings(self.cell, self._true_settings))
-        self.events.append(Event(self.time_s, "truth", f"{key} = {value}"))
+        settings = {**self._true_settings, key: _truth_text(value)}
+        self._bench.world.change(Truth.from_settings(self.cell, settings))
+        self._true_settings = settings
+        self.events.append(Event(self.time_s, "truth", f"{key} = {settings[key]}"))
+        if self._recorders is not None:
+            self._recorders[0].event(self._bench.time_ns, "truth", key=key, value=settings[key])
 
     def finish(self) -> Summary:
         """End the run as planned: torque off, cards stopped, files closed. Returns the summary; may be called again."""
         controller = self._controller
         controller.end()
-        while not controller.is_finished and controller.state is not State.IDLE:
+        while not controller.is_finished:
             self._exchange()
         self._exchange()
         self._note_state()
@@ -243,11 +269,11 @@ class Rig:
         controller = self._controller
         return Summary(
             cell=self.cell.name,
-            law=str(self._names["law"]),
-            trajectory=str(self._names["trajectory"]),
+            law=self._law,
+            trajectory=self._trajectory,
             feedforward=controller.loop.feedforward_kind,
             clock="sync",
-            seed=int(self._names["seed"]),
+            seed=self._seed,
             state=controller.state.name.lower(),
             reason=controller.reason,
             ticks=controller.controlled_ticks,
@@ -270,11 +296,24 @@ class Rig:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.finish()
 
     def _exchange(self) -> None:
-        """Carry what the controller sends to the bench and what the bench sends to the controller, once."""
+        """Carry what the controller sends to the bench and what the bench sends to the controller, once.
+
+        What breaks off in the middle (Ctrl-C, an integration that diverges) cannot go on: the run has failed.
+        """
+        try:
+            self._carry()
+        except BaseException as error:
+            text = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
+            self._controller.lose(ControllerError(f"the run was broken off: {text}"))
+            raise
+
+    def _carry(self) -> None:
         bench, controller = self._bench, self._controller
         if controller.outbox:
             frames, controller.outbox = controller.outbox, []
@@ -284,13 +323,15 @@ class Rig:
             controller.time_out(controller.deadline_ns)
         records, bench.records = bench.records, []
         bench.bench_records.clear()
-        log = self._recorders[0].frame if self._recorders is not None else None
-        for record in records:
-            if log is not None:
+        self._records += records
+        if self._recorders is not None:
+            log = self._recorders[0].frame
+            for record in records:
                 log(record)
-            self.frames.append(StampedFrame(record.time_ns, record.frame))
-            if record.origin is None:
-                controller.receive(record.frame, record.time_ns)
+        receive = controller.receive
+        for time_ns, frame, origin in records:
+            if origin is None:
+                receive(frame, time_ns)
         if controller.state is not self._state:
             self._note_state()
 
@@ -305,14 +346,7 @@ class Rig:
         row: list[float] = []
         for joint, true in enumerate(truth.joints):
             reference = cycle.reference_rad[joint]
-            row += (
-                true.angle_rad,
-                true.speed_rad_s,
-                true.current_a,
-                true.command_a,
-                reference,
-                cycle.position_rad[joint],
-            )
+            row += (*true[:_TRUE_SIGNALS], reference, cycle.position_rad[joint])
             self._assessor.reference(cycle.tick, joint, reference)
         rows = self._history.rows
         rows[(self._controller.controlled_ticks - 1) % len(rows)] = row
@@ -330,8 +364,14 @@ class Rig:
             if self._recorders is not None:
                 self._recorders[1].state(self._state)
 
-    def _record(self, folder: Path, seed: int) -> None:
+    def _record(self, folder: Path) -> None:
         self._folder = folder
         self._recorders = (Recorder(folder, self.cell), ControllerRecorder(folder, self._controller))
         update_run_file(folder, "cell", self.cell.model_dump(mode="json"))
-        update_run_file(folder, "rig", {**provenance(), **self._names, "truth": self._true_settings})
+        names = {"law": self._law, "trajectory": self._trajectory, "seed": self._seed}
+        update_run_file(folder, "rig", {**provenance(), **names, "truth": self._true_settings})
+
+
+def _truth_text(value: object) -> str:
+    """A value as `--truth` takes it; a switch is 0 or 1 there."""
+    return str(int(value) if isinstance(value, bool) else value)

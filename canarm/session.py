@@ -1,9 +1,10 @@
 """Building the parts of a run from names and texts, as the command line and the rig are given them."""
 
 import importlib.metadata
+import math
 import platform
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from canarm_controller.controller import Controller
@@ -16,11 +17,18 @@ from canarm_protocol.cell import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.wiring import card_nodes, input_slots
 
-DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY = "konkuk1", "mras", "sine"
+from .usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError
 
-
-class UsageError(Exception):
-    """What the user asked for cannot be: exit status 2."""
+__all__ = [
+    "DEFAULT_CELL",
+    "DEFAULT_LAW",
+    "DEFAULT_TRAJECTORY",
+    "UsageError",
+    "make_bench",
+    "make_controller",
+    "provenance",
+    "tick_count",
+]
 
 
 def make_bench(cell: Cell, truth: Mapping[str, str], clock: Clock, seed: int) -> Bench:
@@ -44,28 +52,18 @@ def make_controller(
     return Controller(cell, nodes, slots, loop, clock, ticks, listen_ns)
 
 
-def tick_count(cell: Cell, seconds: float) -> int:
-    """How many cycles `seconds` are. Raises `UsageError` for less than one."""
-    ticks = round(seconds / cell.bus.cycle_s)
+def tick_count(cell: Cell, seconds: float, source: str = "--seconds") -> int:
+    """How many cycles `seconds`, given in `source`, are. Raises `UsageError` for less than one, and for no number."""
+    ticks = round(seconds / cell.bus.cycle_s) if math.isfinite(seconds) else 0
     if ticks < 1:
-        raise UsageError(f"--seconds {seconds:g}: must be at least one cycle, {cell.bus.cycle_s:g} s")
+        raise UsageError(f"{source} {seconds:g}: must be at least one cycle, {cell.bus.cycle_s:g} s")
     return ticks
-
-
-def parse_settings(option: str, words: Sequence[str]) -> dict[str, str]:
-    """`key=value` words as a dict. Raises `UsageError`."""
-    settings = {}
-    for word in words:
-        key, equals, value = word.partition("=")
-        if not equals or not key or not value:
-            raise UsageError(f"{option} {word}: write KEY=VALUE; keys: canarm check --keys")
-        settings[key] = value
-    return settings
 
 
 def provenance() -> dict[str, Any]:
     """What made a run, for its record: versions, machine and command line."""
-    packages = ("canarm", "canarm-protocol", "canarm-emulator", "canarm-controller", "mujoco", "numpy", "python-can", "canopen")
+    ours = ("canarm", "canarm-protocol", "canarm-emulator", "canarm-controller")
+    packages = (*ours, "mujoco", "numpy", "python-can", "canopen")
     return {
         "command_line": sys.argv,
         "python": platform.python_version(),

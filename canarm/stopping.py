@@ -7,14 +7,17 @@ from types import FrameType
 
 
 class StopRequest:
-    """Asked by a running loop whether it should end, and why. Takes over SIGINT and SIGTERM."""
+    """Asked by a running loop whether it should end, and why. Takes over SIGINT, SIGTERM and SIGHUP."""
 
     def __init__(self, seconds: float | None = None, with_parent: bool = False) -> None:
         self._reason: str | None = None
         self._deadline = None if seconds is None else time.monotonic() + seconds
         self._parent = os.getppid() if with_parent else None
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._on_signal)
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            # What nohup has switched off stays off.
+            if number is not None and not (name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN):
+                signal.signal(number, self._on_signal)
 
     def reason(self) -> str | None:
         """Why to stop, or None."""
@@ -29,5 +32,14 @@ class StopRequest:
         """Whether to stop."""
         return self.reason() is not None
 
+    def ask(self, reason: str) -> None:
+        """Ask for the end from inside the process; an earlier reason stays."""
+        self._reason = self._reason or reason
+
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        self._reason = signal.Signals(number).name
+        self.ask(signal.Signals(number).name)
+
+
+def interrupt_on_terminate() -> None:
+    """Let SIGTERM end the program as Ctrl-C does, until a `StopRequest` takes over."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)

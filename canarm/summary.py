@@ -7,7 +7,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class JointFigures:
-    """Figures of one joint; None where they are not known. Errors are true minus reference, in steps of the position sensor."""
+    """Figures of one joint; None where not known. Errors are true minus reference, in steps of the position sensor."""
 
     rms_lsb: float | None
     max_lsb: float | None
@@ -37,7 +37,7 @@ class Summary:
 
     def as_json(self) -> dict[str, Any]:
         """A JSON object, numbers rounded to what they mean."""
-        return _rounded(asdict(self))
+        return {key: _rounded(value) for key, value in asdict(self).items()}
 
     def as_text(self) -> str:
         """A few lines for a terminal."""
@@ -52,7 +52,9 @@ class Summary:
         if self.joints:
             lines.append(f"{'joint':<10}{'RMS error':>12}{'max error':>12}{'peak current':>14}{'ripple':>9}  amplifier")
         for name, joint in self.joints.items():
-            saturated = f"saturated in {joint.saturated_cycles} cycles" if joint.saturated_cycles else "within its limit"
+            saturated = (
+                f"saturated in {joint.saturated_cycles} cycles" if joint.saturated_cycles else "within its limit"
+            )
             ripple = "-" if joint.speed_ripple is None else f"{100 * joint.speed_ripple:.1f} %"
             lines.append(
                 f"{name:<10}{_lsb(joint.rms_lsb):>12}{_lsb(joint.max_lsb):>12}{joint.peak_current_a:>12.3f} A"

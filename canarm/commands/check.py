@@ -2,21 +2,22 @@
 
 from typing import Annotated
 
+from cyclopts import Parameter
+
 from canarm_controller.dynamics import NominalArm
 from canarm_controller.errors import ControllerError
 from canarm_emulator.truth import truth_keys
 from canarm_protocol.cell import Cell
 from canarm_protocol.cell_file import setting_keys
 from canarm_protocol.wiring import card_nodes
-from cyclopts import Parameter
 
-from ..options import CellOptions
+from ..options import CellOptions, Flag
 
 
 def check(
     *,
     cell: CellOptions = CellOptions(),
-    keys: Annotated[bool, Parameter(negative=(), help="List every key of --truth and --set with its nominal value.")] = False,
+    keys: Annotated[Flag, Parameter(help="List every key of --truth and --set with unit and nominal value.")] = False,
 ) -> int:
     """Validate a cell file and show what it describes."""
     nominal = cell.load()
@@ -29,7 +30,9 @@ def check(
 
 def _print_cell(cell: Cell) -> None:
     print(f"{cell.name}: {cell.title}")
-    print(f"bus: {cell.bus.bitrate} bit/s, cycle {cell.bus.cycle_us} us, controller is node {cell.bus.controller_node_id}")
+    print(
+        f"bus: {cell.bus.bitrate} bit/s, cycle {cell.bus.cycle_us} us, controller is node {cell.bus.controller_node_id}"
+    )
     for node in card_nodes(cell):
         card = node.card
         print(f"card {card.name}: {card.model} in slot {card.slot} of {card.robot}, node 0x{card.node_id:02X}")

@@ -1,48 +1,78 @@
 """`canarm controller`: the controller's side as a process of its own."""
 
+import contextlib
 import json
 import sys
-from typing import Annotated
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
 
 from canarm_controller.controller import Controller, State
 from canarm_controller.errors import ClockMismatchError, ControllerError
-from canarm_controller.recording import ControllerRecorder
+from canarm_controller.recording import SIGNALS_FILE, ControllerRecorder
 from canarm_controller.runner import LISTEN_NS, Runner, RunResult
 from canarm_protocol.cell import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError
-from canarm_protocol.port import BusPort, open_port
-from canarm_protocol.run_folder import create_run_folder, update_run_file
-from cyclopts import Parameter
+from canarm_protocol.run_folder import SIGNALS_FOLDER, create_run_folder, update_run_file
 
-from ..options import DEFAULT_ADDRESS, BusOptions, CellOptions, ClockName, ControlOptions, OutputOptions, parse_address
-from ..session import UsageError, make_controller, provenance, tick_count
+from ..options import (
+    BENCH_BUS,
+    DEFAULT_ADDRESS,
+    ROBOT_BUS,
+    Address,
+    BenchBusOptions,
+    BusOptions,
+    CellOptions,
+    ClockName,
+    ControlOptions,
+    Flag,
+    MoreBusWords,
+    NamedBus,
+    OutputOptions,
+    Seconds,
+    WithParent,
+    check_clock,
+    parse_address,
+)
+from ..session import make_controller, provenance, tick_count
 from ..stopping import StopRequest
 from ..summary import JointFigures, Summary
+from ..usage import UsageError
 
 
 def controller(
-    *,
+    *bus_options: MoreBusWords,
     cell: CellOptions = CellOptions(),
     control: ControlOptions = ControlOptions(),
-    bus: BusOptions = BusOptions(),
-    output: OutputOptions = OutputOptions(),
     connect: Annotated[
-        str, Parameter(help="HOST:PORT of an emulator's virtual bus; used unless -i names another bus.")
+        Address, Parameter(help="Where an emulator serves the virtual buses; used unless -i names another bus.")
     ] = DEFAULT_ADDRESS,
-    clock: Annotated[ClockName, Parameter(help="Pace by the wall clock, or by the emulator's TIME (lockstep).")] = "wall",
-    seconds: Annotated[float | None, Parameter(help="Length of the run in seconds of robot time; until Ctrl-C unless given.")]
-    = None,
-    progress: Annotated[bool, Parameter(negative=(), help="Report the state of the run on stderr.")] = False,
-    with_parent: Annotated[bool, Parameter(negative=(), show=False)] = False,
+    bus: BusOptions = BusOptions(),
+    bench: BenchBusOptions = BenchBusOptions(),
+    output: OutputOptions = OutputOptions(),
+    clock: ClockName = "wall",
+    seconds: Annotated[
+        Seconds | None,
+        Parameter(show_default=False, help="Length of the run in robot time; unlimited unless given."),
+    ] = None,
+    progress: Annotated[Flag, Parameter(help="Report the state of the run on stderr.")] = False,
+    with_parent: WithParent = False,
 ) -> int:
     """Control the robot: find the cards, run the law, stop safely.
 
-    Without --seconds, Ctrl-C ends the run as planned; with it, Ctrl-C is a safe stop.
+    Without --seconds, Ctrl-C ends the run as planned (status 0); with it, Ctrl-C is a safe stop (status 1).
     """
     nominal = cell.load()
+    robot_bus, bench_bus = bus.named(bus_options), bench.named()
+    check_clock(clock, robot_bus, bench_bus)
     ticks = None if seconds is None else tick_count(nominal, seconds)
-    host, port_number = parse_address("--connect", connect)
+    host, port = parse_address("--connect", connect)
+    if robot_bus is None:
+        robot_bus = NamedBus("canarm", ROBOT_BUS, {"host": host, "port": port})
+        bench_bus = bench_bus or NamedBus("canarm", BENCH_BUS, {"host": host, "port": port})
     try:
         built = make_controller(
             nominal, control.law, control.trajectory, control.feedforward, Clock[clock.upper()], ticks, LISTEN_NS
@@ -50,42 +80,33 @@ def controller(
     except ControllerError as error:
         raise UsageError(str(error)) from None
     stop = StopRequest(None, with_parent)
-    port, bench = _open_buses(bus, host, port_number)
     recorder = None
-    try:
-        if output.out is not None:
-            create_run_folder(output.out, reuse=True)
-            update_run_file(
-                output.out,
-                "controller",
-                {**provenance(), "law": control.law, "trajectory": control.trajectory, "clock": clock},
-            )
-            recorder = ControllerRecorder(output.out, built)
-            built.on_tick = recorder.tick
-        follower = _Follower(built, nominal, ticks, recorder, progress, stop)
-        result = Runner(built, port, bench, follower.on_state, follower.should_stop).run()
-    finally:
-        if recorder is not None:
-            recorder.close()
-        port.close()
-        if bench is not None:
-            bench.close()
-    summary = _summary(nominal, control, clock, built, result, output)
     if output.out is not None:
-        update_run_file(output.out, "summary", summary.as_json())
-        if result.lateness is not None:
-            update_run_file(output.out, "lateness", result.lateness.summary())
-    if not output.json:
+        given = {
+            "cell": nominal.model_dump(mode="json"),
+            "law": control.law,
+            "trajectory": control.trajectory,
+            "feedforward": built.loop.feedforward_kind,
+            "clock": clock,
+            "seconds": seconds,
+        }
+        recorder = _start_recording(output.out, built, given)
+    result = _run(built, _Follower(built, ticks, recorder, progress, stop), robot_bus, bench_bus)
+    summary = _summary(nominal, control, clock, built, result, output)
+    is_recorded = True
+    if recorder is not None and output.out is not None:
+        is_recorded = _end_recording(output.out, recorder, summary, result)
+    if result.ticks and not output.json:
         print(summary.as_text(), flush=True)
     elif result.reason:
-        print(f"canarm: {result.reason}", file=sys.stderr)
+        _tell(result.reason)
     if result.note:
-        print(f"canarm: {result.note}", file=sys.stderr)
+        _tell(result.note)
     if output.json:
         print(json.dumps(summary.as_json()), flush=True)
     if isinstance(built.error, ClockMismatchError):
         return 2
-    return 0 if result.state is State.DONE else 1
+    return 0 if result.state is State.DONE and is_recorded else 1
 
 
 class _Follower:
@@ -94,35 +115,31 @@ class _Follower:
     def __init__(
         self,
         controller: Controller,
-        cell: Cell,
         ticks: int | None,
         recorder: ControllerRecorder | None,
         progress: bool,
         stop: StopRequest,
     ) -> None:
-        self._controller, self._ticks, self._recorder, self._progress, self._stop = (
-            controller,
-            ticks,
-            recorder,
-            progress,
-            stop,
-        )
-        self._period_s = cell.bus.cycle_s
+        self._controller, self._ticks, self._recorder = controller, ticks, recorder
+        self._progress, self._stop = progress, stop
+        self._period_s = controller.loop.period_s
         self._next_s = 1.0
 
     def on_state(self, state: State) -> None:
         """Take a change of state."""
         if self._recorder is not None:
-            self._recorder.state(state)
+            try:
+                self._recorder.state(state)
+            except OSError as error:
+                self._stop.ask(f"recording failed: {error}")
         if self._progress:
-            print(f"canarm: {state.name.lower().replace('_', ' ')}", file=sys.stderr, flush=True)
+            _tell(state.name.lower().replace("_", " "))
 
     def should_stop(self) -> str | None:
         """Why to stop safely now, or None."""
         if self._progress and self._controller.controlled_ticks * self._period_s >= self._next_s:
             total = "" if self._ticks is None else f" of {self._ticks * self._period_s:g}"
-            missed = self._controller.missed
-            print(f"canarm: {self._next_s:g}{total} s, {missed} cycles missed", file=sys.stderr, flush=True)
+            _tell(f"{self._next_s:g}{total} s, {self._controller.missed} cycles missed")
             self._next_s += 1.0
         reason = self._stop.reason()
         if reason is not None and self._ticks is None and self._controller.state is State.RUNNING:
@@ -131,19 +148,45 @@ class _Follower:
         return reason
 
 
-def _open_buses(bus: BusOptions, host: str, port: int) -> tuple[BusPort, BusPort | None]:
-    """The robot's bus, and the bench's where there is one."""
-    robot = bus.open_robot()
-    is_hub = robot is None
-    robot = robot or open_port("canarm", "can0", host=host, port=port)
+def _run(controller: Controller, follower: _Follower, robot_bus: NamedBus, bench_bus: NamedBus | None) -> RunResult:
+    """Open the buses and run; a bus that cannot be opened is a failed run."""
+    with contextlib.ExitStack() as stack:
+        try:
+            port = stack.enter_context(robot_bus.open())
+            bench = None if bench_bus is None else stack.enter_context(bench_bus.open())
+        except BusError as error:
+            controller.lose(ControllerError(str(error)))
+            follower.on_state(controller.state)
+            return RunResult(controller.state, controller.reason, 0, 0, 0, 0.0, None)
+        return Runner(controller, port, bench, follower.on_state, follower.should_stop).run()
+
+
+def _start_recording(folder: Path, controller: Controller, given: Mapping[str, Any]) -> ControllerRecorder:
+    """A recorder; an emulator's run in the same folder is shared, another controller's is refused."""
+    if (folder / SIGNALS_FOLDER / SIGNALS_FILE).exists():
+        raise UsageError(f"--out {folder}: holds a controller's run already; name another folder, or remove it")
+    create_run_folder(folder, reuse=True)
+    update_run_file(folder, "controller", {**provenance(), **given})
+    recorder = ControllerRecorder(folder, controller)
+    controller.on_tick = recorder.tick
+    return recorder
+
+
+def _end_recording(folder: Path, recorder: ControllerRecorder, summary: Summary, result: RunResult) -> bool:
+    """Close the files and add the summary; False, and a line on stderr, where that cannot be written."""
     try:
-        bench = bus.open_bench()
-        if bench is None and is_hub:
-            bench = open_port("canarm", "bench", host=host, port=port)
-    except BusError:
-        robot.close()
-        raise
-    return robot, bench
+        recorder.close()
+        update_run_file(folder, "summary", summary.as_json())
+        if result.lateness is not None:
+            update_run_file(folder, "lateness", result.lateness.summary())
+    except OSError as error:
+        _tell(f"{folder}: recording failed: {error.strerror or error}")
+        return False
+    return True
+
+
+def _tell(text: str) -> None:
+    print(f"canarm: {text}", file=sys.stderr, flush=True)
 
 
 def _summary(
@@ -169,7 +212,7 @@ def _summary(
         ticks=result.ticks,
         missed=result.missed,
         late=result.late,
-        real_time_factor=result.real_time_factor,
+        real_time_factor=result.real_time_factor if result.ticks else None,
         joints={
             name: JointFigures(
                 figures.rms_lsb,

@@ -1,119 +1,170 @@
 """`canarm emulator`: the robot's side as a process of its own."""
 
+import contextlib
 import json
 import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
+
+from cyclopts import Parameter
 
 from canarm_emulator.bench import Bench
 from canarm_emulator.errors import EmulatorError, TruthError
 from canarm_emulator.hub import Hub
 from canarm_emulator.recording import Recorder
-from canarm_emulator.runner import BENCH_BUS, ROBOT_BUS, EmulatorRunner
+from canarm_emulator.runner import EmulatorRunner
 from canarm_protocol.cell import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError
 from canarm_protocol.port import BusPort
 from canarm_protocol.run_folder import create_run_folder, update_run_file
-from cyclopts import Parameter
 
-from ..options import DEFAULT_ADDRESS, BusOptions, CellOptions, ClockName, OutputOptions, Words, parse_address
-from ..session import UsageError, make_bench, parse_settings, provenance
+from ..options import (
+    BENCH_BUS,
+    DEFAULT_ADDRESS,
+    ROBOT_BUS,
+    Address,
+    BenchBusOptions,
+    BusOptions,
+    CellOptions,
+    ClockName,
+    Flag,
+    MoreBusWords,
+    OutputOptions,
+    Seconds,
+    Seed,
+    Truth,
+    WithParent,
+    check_clock,
+    parse_address,
+)
+from ..session import make_bench, provenance
 from ..stopping import StopRequest
+from ..usage import UsageError, parse_settings
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class WorldOptions:
+    """The robot as it truly is, and what drives its time."""
+
+    clock: ClockName = "wall"
+    sync_timeout: Annotated[
+        Seconds, Parameter(help="Lockstep: wall time after which a silent sender of SYNC is taken for lost.")
+    ] = 2.0
+    seed: Seed = 0
+    truth: Truth = field(default_factory=list)
+
 
 def emulator(
-    *,
+    *bus_options: MoreBusWords,
     cell: CellOptions = CellOptions(),
-    bus: BusOptions = BusOptions(),
-    output: OutputOptions = OutputOptions(),
-    serve: Annotated[str, Parameter(help="HOST:PORT of the virtual bus (socketcand protocol); port 0 is any free one.")]
-    = DEFAULT_ADDRESS,
+    world: WorldOptions = WorldOptions(),
+    serve: Annotated[
+        Address, Parameter(help="Where to serve the virtual buses (socketcand protocol); port 0 is any free one.")
+    ] = DEFAULT_ADDRESS,
     allow_remote: Annotated[
-        bool, Parameter(negative=(), help="Serve other machines too: anyone who reaches the port can drive the robot.")
+        Flag, Parameter(help="Serve other machines too: whoever reaches the port can drive the robot.")
     ] = False,
-    clock: Annotated[ClockName, Parameter(help="What drives time: the wall clock, or SYNC (lockstep).")] = "wall",
-    sync_timeout: Annotated[
-        float, Parameter(help="Lockstep: seconds of wall time after which a silent sender of SYNC is lost.")
-    ] = 2.0,
-    seed: Annotated[int, Parameter(help="Seed of the sensor noise.")] = 0,
-    truth: Annotated[
-        Words | None, Parameter(help="KEY=VALUE: what differs from nominal in the true robot; may be repeated.")
+    bus: BusOptions = BusOptions(),
+    bench_bus: BenchBusOptions = BenchBusOptions(),
+    output: OutputOptions = OutputOptions(),
+    seconds: Annotated[
+        Seconds | None, Parameter(show_default=False, help="End after so much wall time; unlimited unless given.")
     ] = None,
-    seconds: Annotated[float | None, Parameter(help="End after so many seconds of wall time.")] = None,
-    with_parent: Annotated[bool, Parameter(negative=(), show=False)] = False,
+    with_parent: WithParent = False,
 ) -> int:
-    """Emulate the robot: cards, electrics, arm and both buses. Ends on Ctrl-C.
+    """Emulate the robot: cards, electrics, arm and both buses.
 
-    Prints how to attach to each bus with python-can's flags.
+    Prints how to attach to each bus with python-can's flags. Ends on Ctrl-C, which is status 0.
     """
     nominal = cell.load()
-    if sync_timeout <= 0.0:
-        raise UsageError(f"--sync-timeout {sync_timeout:g}: must be positive")
-    if seed < 0:
-        raise UsageError(f"--seed {seed}: must not be negative")
-    host, port = parse_address("--serve", serve)
-    if clock == "sync" and "udp_multicast" in (bus.interface, bus.bench_interface):
-        raise UsageError("--clock sync over udp_multicast: refused, datagrams get lost and lockstep would stand still")
-    settings = parse_settings("--truth", truth or [])
+    buses = {ROBOT_BUS: bus.named(bus_options), BENCH_BUS: bench_bus.named()}
+    check_clock(world.clock, *buses.values())
+    host, port = parse_address("--serve", serve, any_port=True)
+    settings = parse_settings("--truth", world.truth)
     try:
-        bench = make_bench(nominal, settings, Clock[clock.upper()], seed)
+        bench = make_bench(nominal, settings, Clock[world.clock.upper()], world.seed)
     except TruthError as error:
         raise UsageError(str(error)) from None
     stop = StopRequest(seconds, with_parent)
-    try:
-        hub = Hub(host, port, (ROBOT_BUS, BENCH_BUS), allow_remote=allow_remote)
-    except EmulatorError as error:
-        raise BusError(str(error)) from None
-    recorder = None
-    ports: dict[str, list[BusPort]] = {ROBOT_BUS: [], BENCH_BUS: []}
-    try:
-        for name, opened in ((ROBOT_BUS, bus.open_robot()), (BENCH_BUS, bus.open_bench())):
-            if opened is not None:
-                ports[name].append(opened)
+    with _recording(output.out), contextlib.ExitStack() as stack:
+        hub = stack.enter_context(contextlib.closing(_serve(host, port, allow_remote)))
+        ports = {name: [] if named is None else [stack.enter_context(named.open())] for name, named in buses.items()}
+        recorder = None
         if output.out is not None:
-            recorder = _start_recording(output.out, nominal, clock, seed, settings)
+            given = {"clock": world.clock, "seed": world.seed, "truth": settings, "sync_timeout_s": world.sync_timeout}
+            recorder = stack.enter_context(contextlib.closing(_start_recording(output.out, nominal, given)))
         _announce(hub, ports)
         if allow_remote:
-            print(f"canarm: anyone who reaches {hub.address[0]}:{hub.address[1]} can drive the robot", file=sys.stderr)
-        runner = EmulatorRunner(bench, hub, ports, recorder, sync_timeout, stop.is_due, _tell)
-        runner.run()
-    except EmulatorError as error:
-        raise BusError(str(error)) from None
-    finally:
-        if recorder is not None:
-            recorder.close()
-        for group in ports.values():
-            for opened in group:
-                opened.close()
-        hub.close()
-    summary = _summary(bench, runner)
-    if output.out is not None:
-        update_run_file(output.out, "emulator_summary", summary)
+            _tell(f"whoever reaches {hub.address[0]}:{hub.address[1]} can drive the robot")
+        runner = EmulatorRunner(bench, hub, ports, recorder, world.sync_timeout, stop.is_due, _tell)
+        try:
+            runner.run()
+        except EmulatorError as error:
+            raise BusError(str(error)) from None
+        summary = {
+            "cell": nominal.name,
+            "clock": world.clock,
+            "seed": world.seed,
+            "state": "done",
+            **_figures(bench, runner),
+            "out": None if output.out is None else str(output.out),
+        }
+        if output.out is not None:
+            update_run_file(output.out, "emulator_summary", summary)
     if output.json:
         print(json.dumps(summary), flush=True)
     return 0
 
 
-def _start_recording(folder: Path, cell: Cell, clock: str, seed: int, truth: dict[str, str]) -> Recorder:
+def _serve(host: str, port: int, allow_remote: bool) -> Hub:
+    try:
+        return Hub(host, port, (ROBOT_BUS, BENCH_BUS), allow_remote=allow_remote)
+    except EmulatorError as error:
+        # What the machine refuses has the machine's error as its cause; the rest is a wrong address.
+        raise (UsageError if error.__cause__ is None else BusError)(str(error)) from None
+
+
+@contextlib.contextmanager
+def _recording(folder: Path | None) -> Iterator[None]:
+    """Name the run folder in what is raised when it cannot be written any more, a full disk for example."""
+    try:
+        yield
+    except OSError as error:
+        if folder is None or isinstance(error, BrokenPipeError):
+            raise
+        raise OSError(error.errno, f"recording failed: {error.strerror}", str(folder)) from None
+
+
+def _start_recording(folder: Path, cell: Cell, given: Mapping[str, Any]) -> Recorder:
     create_run_folder(folder)
     update_run_file(folder, "cell", cell.model_dump(mode="json"))
-    update_run_file(folder, "emulator", {**provenance(), "clock": clock, "seed": seed, "truth": truth})
+    update_run_file(folder, "emulator", {**provenance(), **given})
     return Recorder(folder, cell)
 
 
-def _announce(hub: Hub, ports: dict[str, list[BusPort]]) -> None:
-    host, port = hub.address
+def _announce(hub: Hub, ports: Mapping[str, Sequence[BusPort]]) -> None:
+    """How to attach, in one piece: a reader that takes the first line and goes must not end the emulator."""
+    lines = []
     for bus in (ROBOT_BUS, BENCH_BUS):
-        print(f"{bus:<6} -i canarm -c {bus} --bus-kwargs host={host} port={port}", flush=True)
-        for opened in ports[bus]:
-            print(f"{bus:<6} {opened.description}", flush=True)
+        lines.append(f"{bus:<6} {attach_flags(bus, *hub.address)}")
+        lines += [f"{bus:<6} {opened.description}" for opened in ports[bus]]
+    print("\n".join([*lines, ""]), end="", flush=True)
+
+
+def attach_flags(bus: str, host: str, port: int) -> str:
+    """The flags with which python-can's tools, and ours, attach to a virtual bus."""
+    return f"-i canarm -c {bus} --bus-kwargs host={host} port={port}"
 
 
 def _tell(text: str) -> None:
     print(f"canarm: {text}", file=sys.stderr, flush=True)
 
 
-def _summary(bench: Bench, runner: EmulatorRunner) -> dict[str, object]:
+def _figures(bench: Bench, runner: EmulatorRunner) -> dict[str, Any]:
     steps = bench.world.saturated_steps
     return {
         "cycles": bench.cycle + 1,

@@ -6,12 +6,13 @@ from typing import Any
 
 from canarm_protocol import bench_objects as objects
 from canarm_protocol.cell import Cell
+from canarm_protocol.errors import ProtocolError
 from canarm_protocol.sdo_session import SdoSession
 
 
 @dataclass(frozen=True, slots=True)
 class JointAssessment:
-    """Figures of one joint. Errors are true minus reference angle in steps of the position sensor, settling left out."""
+    """Figures of one joint. Errors are true minus reference in steps of the position sensor, settling left out."""
 
     rms_lsb: float | None
     max_lsb: float | None
@@ -25,10 +26,14 @@ class JointAssessment:
 
 
 def read_assessment(session: SdoSession, cell: Cell) -> dict[str, JointAssessment]:
-    """The bench's figures by joint name. Raises `SdoAborted` or `BusError`."""
+    """The bench's figures by joint name. Raises `SdoAborted`, `BusError`, or `ProtocolError` for another bench's."""
 
     def number(index: int, subindex: int, format_: str = "<f") -> Any:
-        return struct.unpack(format_, session.upload(index, subindex))[0]
+        data = session.upload(index, subindex)
+        if len(data) != struct.calcsize(format_):
+            where = f"bench object 0x{index:04X}:{subindex:02X}"
+            raise ProtocolError(f"{where} has {len(data)} bytes; must be {struct.calcsize(format_)}")
+        return struct.unpack(format_, data)[0]
 
     is_assessed = number(objects.ASSESSED_CYCLES, 0, "<I") > 0
     figures = {}

@@ -1,7 +1,7 @@
 """The controller under test, without any input or output: frames and times go in, frames come out.
 
-Owns the states of a run, from finding the cards to leaving them safe. Sockets, pacing and files belong to the runner. The same
-object runs in a process of its own or inside a test.
+Owns the states of a run, from finding the cards to leaving them safe. Sockets, pacing and files belong to the runner.
+The same object runs in a process of its own or inside a test.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,9 +11,10 @@ from canarm_protocol.cell import Cell, Quantity
 from canarm_protocol.clock import Clock
 from canarm_protocol.dictionary import CODE_SHIFT, SYNC_OVERFLOW, default_value
 from canarm_protocol.frames import Cob, Frame, NmtState, heartbeat_frame, sync_frame
+from canarm_protocol.pdo import PdoLayout
 from canarm_protocol.wiring import CardNode, InputSlot, OutputFrames
 
-from .errors import BringUpError, ControllerError
+from .errors import BringUpError, ControllerError, LawError
 from .loop import OFF, ControlLoop
 from .master import Ask, Conversation, Silence, bring_up, read_input, start_frames, stop_frames
 from .supervisor import Supervisor, Verdict
@@ -41,8 +42,9 @@ class State(IntEnum):
 class Controller:
     """One run. Whoever drives it hands in every frame, sends what gathers in `outbox`, and calls `open_cycle` on time.
 
-    On the wall clock the runner opens a cycle every period. In lockstep `receive` does so itself when TIME has come. `on_tick`
-    is called at the end of every controlled cycle.
+    On the wall clock the runner opens a cycle every period. In lockstep `receive` does so itself when TIME has come.
+    `on_tick` is called at the end of every controlled cycle; a `LawError` (from the law's internals) or an `OSError`
+    (from a recording) that it raises stops the robot.
     """
 
     def __init__(
@@ -63,6 +65,8 @@ class Controller:
         self.controlled_ticks = 0
         self.missed = 0
         """Cycles whose inputs were not complete in time."""
+        self.ignored_frames = 0
+        """Malformed process data, and frames that CANopen does not know: 29-bit identifiers, remote requests."""
         self.verdict: Verdict | None = None
         self.error: ControllerError | None = None
         self.deadline_ns: int | None = None
@@ -108,16 +112,15 @@ class Controller:
         self._converse(None, now_ns)
 
     def receive(self, frame: Frame, now_ns: int) -> None:
-        """Take one frame from the bus."""
-        can_id = frame.can_id
+        """Take one frame from the bus. A malformed or foreign one is counted in `ignored_frames`; it stops nothing."""
+        can_id, data, is_extended, is_remote = frame
+        if is_extended or is_remote:
+            self.ignored_frames += 1
+            return
         layout = self._layouts.get(can_id)
         if layout is not None:
-            if self.state >= State.RUNNING and len(frame.data) >= layout.size:
-                for place, value in zip(self._places[can_id], layout.unpack(frame.data[: layout.size]), strict=True):
-                    self._codes[place] = value >> CODE_SHIFT
-                self._awaited.discard(can_id)
-                if not self._awaited and self.cycle_is_open and self.clock is Clock.WALL:
-                    self.close_cycle()
+            if self.state >= State.RUNNING:
+                self._take_inputs(layout, data)
         elif can_id == Cob.TIME:
             if self.clock is Clock.SYNC and self.cycle_is_open:
                 self.close_cycle()
@@ -127,6 +130,17 @@ class Controller:
                 self._converse(frame, now_ns)
         elif self.state is State.RUNNING:
             self._judge(self._supervisor.message(frame, self.tick))
+
+    def _take_inputs(self, layout: PdoLayout, data: bytes) -> None:
+        values = layout.unpack(data[: layout.size]) if len(data) >= layout.size else (-1,)
+        if min(values) < 0:  # too short, or no code of a unipolar converter
+            self.ignored_frames += 1
+            return
+        for place, value in zip(self._places[layout.cob_id], values, strict=True):
+            self._codes[place] = value >> CODE_SHIFT
+        self._awaited.discard(layout.cob_id)
+        if not self._awaited and self.cycle_is_open and self.clock is Clock.WALL:
+            self.close_cycle()
 
     def time_out(self, now_ns: int) -> None:
         """`deadline_ns` has passed without the awaited answer."""
@@ -170,17 +184,22 @@ class Controller:
             self.lose(ControllerError(f"interrupted: {detail}"))
 
     def end(self) -> None:
-        """Stop as planned, before the last tick."""
+        """Stop as planned, before the last tick; a run that still looks for its cards ends when it has found them."""
         if self.state is State.RUNNING:
             self.state = State.STOPPING
+        elif self.state is State.BRINGING_UP:
+            self._ticks = 0
+        elif self.state is State.IDLE:
+            self.state = State.DONE
 
     def lose(self, error: ControllerError) -> None:
         """The bus is lost, or nobody answers any more: nothing can be sent; the cards protect themselves."""
         if not self.is_finished:
             self.error = self.error or error
             self.state = State.FAILED
+            self.outbox.clear()
             self.cycle_is_open = False
-            self.deadline_ns = None
+            self.deadline_ns = self._conversation = self._ask = None
 
     def _prepare(self, listen_ns: int) -> Conversation:
         yield from bring_up(self._nodes, self.cell.bus, self.clock.value, listen_ns)
@@ -225,23 +244,29 @@ class Controller:
             loop.look_up(self.tick)
             torque_nm = self._law_output()
             if torque_nm is not None:
-                self._send_outputs(*loop.outputs(torque_nm))
+                self.outbox += [Frame(cob_id, data) for cob_id, data in self._outputs.pack(*loop.outputs(torque_nm))]
                 self.controlled_ticks += 1
-                if self.on_tick is not None:
-                    self.on_tick()
+                self._tell_tick()
 
     def _law_output(self) -> Sequence[float] | None:
-        """The law's torques, once they are found to be usable: a law may be the user's own and may fail in any way."""
+        """The law's torques, once they are found to be usable."""
         try:
             torque_nm = self.loop.torque_nm()
-            verdict = self._supervisor.command(torque_nm)
-        except Exception as error:
-            verdict = Verdict("law-failed", f"{type(error).__name__}: {error}")
+        except ControllerError as error:
+            self._judge(Verdict("law-failed", str(error)))
+            return None
+        verdict = self._supervisor.command(torque_nm)
         self._judge(verdict)
         return torque_nm if verdict is None else None
 
-    def _send_outputs(self, codes: Sequence[int], directions: Sequence[int]) -> None:
-        self.outbox += [Frame(cob_id, data) for cob_id, data in self._outputs.pack(codes, directions)]
+    def _tell_tick(self) -> None:
+        if self.on_tick is not None:
+            try:
+                self.on_tick()
+            except LawError as error:
+                self._judge(Verdict("law-failed", str(error)))
+            except OSError as error:
+                self._judge(Verdict("recording-failed", str(error)))
 
     def _miss(self) -> None:
         self.missed += 1

@@ -5,12 +5,16 @@ class ControllerError(Exception):
     """Base of every error raised by `canarm_controller`."""
 
 
+class DynamicsError(ControllerError):
+    """A state or a robot cannot be put into the equations of motion, or they have no solution."""
+
+
 class TrajectoryError(ControllerError):
     """A trajectory cannot be read, or asks for what the robot cannot do."""
 
 
 class LawError(ControllerError):
-    """A control law cannot be loaded."""
+    """A control law cannot be loaded, or fails while it runs."""
 
 
 class MemoryImageError(ControllerError):

@@ -10,27 +10,28 @@ from canarm_protocol.cell import Cell, Quantity
 from canarm_protocol.wiring import FULL_SCALE_CODE, InputSlot, sensor_scale
 
 from .dynamics import NominalArm
-from .errors import TrajectoryError
+from .errors import LawError, TrajectoryError
 from .feedforward import make_feedforward
 from .laws.base import ControlLaw, Cycle
+from .laws.failure import law_failure
 from .memory import SAMPLES, MemoryImage
-from .trajectory import Trajectory, blend_from
+from .trajectory import Reference, Trajectory, blend_from
 
 OFF, CLOCKWISE, COUNTER_CLOCKWISE = 0b00, 0b01, 0b10
 """Direction bits of the latch (table 1 of the paper); counter-clockwise is towards positive angles."""
 LEAD_CYCLES = 1.5
 """A command computed in cycle k acts from SYNC k+1 to SYNC k+2: on average 1.5 cycles later."""
-
-
 BLENDS_S = (2.0, 3.0, 4.5, 6.0)
 """Times in which the trajectory may be entered; the shortest in which no joint gets too fast is taken."""
+CHUNK = 64
+"""Ticks whose reference is turned into plain floats at once, so that no cycle has to do it for a whole block."""
 
 
 class ControlLoop:
     """Law, feed-forward and trajectory of one run.
 
-    `slots` says which quantity stands at which place of `codes` in `step`. Raises `ControllerError` for an arm, a law or a
-    feed-forward that cannot be.
+    `slots` says which quantity stands at which place of `codes` in `measure`. Raises `ControllerError` for an arm, a
+    law or a feed-forward that cannot be, and `LawError` for whatever else the law's own code raises, here and later.
     """
 
     def __init__(
@@ -43,7 +44,12 @@ class ControlLoop:
     ) -> None:
         self.arm = NominalArm.from_robot(cell.robot[0])
         self.period_s = cell.bus.cycle_s
-        self.law = law(self.arm, cell.control, self.period_s)
+        try:
+            self.law = law(self.arm, cell.control, self.period_s)
+            self.internal_names = tuple(self.law.internals())
+            """Names of the law's inner values; they stay the same for the whole run."""
+        except (Exception, SystemExit) as error:
+            raise law_failure(law, "__init__ or internals", error) from error
         self.trajectory = trajectory
         self.feedforward_kind = feedforward or law.default_feedforward
         limits_a = [joint.amplifier.max_current_a for joint in cell.joints]
@@ -66,18 +72,23 @@ class ControlLoop:
         self._positions = self._places[Quantity.POTENTIOMETER]
         self._velocities = self._places[Quantity.TACHOMETER]
         self._currents = self._places[Quantity.CURRENT_SENSE]
+        self._block: Reference | None = None
+        self._block_tick = self._chunk_tick = 0
         self._reference: list[tuple[list[float], list[float], list[float]]] = []
         self._signs = [0.0] * len(cell.joints)
 
     def begin(self, position_codes: Sequence[int]) -> None:
         """Start at rest at the measured pose: blend the trajectory in, fill the table, start the law.
 
-        Raises `TrajectoryError` when the pose lies outside the joint limits, or too far off.
+        Raises `TrajectoryError` when the pose lies outside the joint limits, or too far off; `LawError`.
         """
         start = [(code - zero) * step for code, (_, zero, step, _) in zip(position_codes, self._positions, strict=True)]
         self.trajectory = self._entered_from(start)
         self._prepare(0)
-        self.law.start(start, [0.0] * len(start), self.trajectory.amplitude_rad)
+        try:
+            self.law.start(start, [0.0] * len(start), self.trajectory.amplitude_rad)
+        except (Exception, SystemExit) as error:
+            raise law_failure(type(self.law), "start", error) from error
 
     def _entered_from(self, start_rad: Sequence[float]) -> Trajectory:
         """The trajectory blended in from the measured pose, in 2 s, or slower when the arm has far to go."""
@@ -108,17 +119,23 @@ class ControlLoop:
 
     def look_up(self, tick: int) -> None:
         """The reference of `tick` into `cycle`; a new block of 4096 ticks is prepared when one begins."""
-        sample = tick % SAMPLES
-        if sample == 0 and tick:
-            self._prepare(tick)
+        place = tick - self._chunk_tick
+        if not 0 <= place < CHUNK:
+            if not 0 <= tick - self._block_tick < SAMPLES:
+                self._prepare(tick - tick % SAMPLES)
+            self._unpack(tick - tick % CHUNK)
+            place = tick % CHUNK
         cycle = self.cycle
         cycle.tick = tick
-        cycle.reference_rad, cycle.reference_rad_s, cycle.reference_rad_s2 = self._reference[sample]
+        cycle.reference_rad, cycle.reference_rad_s, cycle.reference_rad_s2 = self._reference[place]
 
     def torque_nm(self) -> Sequence[float]:
-        """What the law asks for in this cycle, N·m a joint."""
+        """What the law asks for in this cycle, N·m a joint, not yet judged. Raises `LawError`."""
         self.cycle.feedforward_nm = self._feedforward.torque_nm(self.cycle.tick)
-        return self.law.update(self.cycle)
+        try:
+            return self.law.update(self.cycle)
+        except (Exception, SystemExit) as error:
+            raise law_failure(type(self.law), "update", error) from error
 
     def outputs(self, torque_nm: Sequence[float]) -> tuple[list[int], list[int]]:
         """DAC codes and direction bits of the torques, limited to what the amplifiers have."""
@@ -141,17 +158,29 @@ class ControlLoop:
         return codes, directions
 
     def internals(self) -> Mapping[str, Sequence[float]]:
-        """The law's named inner values."""
-        return self.law.internals()
+        """The law's named inner values. Raises `LawError` where they are not a number a joint for every name."""
+        try:
+            values = self.law.internals()
+            names = tuple(values)
+            fit = all(len([float(value) for value in row]) == len(self._limits_a) for row in values.values())
+        except (Exception, SystemExit) as error:
+            raise law_failure(type(self.law), "internals", error) from error
+        if names != self.internal_names or not fit:
+            raise LawError(
+                f"law {type(self.law).__name__}: internals() must give {len(self._limits_a)} numbers for each of the "
+                f"names that it gave at first ({', '.join(map(str, self.internal_names)) or 'none'})"
+            )
+        return values
 
     def _prepare(self, first_tick: int) -> None:
-        block = self.trajectory.sample(first_tick, SAMPLES, self.period_s)
-        self._reference = list(
-            zip(
-                block.position_rad.tolist(),
-                block.velocity_rad_s.tolist(),
-                block.acceleration_rad_s2.tolist(),
-                strict=True,
-            )
-        )
-        self._feedforward.prepare(block, first_tick)
+        self._block = self.trajectory.sample(first_tick, SAMPLES, self.period_s)
+        self._block_tick = first_tick
+        self._feedforward.prepare(self._block, first_tick)
+        self._unpack(first_tick)
+
+    def _unpack(self, tick: int) -> None:
+        block, sample = self._block, tick - self._block_tick
+        assert block is not None
+        parts = (block.position_rad, block.velocity_rad_s, block.acceleration_rad_s2)
+        self._reference = list(zip(*(part[sample : sample + CHUNK].tolist() for part in parts), strict=True))
+        self._chunk_tick = tick

@@ -1,7 +1,7 @@
-"""The CANopen master's dealings with its cards before and after a run, as conversations: ask, wait for the answer, go on.
+"""The CANopen master's dealings with its cards before and after a run, as conversations: ask, wait, go on.
 
-A conversation is a generator. It yields what to send and whose answer it waits for, and is sent the frame that came, or has
-`Silence` thrown into it when none came in time. Sockets and clocks belong to whoever drives it.
+A conversation is a generator. It yields what to send and whose answer it waits for, and is sent the frame that came, or
+has `Silence` thrown into it when none came in time. Sockets and clocks belong to whoever drives it.
 """
 
 import struct
@@ -32,7 +32,7 @@ from canarm_protocol.wiring import CardNode
 
 from .errors import BringUpError, ClockMismatchError
 
-ANSWER_NS = 1_000_000_000
+ANSWER_NS = 3_000_000_000
 """How long a card may take to answer."""
 ALL_BITS = 0xFF
 CLOCK_NAMES = {0: "wall", 1: "sync"}
@@ -58,8 +58,8 @@ Conversation = Generator[Ask, Frame, None]
 def bring_up(nodes: tuple[CardNode, ...], bus: Bus, clock_mode: int, listen_ns: int) -> Conversation:
     """Find the cards, check who they are, configure and leave them in PRE-OPERATIONAL, monitored and monitoring.
 
-    Raises `BringUpError` when another controller is on the bus, a card is missing, is of another identity or refuses its
-    configuration, and `ClockMismatchError` when the emulated world follows another clock than the controller.
+    Raises `BringUpError` when another controller is on the bus, a card is missing, is of another identity or refuses
+    its configuration, and `ClockMismatchError` when the emulated world follows another clock than the controller.
     """
     if listen_ns:
         yield from _listen_for_another(bus.controller_node_id, listen_ns)
@@ -73,8 +73,8 @@ def bring_up(nodes: tuple[CardNode, ...], bus: Bus, clock_mode: int, listen_ns: 
 
 
 def read_input(node: CardNode, channel: int) -> Generator[Ask, Frame, int]:
-    """The present code of an analogue input, by SDO."""
-    data = yield from _transfer(node, upload(ANALOGUE_INPUT, channel))
+    """The present code of an analogue input, by SDO. Raises `BringUpError`."""
+    data = yield from _read(node, ANALOGUE_INPUT, channel, 2)
     return int(struct.unpack("<h", data)[0]) >> CODE_SHIFT
 
 
@@ -126,7 +126,7 @@ def _check_identity(node: CardNode) -> Conversation:
         (IDENTITY, 3, "revision"),
     ]
     for index, subindex, what in expected:
-        data = yield from _transfer(node, upload(index, subindex))
+        data = yield from _read(node, index, subindex, 4)
         found, wanted = int.from_bytes(data, "little"), default_value(node.dictionary, index, subindex)
         if found != wanted:
             raise BringUpError(
@@ -136,11 +136,12 @@ def _check_identity(node: CardNode) -> Conversation:
 
 
 def _check_clock(node: CardNode, clock_mode: int) -> Conversation:
-    data = yield from _transfer(node, upload(CLOCK_MODE, 0))
+    data = yield from _read(node, CLOCK_MODE, 0, 1)
     if data[0] != clock_mode:
         theirs, ours = CLOCK_NAMES.get(data[0], str(data[0])), CLOCK_NAMES[clock_mode]
         raise ClockMismatchError(
-            f"{_name(node)} runs on --clock {theirs}, this controller on --clock {ours}: start both with the same --clock"
+            f"{_name(node)} runs on --clock {theirs}, this controller on --clock {ours}: "
+            "start both with the same --clock"
         )
 
 
@@ -182,6 +183,13 @@ def _pdo_configuration(layout: PdoLayout) -> list[tuple[int, int, bytes]]:
         (communication, 2, bytes((layout.transmission_type,))),
         (communication, 1, struct.pack("<I", layout.cob_id)),
     ]
+
+
+def _read(node: CardNode, index: int, subindex: int, size: int) -> Generator[Ask, Frame, bytes]:
+    data = yield from _transfer(node, upload(index, subindex))
+    if len(data) != size:
+        raise BringUpError(f"{_name(node)}: SDO 0x{index:04X}:{subindex:02X} has {len(data)} bytes; must be {size}")
+    return data
 
 
 def _transfer(node: CardNode, transfer: Transfer) -> Generator[Ask, Frame, bytes]:

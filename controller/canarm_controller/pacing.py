@@ -42,7 +42,7 @@ class Lateness:
 
 
 class Pacer:
-    """Absolute deadlines one period apart. After a stall of more than a period it starts anew, and says how many were missed."""
+    """Absolute deadlines one period apart. A stall of more than a period leaves out the deadlines that it missed."""
 
     def __init__(self, period_ns: int, clock: Callable[[], int] = time.monotonic_ns) -> None:
         self._period_ns, self._clock = period_ns, clock

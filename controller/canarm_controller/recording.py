@@ -23,16 +23,15 @@ class ControllerRecorder:
 
     def __init__(self, folder: Path, controller: Controller) -> None:
         self._controller, self._folder = controller, folder
-        self._internals = list(controller.loop.internals())
         names = controller.cell.joint_names
-        columns = [f"{name}.{column}" for name in names for column in (*_COLUMNS, *self._internals)]
+        columns = [f"{name}.{column}" for name in names for column in (*_COLUMNS, *controller.loop.internal_names)]
         self._signals = SignalLog(folder / SIGNALS_FOLDER / SIGNALS_FILE, columns)
         self._events = EventLog(folder / EVENTS_FILE, "controller")
         self._joints = range(len(names))
         self._period_ns = controller.cell.bus.cycle_ns
 
     def tick(self) -> None:
-        """Append the tick that has just been controlled."""
+        """Append the tick that has just been controlled. Raises `LawError`; `OSError` when it cannot be written."""
         loop = self._controller.loop
         cycle, internals = loop.cycle, list(loop.internals().values())
         values: list[float] = []

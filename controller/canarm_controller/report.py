@@ -3,6 +3,8 @@
 The robot needs none of it; it travels on the bench bus, in batches, and is judged there.
 """
 
+import math
+
 from canarm_protocol.bench_objects import INTERNALS, bench_pdos
 from canarm_protocol.cell import Cell
 from canarm_protocol.frames import Frame
@@ -13,6 +15,9 @@ BATCH_TICKS = 16
 """Ticks whose frames go out together: 40 ms at 2.5 ms."""
 DETAIL_TICKS = 8
 """Every how many ticks measurements, commands and internals are reported: 50 Hz at 2.5 ms."""
+U16, U32 = 0xFFFF, 0xFFFF_FFFF
+LARGEST = (2 - 2**-24) * 2.0**127
+"""Greatest number that still rounds to one in single precision (IEEE 754)."""
 
 
 class BenchReport:
@@ -22,6 +27,7 @@ class BenchReport:
         self._controller = controller
         self._pdos = bench_pdos(cell)
         self._frames: list[Frame] = []
+        self._ticks = 0
         self._joints = range(len(cell.joints))
 
     def tick(self) -> None:
@@ -29,16 +35,18 @@ class BenchReport:
         cycle, pdos, frames = self._controller.loop.cycle, self._pdos, self._frames
         tick = cycle.tick
         for layout, angle in zip(pdos.reference, cycle.reference_rad, strict=True):
-            frames.append(Frame(layout.cob_id, layout.pack(tick, angle)))
+            frames.append(Frame(layout.cob_id, layout.pack(tick & U32, angle)))
+        self._ticks += 1
         if tick % DETAIL_TICKS == 0:
             self._details()
 
     def take(self, everything: bool = False) -> list[Frame]:
-        """The frames of a full batch, or none; with `everything` whatever there is, the controller's state with it."""
+        """The frames of a batch of ticks when it is full; with `everything` whatever there is, and the state."""
         if everything:
             self._state()
-        elif len(self._frames) < BATCH_TICKS * len(self._joints):
+        elif self._ticks < BATCH_TICKS:
             return []
+        self._ticks = 0
         frames, self._frames = self._frames, []
         return frames
 
@@ -48,18 +56,20 @@ class BenchReport:
         internals = list(loop.internals().values())[:INTERNALS]
         for joint in self._joints:
             measured, command = pdos.measured[joint], pdos.command[joint]
-            frames.append(
-                Frame(measured.cob_id, measured.pack(cycle.position_rad[joint], cycle.velocity_rad_s[joint]))
-            )
+            frames.append(Frame(measured.cob_id, measured.pack(cycle.position_rad[joint], cycle.velocity_rad_s[joint])))
             current = cycle.applied_nm[joint] / loop.arm.torque_per_ampere[joint]
             frames.append(Frame(command.cob_id, command.pack(current, cycle.feedforward_nm[joint])))
-            values = [values[joint] for values in internals] + [0.0] * (INTERNALS - len(internals))
+            values = [_single(values[joint]) for values in internals] + [0.0] * (INTERNALS - len(internals))
             for layout, pair in zip(pdos.internals[joint], (values[:2], values[2:]), strict=True):
                 frames.append(Frame(layout.cob_id, layout.pack(*pair)))
         self._state()
 
     def _state(self) -> None:
         controller, layout = self._controller, self._pdos.controller
-        late = min(controller.missed, 0xFFFF)
-        self._frames.append(Frame(layout.cob_id, layout.pack(max(controller.tick, 0), late, controller.state)))
+        late = min(controller.missed, U16)
+        self._frames.append(Frame(layout.cob_id, layout.pack(max(controller.tick, 0) & U32, late, controller.state)))
 
+
+def _single(value: float) -> float:
+    """What single precision can hold of it: an inner value of a law may run away."""
+    return value if -LARGEST < value < LARGEST else math.copysign(math.inf, value) if value == value else math.nan

@@ -17,8 +17,10 @@ from .errors import ControllerError
 from .pacing import Lateness, Pacer
 from .report import BenchReport
 
-ANSWER_S = 2.0
-"""How long lockstep may wait for the emulator's TIME."""
+ANSWER_NS = 2_000_000_000
+"""How long lockstep may wait for the emulator's TIME, whatever else arrives meanwhile."""
+POLL_S = 0.1
+"""How often a wait is broken off to ask whether the user wants to stop."""
 LISTEN_NS = 250_000_000
 """How long a controller listens for another one before it takes the bus: several of its heartbeats."""
 
@@ -42,7 +44,8 @@ class RunResult:
 class Runner:
     """One run of `controller` over `port`, with its reports on `bench` if there is one.
 
-    `on_state` is called with every change of state; `should_stop` is asked once a cycle and answers with a reason to stop safely.
+    `on_state` is called with every change of state; `should_stop` is asked once a cycle and answers with a reason to
+    stop safely. `clock` gives monotonic ns.
     """
 
     def __init__(
@@ -52,14 +55,15 @@ class Runner:
         bench: BusPort | None,
         on_state: Callable[[State], None] = lambda state: None,
         should_stop: Callable[[], str | None] = lambda: None,
+        clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self._controller, self._port, self._bench = controller, port, bench
-        self._on_state, self._should_stop = on_state, should_stop
+        self._on_state, self._should_stop, self._clock = on_state, should_stop, clock
         self._report = BenchReport(controller.cell, controller) if bench is not None else None
         self._state = State.IDLE
         self._note: str | None = None if bench is not None else "no bench bus: the true error is not known here"
         self._pacer: Pacer | None = None
-        self._started_s = self._ended_s = 0.0
+        self._started_ns = self._ended_ns = 0
 
     def run(self) -> RunResult:
         """From finding the cards to leaving them safe. Every wait has a limit; no exception of a bus leaves here."""
@@ -75,47 +79,47 @@ class Runner:
 
             controller.on_tick = tick
         try:
+            self._name_internals()
             self._bring_up()
-            self._started_s = time.monotonic()
+            self._started_ns = self._clock()
             if not controller.is_finished:
-                self._name_internals()
                 if controller.clock is Clock.SYNC:
                     self._run_lockstep()
                 else:
                     self._run_on_the_wall_clock()
         except BusError as error:
             controller.lose(ControllerError(f"bus lost: {error}"))
-        self._ended_s = time.monotonic()
+        self._ended_ns = self._clock()
         self._watch_state()
         return self._result(self._assess())
 
     def _bring_up(self) -> None:
         controller = self._controller
-        controller.begin(time.monotonic_ns())
+        controller.begin(self._clock())
         while controller.state is State.BRINGING_UP:
             self._watch_state()
             self._flush()
             assert controller.deadline_ns is not None
-            left_s = (controller.deadline_ns - time.monotonic_ns()) * 1e-9
+            left_s = (controller.deadline_ns - self._clock()) * 1e-9
             if left_s <= 0.0:
-                controller.time_out(time.monotonic_ns())
+                controller.time_out(self._clock())
             else:
-                self._take(self._port.receive(min(left_s, 0.1)))
+                self._take(self._port.receive(min(left_s, POLL_S)))
             self._ask_to_stop()
         self._watch_state()
+        self._flush()
 
     def _run_lockstep(self) -> None:
         controller, port = self._controller, self._port
-        last_answer_s = time.monotonic()
+        tick, sent_ns = controller.tick, self._clock()
         while not controller.is_finished:
             self._flush()
-            batch = port.receive(0.5)
-            if batch:
-                self._take(batch)
-                last_answer_s = time.monotonic()
-            elif time.monotonic() - last_answer_s > ANSWER_S:
+            self._take(port.receive(POLL_S))
+            if controller.tick != tick:
+                tick, sent_ns = controller.tick, self._clock()
+            elif self._clock() - sent_ns > ANSWER_NS:
                 controller.lose(
-                    ControllerError(f"no TIME from the emulator within {ANSWER_S:g} s of SYNC {controller.tick}")
+                    ControllerError(f"no TIME from the emulator within {ANSWER_NS / 1e9:g} s of SYNC {controller.tick}")
                 )
             self._publish()
             self._ask_to_stop()
@@ -123,23 +127,25 @@ class Runner:
 
     def _run_on_the_wall_clock(self) -> None:
         controller, port = self._controller, self._port
-        pacer = self._pacer = Pacer(controller.cell.bus.cycle_ns)
+        pacer = self._pacer = Pacer(controller.cell.bus.cycle_ns, self._clock)
         while not controller.is_finished:
             pacer.begin()
             controller.open_cycle()
             self._flush()
             self._publish()
-            while (left_s := pacer.left_s()) > 0.0 and not controller.is_finished:
-                batch = port.receive(left_s)
-                if batch:
-                    self._take(batch)
-                    self._flush()
+            left_s = pacer.left_s()
+            while not controller.is_finished:  # at least once: what has arrived is read however late it is
+                self._take(port.receive(max(left_s, 0.0)))
+                self._flush()
+                left_s = pacer.left_s()
+                if left_s <= 0.0:
+                    break
             self._ask_to_stop()
         self._flush()
 
     def _take(self, batch: list[tuple[int, Frame]]) -> None:
         controller = self._controller
-        now_ns = time.monotonic_ns()
+        now_ns = self._clock()
         for _, frame in batch:
             controller.receive(frame, now_ns)
         if controller.state is not self._state:
@@ -203,7 +209,7 @@ class Runner:
 
     def _result(self, joints: dict[str, JointAssessment]) -> RunResult:
         controller, pacer = self._controller, self._pacer
-        wall_s = self._ended_s - self._started_s
+        wall_s = (self._ended_ns - self._started_ns) * 1e-9
         virtual_s = (controller.tick + 1) * controller.loop.period_s
         return RunResult(
             state=controller.state,

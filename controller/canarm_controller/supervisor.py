@@ -27,7 +27,7 @@ class Verdict:
 
 
 class Supervisor:
-    """Watches cards, measurements and commands of one run. Every method returns a verdict, or None while all is well."""
+    """Watches cards, measurements and commands of a run. Every method returns a verdict, or None while all is well."""
 
     def __init__(self, cell: Cell, nodes: Sequence[CardNode]) -> None:
         bus, limits = cell.bus, cell.supervision
@@ -37,6 +37,8 @@ class Supervisor:
         self._timeout_cycles = math.ceil(bus.heartbeat_timeout_ms * 1000 / bus.cycle_us)
         self._timeout_ms = bus.heartbeat_timeout_ms
         self._last_heartbeat = dict.fromkeys(self._cards, 0)
+        self._started: set[int] = set()
+        """Cards that have been seen in OPERATIONAL."""
         margin = limits.range_margin_deg
         self._range_rad = [
             (math.radians(joint.limits_deg[0] - margin), math.radians(joint.limits_deg[1] + margin))
@@ -48,7 +50,7 @@ class Supervisor:
         self._last_position: Sequence[float] | None = None
 
     def message(self, frame: Frame, tick: int) -> Verdict | None:
-        """Judge a frame that is not process data: heartbeats, emergencies, another master."""
+        """Judge a frame that is not process data: heartbeats, emergencies, another master. Malformed ones may pass."""
         can_id = frame.can_id
         if can_id in (Cob.SYNC, self._controller_heartbeat):
             what = "SYNC" if can_id == Cob.SYNC else "a heartbeat with our node-ID"
@@ -59,14 +61,17 @@ class Supervisor:
             return None
         if can_id == Cob.HEARTBEAT + node_id and len(frame.data) == 1:
             if frame.data[0] != NmtState.OPERATIONAL:
+                if frame.data[0] == NmtState.PRE_OPERATIONAL and node_id not in self._started:
+                    return None  # under way before NMT start took effect; `begin_cycle` limits how long
                 state = NmtState(frame.data[0]).name if frame.data[0] in set(NmtState) else f"0x{frame.data[0]:02X}"
                 return Verdict("card-state", f"card {name!r} (node 0x{node_id:02X}) is in {state}, not OPERATIONAL")
+            self._started.add(node_id)
             self._last_heartbeat[node_id] = tick
         elif can_id == Cob.EMERGENCY + node_id:
             try:
                 emergency = Emergency.parse(frame.data)
-            except FrameError as error:
-                return Verdict("card-emergency", f"card {name!r} (node 0x{node_id:02X}): {error}")
+            except FrameError:
+                return None
             if emergency.code:
                 return Verdict(
                     "card-emergency", f"card {name!r} (node 0x{node_id:02X}) reports error 0x{emergency.code:04X}"
@@ -77,9 +82,10 @@ class Supervisor:
         """Judge the silence of the cards' heartbeats."""
         for node_id, last in self._last_heartbeat.items():
             if tick - last > self._timeout_cycles:
+                what = "silent" if node_id in self._started else "not in OPERATIONAL after NMT start"
                 return Verdict(
                     "heartbeat-lost",
-                    f"card {self._cards[node_id]!r} (node 0x{node_id:02X}) silent for {self._timeout_ms} ms",
+                    f"card {self._cards[node_id]!r} (node 0x{node_id:02X}) {what} for {self._timeout_ms} ms",
                 )
         return None
 
@@ -106,16 +112,22 @@ class Supervisor:
             if last is not None and abs(position - last[joint]) > self._max_step_rad:
                 return Verdict(
                     "impossible-motion",
-                    f"{self._names[joint]} measured {math.degrees(last[joint]):.1f} deg, then {math.degrees(position):.1f} deg "
-                    f"a cycle later; at most {math.degrees(self._max_step_rad):.0f} deg is possible",
+                    f"{self._names[joint]} measured {math.degrees(last[joint]):.1f} deg, then "
+                    f"{math.degrees(position):.1f} deg; at most {math.degrees(self._max_step_rad):.0f} deg is possible",
                 )
         return None
 
     def command(self, torque_nm: Sequence[float]) -> Verdict | None:
-        """Judge what the law asks for."""
-        if len(torque_nm) != len(self._names):
-            return Verdict("law-output", f"the law returned {len(torque_nm)} torques for {len(self._names)} joints")
-        for joint, torque in enumerate(torque_nm):
-            if not math.isfinite(torque):
-                return Verdict("law-output", f"the law asks for {torque} N m at {self._names[joint]}")
+        """Judge what the law asks for, whatever it may be: a law can be the user's own."""
+        try:
+            count = len(torque_nm)
+            finite = [math.isfinite(torque) for torque in torque_nm]
+        except (TypeError, ValueError, OverflowError):
+            text = " ".join(repr(torque_nm).split())[:80]
+            return Verdict("law-output", f"the law returned {text}; must be {len(self._names)} torques in N m")
+        if count != len(self._names):
+            return Verdict("law-output", f"the law returned {count} torques for {len(self._names)} joints")
+        if not all(finite):
+            joint = finite.index(False)
+            return Verdict("law-output", f"the law asks for {torque_nm[joint]} N m at {self._names[joint]}")
         return None

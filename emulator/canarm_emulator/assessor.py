@@ -16,11 +16,12 @@ SETTLING_CYCLES = 1024
 """Cycles at the start that are left out: the motion is still blending in."""
 KEPT_CYCLES = 4096
 
-
+LARGEST_RAD = 1e6
+"""A reference beyond it is nonsense from the bus."""
 SHORTEST_STRETCH = 100
 """Cycles for which the reference must keep its speed to count as a stretch of constant speed."""
 STEADY_RAD = 1e-6
-"""A reference moves steadily while its second difference stays below this; in single precision it is known to 1e-7 rad."""
+"""A reference is steady while its second difference stays below this; in single precision it is known to 1e-7 rad."""
 
 
 @dataclass(slots=True)
@@ -116,9 +117,9 @@ class Assessor:
                 score.saturated_cycles += 1
 
     def reference(self, tick: int, joint: int, angle_rad: float) -> None:
-        """The reference of one joint at `tick`; one that is too old or of a cycle that never was is dropped."""
+        """The reference of one joint at `tick`; dropped if it is no angle, too old, or of a cycle that never was."""
         kept = self._truth[tick % KEPT_CYCLES]
-        if kept is None or kept[0] != tick or tick < SETTLING_CYCLES:
+        if kept is None or kept[0] != tick or tick < SETTLING_CYCLES or not -LARGEST_RAD < angle_rad < LARGEST_RAD:
             return
         score = self.scores[joint]
         true = kept[1][joint]

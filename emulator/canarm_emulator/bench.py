@@ -1,7 +1,7 @@
 """The emulated test bench, without any input or output: frames and times go in, frames come out.
 
-Owns virtual time, the order of events on the robot's bus and what a SYNC does. Sockets, wall clocks and files belong to the
-runner. The same object runs in a process of its own or inside a test.
+Owns virtual time, the order of events on the robot's bus and what a SYNC does. Sockets, wall clocks and files belong to
+the runner. The same object runs in a process of its own or inside a test.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,6 +22,7 @@ from .cards.adc0809 import Adc0809Card
 from .cards.dac0808 import Dac0808Card
 from .cards.sc300 import Sc300Card
 from .device import AdcDevice, DacDevice, IoDevice, LatchDevice
+from .pdo_rules import SYNCHRONOUS_TYPES
 from .slave import NEVER, Slave
 from .truth import Truth
 from .world import JointState, Source, World
@@ -29,7 +30,10 @@ from .world import JointState, Source, World
 RUN_ON_NS = 500_000_000
 """How long after the heartbeat time the world runs on when the sender of SYNC is lost in lockstep."""
 IDLE_STEP_NS = 5_000_000
-"""On the wall clock the world follows in pieces of this length while no SYNC asks for more."""
+"""The world follows in pieces of this length while no SYNC asks for more."""
+SILENT_CYCLES = 4
+"""After so many cycles without SYNC the truth is told nevertheless: a test wants to see what the arm does then."""
+HIGHEST_NODE_ID = 127
 
 
 class Record(NamedTuple):
@@ -48,6 +52,13 @@ class CycleTruth(NamedTuple):
     joints: Sequence[JointState]
 
 
+class _Taker(NamedTuple):
+    """What a node does with the data of frames of one COB-ID."""
+
+    node_id: int
+    take: Callable[[bytes], None]
+
+
 @dataclass(slots=True)
 class _Scan:
     """Process data between SYNC and the end of the conversions."""
@@ -59,8 +70,9 @@ class _Scan:
 class Bench:
     """The robot's side of a cell, and the bench node.
 
-    `on_cycle` is called with the truth at every SYNC after NMT start. Frames on the robot's bus, those received included,
-    gather in order in `records`; frames of the bench node in `bench_records`. Whoever drives the bench empties both.
+    `on_cycle` is called with the truth at every SYNC after NMT start, and for a while after SYNCs have ended. Frames on
+    the robot's bus, those received included, gather in order in `records`; those on the bench bus in `bench_records`.
+    Whoever drives it empties both.
     """
 
     def __init__(self, cell: Cell, truth: Truth, clock: Clock, seed: int) -> None:
@@ -79,19 +91,29 @@ class Bench:
         self._adcs: list[tuple[int, AdcDevice, dict[int, Source]]] = []
         self.slaves = [self._make_slave(card, truth) for card in cell.card]
         self._conversion_ns = {card.node_id: card.conversion_us * 1000 for card in cell.card}
-        self._handlers: dict[int, Callable[[bytes], None]] = {}
+        self._takers: dict[int, list[_Taker]] = {}
         self._next_due_ns = NEVER
         self._next_sync_ns = 0
+        self._last_cycle_ns = 0
         self._scan: _Scan | None = None
         self.device = BenchDevice(cell, self.assessor)
         self.device.truth = self.world.state()
-        self.node = Slave("bench", cell.bus.bench_node_id, bench_dictionary(cell), self.device, self._emit_bench, clock.value)
-        self._bench_handlers: dict[int, Callable[[bytes], None]] = {}
+        self.node = Slave(
+            "bench", cell.bus.bench_node_id, bench_dictionary(cell), self.device, self._emit_bench, clock.value
+        )
+        self._bench_takers: dict[int, Callable[[bytes], None]] = {}
 
     def _make_slave(self, card: Card, truth: Truth) -> Slave:
-        device = self._make_device(card, truth)
-        dictionary = load_dictionary(card.model, card.node_id)
-        return Slave(card.name, card.node_id, dictionary, device, self._emit, self.clock.value)
+        node_id = card.node_id
+
+        def emit(time_ns: int, frame: Frame) -> None:
+            self.records.append(Record(time_ns, frame))
+            for taker in self._takers.get(frame.can_id, ()):
+                if taker.node_id != node_id:
+                    taker.take(frame.data)
+
+        dictionary = load_dictionary(card.model, node_id)
+        return Slave(card.name, node_id, dictionary, self._make_device(card, truth), emit, self.clock.value)
 
     def _make_device(self, card: Card, truth: Truth) -> IoDevice:
         world = self.world
@@ -138,8 +160,8 @@ class Bench:
         self.node.boot(self.time_ns)
         self.node.on_nmt(NmtCommand.START, self.time_ns)
         self._route()
-        self._bench_handlers = {
-            **{rx: self._bench_sdo(rx) for rx in self.node.sdo_cob_ids},
+        self._bench_takers = {
+            **{cob_id: self._sdo(self.node, cob_id) for cob_id in self.node.sdo_cob_ids},
             **{layout.cob_id: self._rpdo(self.node, layout) for layout in self.node.rpdos},
         }
 
@@ -161,12 +183,17 @@ class Bench:
             self.time_ns = until_ns
             if until_ns - self.world.time_ns > IDLE_STEP_NS:
                 self.world.advance(until_ns)
+                self._tell_idle_truth()
 
     def run_on(self) -> None:
         """In lockstep, the sender of SYNC is lost: time runs on until the cards' own protection has acted."""
-        limit_ns = self.cell.bus.heartbeat_timeout_ms * 1_000_000 + RUN_ON_NS
-        self.advance(self.time_ns + limit_ns)
-        self._catch_up(self.time_ns)
+        timeouts_ns = [slave.watch_due_ns for slave in self.slaves if slave.watch_due_ns != NEVER]
+        timeouts_ns.append(self.time_ns + self.cell.bus.heartbeat_timeout_ms * 1_000_000)
+        end_ns = max(timeouts_ns) + RUN_ON_NS
+        while self.time_ns < end_ns:
+            self.advance(min(self.time_ns + IDLE_STEP_NS, end_ns))
+            self._catch_up(self.time_ns)
+            self._tell_idle_truth()
         self._next_sync_ns = self.time_ns
 
     def receive(self, frame: Frame, origin: object = None) -> None:
@@ -175,18 +202,25 @@ class Bench:
             self._sync(frame, origin)
             return
         self.records.append(Record(self.time_ns, frame, origin))
-        handler = self._handlers.get(frame.can_id)
-        if handler is None or frame.is_extended or frame.is_remote:
+        takers = self._takers.get(frame.can_id)
+        if takers is None or frame.is_extended or frame.is_remote:
             self.ignored_frames += 1
-        else:
-            handler(frame.data)
+            return
+        data = frame.data
+        for taker in takers:
+            taker.take(data)
 
     def receive_bench(self, frame: Frame, origin: object = None) -> None:
         """A frame arrives on the bench bus. It never touches the robot's bus."""
         self.bench_records.append(Record(self.time_ns, frame, origin))
-        handler = self._bench_handlers.get(frame.can_id)
-        if handler is not None and not frame.is_extended and not frame.is_remote:
-            handler(frame.data)
+        if frame.is_extended or frame.is_remote:
+            return
+        take = self._bench_takers.get(frame.can_id)
+        if take is not None:
+            take(frame.data)
+        elif Cob.HEARTBEAT < frame.can_id <= Cob.HEARTBEAT + HIGHEST_NODE_ID:
+            self.node.on_heartbeat(frame.can_id - Cob.HEARTBEAT, self.time_ns)
+            self._schedule()
 
     def send_telemetry(self) -> None:
         """The bench node sends its TPDOs: for a runner that knows that somebody listens."""
@@ -219,6 +253,7 @@ class Bench:
 
     def _count_cycle(self, now_ns: int) -> None:
         self.cycle += 1
+        self._last_cycle_ns = now_ns
         if self.cycle == 0:
             self.assessor.begin()
         joints = self.world.state()
@@ -226,6 +261,15 @@ class Bench:
         self.assessor.truth(self.cycle, joints)
         if self.on_cycle is not None:
             self.on_cycle(CycleTruth(self.cycle, now_ns, joints))
+
+    def _tell_idle_truth(self) -> None:
+        """The truth while no SYNC asks for it: shown always, told to `on_cycle` until the cards have acted."""
+        joints = self.device.truth = self.world.state()
+        silence_ns = self.time_ns - self._last_cycle_ns
+        limit_ns = self.cell.bus.heartbeat_timeout_ms * 1_000_000 + RUN_ON_NS
+        is_told = SILENT_CYCLES * self.cell.bus.cycle_ns < silence_ns <= limit_ns
+        if is_told and self.cycle >= 0 and self.on_cycle is not None:
+            self.on_cycle(CycleTruth(self.cycle, self.time_ns, joints))
 
     def _convert(self, pdos: Sequence[tuple[Slave, PdoLayout]]) -> None:
         """Scan the channels that the due TPDOs map, one after the other; the world moves on meanwhile."""
@@ -247,15 +291,18 @@ class Bench:
         if scan is not None and scan.due_ns <= due_ns:
             self._scan = None
             for slave, layout in scan.pdos:
-                if slave.state is NmtState.OPERATIONAL:
-                    slave.send_tpdo(layout, due_ns)
+                slave.send_tpdo(layout, due_ns)
         if self._next_due_ns <= due_ns:
             for slave in self.slaves:
-                if slave.next_due_ns <= due_ns:
-                    if slave.watch_due_ns <= due_ns:
-                        self._catch_up(due_ns)
+                if slave.watch_due_ns <= due_ns:
+                    self._catch_up(due_ns)
                     slave.run_timers(due_ns)
-            self._route()
+                    self._route()
+                elif slave.next_due_ns <= due_ns:
+                    slave.run_timers(due_ns)
+            if self.node.next_due_ns <= due_ns:
+                self.node.run_timers(due_ns)
+            self._schedule()
 
     def _catch_up(self, now_ns: int) -> None:
         if now_ns > self.world.time_ns:
@@ -278,41 +325,53 @@ class Bench:
         self._route()
 
     def _route(self) -> None:
-        """Who takes which COB-ID, and when the next timer is due; both change with NMT states and configuration."""
-        handlers: dict[int, Callable[[bytes], None]] = {Cob.NMT: self._nmt}
+        """Who takes which COB-ID: it changes with NMT states and configuration. Several nodes may take the same one."""
+        takers: dict[int, list[_Taker]] = {Cob.NMT: [_Taker(0, self._nmt)]}
         for slave in self.slaves:
+            node_id, watched = slave.node_id, slave.watched_node_id
             for cob_id in slave.sdo_cob_ids:
-                handlers[cob_id] = self._sdo(slave, cob_id)
+                takers.setdefault(cob_id, []).append(_Taker(node_id, self._sdo(slave, cob_id)))
             for layout in slave.rpdos:
-                handlers[layout.cob_id] = self._rpdo(slave, layout)
-        for node_id in {slave.watched_node_id for slave in self.slaves} - {0}:
-            handlers[Cob.HEARTBEAT + node_id] = self._heartbeat(node_id)
-        self._handlers = handlers
-        self._next_due_ns = min(slave.next_due_ns for slave in self.slaves)
+                takers.setdefault(layout.cob_id, []).append(_Taker(node_id, self._rpdo(slave, layout)))
+            if 1 <= watched <= HIGHEST_NODE_ID:
+                takers.setdefault(Cob.HEARTBEAT + watched, []).append(_Taker(node_id, self._heartbeat(slave, watched)))
+        self._takers = takers
+        self._schedule()
+
+    def _schedule(self) -> None:
+        self._next_due_ns = min(self.node.next_due_ns, *[slave.next_due_ns for slave in self.slaves])
 
     def _sdo(self, slave: Slave, cob_id: int) -> Callable[[bytes], None]:
-        def handle(data: bytes) -> None:
+        is_card = slave is not self.node
+
+        def take(data: bytes) -> None:
+            if is_card:
+                self._catch_up(self.time_ns)
             slave.on_sdo(cob_id, data, self.time_ns)
-            self._route()
+            if is_card:
+                self._route()
+            else:
+                self._schedule()
 
-        return handle
-
-    def _bench_sdo(self, cob_id: int) -> Callable[[bytes], None]:
-        return lambda data: self.node.on_sdo(cob_id, data, self.time_ns)
+        return take
 
     def _rpdo(self, slave: Slave, layout: PdoLayout) -> Callable[[bytes], None]:
-        return lambda data: slave.on_rpdo(layout, data)
+        acts_at_once = slave is not self.node and layout.transmission_type not in SYNCHRONOUS_TYPES
 
-    def _heartbeat(self, node_id: int) -> Callable[[bytes], None]:
-        def handle(data: bytes) -> None:
-            for slave in self.slaves:
-                slave.on_heartbeat(node_id, self.time_ns)
-            self._next_due_ns = min(slave.next_due_ns for slave in self.slaves)
+        def take(data: bytes) -> None:
+            if acts_at_once:
+                self._catch_up(self.time_ns)
+            slave.on_rpdo(layout, data, self.time_ns)
 
-        return handle
+        return take
 
-    def _emit(self, time_ns: int, frame: Frame) -> None:
-        self.records.append(Record(time_ns, frame))
+    def _heartbeat(self, slave: Slave, watched: int) -> Callable[[bytes], None]:
+        def take(data: bytes) -> None:
+            if len(data) == 1:
+                slave.on_heartbeat(watched, self.time_ns)
+                self._schedule()
+
+        return take
 
     def _emit_bench(self, time_ns: int, frame: Frame) -> None:
         self.bench_records.append(Record(time_ns, frame))

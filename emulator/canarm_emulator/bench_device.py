@@ -1,4 +1,4 @@
-"""The bench node's process data: truth and assessment as objects to read, the controller's report as objects to write."""
+"""The bench node's process data: truth and assessment to be read, the controller's report to be written."""
 
 from collections.abc import Callable
 

@@ -1,11 +1,11 @@
 """Cards as CiA 401 I/O modules: objects of the dictionary on one side, registers on the other.
 
-A device turns a value of 0x6200, 0x6401 or 0x6411 into the register accesses that the Apple II would make. It knows no frames,
-no states and no time-outs; `slave.py` owns those.
+A device turns a value of 0x6200, 0x6401 or 0x6411 into the register accesses that the Apple II would make. It knows no
+frames, no states and no time-outs; `slave.py` owns those. What its methods do, `IoDevice` says.
 """
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 from canarm_protocol.dictionary import (
     ANALOGUE_ERROR_MODE,
@@ -23,11 +23,11 @@ from .cards.dac0808 import CHANNELS as DAC_CHANNELS
 from .cards.dac0808 import Dac0808Card
 from .cards.sc300 import Sc300Card
 
-Setter = Callable[[int], None]
-Getter = Callable[[], int]
+Setter = Callable[[Any], None]
+Getter = Callable[[], float]
+"""Writes and reads an object's value: an int or a float, as its data type says."""
 ReadObject = Callable[[int, int], int]
 
-DAC_MAXIMUM = 0x7FFF
 NIBBLE = 4
 
 
@@ -52,24 +52,25 @@ class IoDevice(Protocol):
 
 
 class DacDevice:
-    """0x6411: one signed, left-adjusted 16-bit value a converter. The converters are unipolar: negative values give 0."""
+    """0x6411: one signed, left-adjusted 16-bit value a converter. They are unipolar: negative values give 0."""
 
     def __init__(self, card: Dac0808Card) -> None:
         self._card = card
 
     def setter(self, index: int, subindex: int) -> Setter | None:
+        """How to write an output."""
         if index != ANALOGUE_OUTPUT or not 1 <= subindex <= DAC_CHANNELS:
             return None
-        write, lsb = self._card.write, 2 * (subindex - 1)
+        return lambda value: self._load(subindex, value)
 
-        def load(value: int) -> None:
-            code = value >> CODE_SHIFT if value > 0 else 0
-            write(lsb, code & 0x0F, 0)
-            write(lsb + 1, code >> NIBBLE, 0)
-
-        return load
+    def _load(self, subindex: int, value: int) -> None:
+        code = value >> CODE_SHIFT if value > 0 else 0
+        lsb_latch = 2 * (subindex - 1)
+        self._card.write(lsb_latch, code & 0x0F, 0)
+        self._card.write(lsb_latch + 1, code >> NIBBLE, 0)
 
     def getter(self, index: int, subindex: int) -> Getter | None:
+        """How to read a value."""
         if index != ANALOGUE_OUTPUT or not 1 <= subindex <= DAC_CHANNELS:
             return None
         return lambda: self._card.code(subindex - 1) << CODE_SHIFT
@@ -81,9 +82,7 @@ class DacDevice:
         """0x6443 = 1 selects 0x6444, a 32-bit value of which the upper 16 bits are the output's."""
         for channel in range(1, DAC_CHANNELS + 1):
             if read(ANALOGUE_ERROR_MODE, channel):
-                setter = self.setter(ANALOGUE_OUTPUT, channel)
-                assert setter is not None
-                setter(read(ANALOGUE_ERROR_VALUE, channel) >> 16)
+                self._load(channel, read(ANALOGUE_ERROR_VALUE, channel) >> 16)
 
 
 class LatchDevice:
@@ -93,11 +92,13 @@ class LatchDevice:
         self._card = card
 
     def setter(self, index: int, subindex: int) -> Setter | None:
+        """How to write an output."""
         if (index, subindex) != (DIGITAL_OUTPUT, 1):
             return None
         return lambda value: self._card.write(0, value, 0)
 
     def getter(self, index: int, subindex: int) -> Getter | None:
+        """How to read a value."""
         return (lambda: self._card.value) if (index, subindex) == (DIGITAL_OUTPUT, 1) else None
 
     def refresh(self, index: int, subindex: int) -> None:
@@ -125,9 +126,11 @@ class AdcDevice:
         self._values[channel] = self._card.code(volts) << CODE_SHIFT
 
     def setter(self, index: int, subindex: int) -> Setter | None:
+        """Inputs are not written."""
         return None
 
     def getter(self, index: int, subindex: int) -> Getter | None:
+        """How to read a value."""
         if index != ANALOGUE_INPUT or not 1 <= subindex <= len(self._values):
             return None
         values, channel = self._values, subindex - 1

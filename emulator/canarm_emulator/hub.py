@@ -123,7 +123,7 @@ class Hub:
         """
         self._receivers: dict[str, list[_Client]] = {channel: [] for channel in channels}
         self._queue_bytes = queue_bytes
-        self._listener = _listen(host, port, allow_remote)
+        self._listener = listen(host, port, allow_remote)
         bound_host, bound_port = self._listener.getsockname()[:2]
         self.address: tuple[str, int] = (bound_host, bound_port)
         self._clients: dict[int, _Client] = {}
@@ -412,7 +412,11 @@ class _Client:
         )
 
 
-def _listen(host: str, port: int, allow_remote: bool) -> socket.socket:
+def listen(host: str, port: int, allow_remote: bool, option: str = "--serve HOST:PORT") -> socket.socket:
+    """A non-blocking listener. `option` is what the user changes when it fails.
+
+    Raises `HubError`: address in use or not of this machine, or not loopback without `allow_remote`.
+    """
     where = f"{host}:{port}"
     if not 0 <= port < 65536:
         raise HubError(f"{where}: a port is a number from 1 to 65535, or 0 for any free one")
@@ -435,15 +439,15 @@ def _listen(host: str, port: int, allow_remote: bool) -> socket.socket:
         listener.setblocking(False)
     except OSError as error:
         listener.close()
-        raise HubError(_explain(error, where)) from error
+        raise HubError(_explain(error, where, option)) from error
     return listener
 
 
-def _explain(error: OSError, where: str) -> str:
+def _explain(error: OSError, where: str, option: str) -> str:
     if error.errno == errno.EADDRINUSE:
-        return f"{where} is in use; stop the other emulator or choose another --serve HOST:PORT"
+        return f"{where} is in use; stop the other emulator or choose another {option}"
     if error.errno == errno.EADDRNOTAVAIL:
-        return f"{where} is no address of this machine; choose another --serve HOST:PORT"
+        return f"{where} is no address of this machine; choose another {option}"
     if error.errno == errno.EACCES:
-        return f"{where} is not allowed for this user; choose a port above 1023 in --serve HOST:PORT"
-    return f"cannot listen on {where}: {error.strerror or error}; choose another --serve HOST:PORT"
+        return f"{where} is not allowed for this user; choose a port above 1023 in {option}"
+    return f"cannot listen on {where}: {error.strerror or error}; choose another {option}"

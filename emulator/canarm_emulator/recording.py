@@ -45,4 +45,3 @@ class Recorder:
         """Write out what is left."""
         for file in (self._log, self._signals, self._events):
             file.close()
-

@@ -21,14 +21,14 @@ IDLE_S = 0.05
 PORT_POLL_S = 0.001
 """How often a port is looked at that offers nothing to wait for."""
 STALL_NS = 50_000_000
-"""A gap longer than this between two looks at the clock is the machine's, not the robot's: virtual time leaves it out."""
+"""A longer gap between two looks at the clock is the machine's, not the robot's: virtual time leaves it out."""
 
 
 class EmulatorRunner:
     """Ties a bench to its buses.
 
-    `ports` are further buses beside the hub, by bus name ("can0", "bench"). `sync_timeout_s` bounds a silent controller in
-    lockstep. `should_stop` is asked in every round.
+    `ports` are further buses beside the hub, by bus name ("can0", "bench"). `sync_timeout_s` bounds a silent controller
+    in lockstep. `should_stop` is asked in every round.
     """
 
     def __init__(
@@ -42,7 +42,8 @@ class EmulatorRunner:
         on_event: Callable[[str], None] = lambda text: None,
     ) -> None:
         self._bench, self._hub, self._recorder = bench, hub, recorder
-        self._ports: dict[str, list[BusPort]] = {bus: list((ports or {}).get(bus, ())) for bus in (ROBOT_BUS, BENCH_BUS)}
+        ports = ports or {}
+        self._ports: dict[str, list[BusPort]] = {bus: list(ports.get(bus, ())) for bus in (ROBOT_BUS, BENCH_BUS)}
         self._bus_of = {id(port): bus for bus, group in self._ports.items() for port in group}
         self._polled = [port for group in self._ports.values() for port in group if port.fileno() is None]
         self._sync_timeout_ns = int(sync_timeout_s * 1e9)
@@ -108,7 +109,7 @@ class EmulatorRunner:
 
     def _take(self, bus: str, frame: Frame, origin: object, now_ns: int) -> None:
         if bus == ROBOT_BUS:
-            if frame.can_id == Cob.SYNC:
+            if frame.can_id == Cob.SYNC and not frame.is_extended and not frame.is_remote:
                 self._sync_sender, self._last_sync_ns = origin, now_ns
             self._bench.receive(frame, origin)
         else:
@@ -132,7 +133,7 @@ class EmulatorRunner:
                 self._sync_sender = None
 
     def _run_on(self, why: str) -> None:
-        """Lockstep without SYNC: virtual time runs on, so that the cards protect themselves; then it stands still again."""
+        """Lockstep without SYNC: time runs on, so that the cards protect themselves; then it stands still again."""
         self._sync_sender = None
         if self._bench.is_operational:
             self.run_ons += 1

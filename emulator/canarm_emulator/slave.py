@@ -1,32 +1,31 @@
 """A CANopen slave in virtual time (CiA 301): NMT states, SDO server, synchronous PDOs, heartbeat both ways, EMCY.
 
-Frames and times go in through methods; frames come out through `emit`. Nothing here waits, and what is answered is answered
-at once. The SDO server is the `canopen` library's; the rest is ours, because the library's local node has no time.
+Frames and times go in through methods; frames come out through `emit`. Nothing here waits, and what is answered is
+answered at once. Which frames are a node's, and when time passes, is the bench's business.
 """
 
-import logging
-import struct
 from collections.abc import Callable
-from types import SimpleNamespace
 
 from canarm_protocol.dictionary import (
     CLOCK_MODE,
     CONSUMER_HEARTBEAT,
+    CYCLE_PERIOD,
     ERROR_BEHAVIOUR,
+    ERROR_HISTORY,
     ERROR_REGISTER,
     PRODUCER_HEARTBEAT,
+    SYNC_OVERFLOW,
     Dictionary,
 )
 from canarm_protocol.errors import DictionaryError
-from canarm_protocol.frames import Cob, Emergency, ErrorCode, Frame, NmtCommand, NmtState, heartbeat_frame
-from canarm_protocol.pdo import COMMUNICATION, DISABLED, MAPPING, PDO_COUNT, Kind, PdoLayout, read_layout, read_layouts
-from canopen import SdoAbortedError
-from canopen.sdo import SdoServer
+from canarm_protocol.frames import Emergency, ErrorCode, Frame, NmtCommand, NmtState, heartbeat_frame
+from canarm_protocol.pdo import Kind, MappedObject, PdoLayout, read_layouts
+from canarm_protocol.sdo import AbortCode
 
 from .device import Getter, IoDevice, Setter
-from .store import ObjectStore
-
-logging.getLogger("canopen").setLevel(logging.CRITICAL)
+from .pdo_rules import SYNCHRONOUS_TYPES, check_pdo_write
+from .sdo_server import SdoServer
+from .store import ObjectStore, SdoRefused
 
 Emit = Callable[[int, Frame], None]
 
@@ -34,11 +33,9 @@ NEVER = 1 << 62
 MILLISECOND = 1_000_000
 SDO_SERVER, SDO_SERVERS = 0x1200, 0x80
 APPLICATION_OBJECTS = 0x2000
-ERROR_HISTORY = 0x1003
 GENERIC_ERROR, COMMUNICATION_ERROR = 0x01, 0x10
-WRONG_STATE, WRONG_VALUE, NOT_MAPPABLE = 0x0800_0022, 0x0609_0030, 0x0604_0041
-SYNCHRONOUS_TYPES = range(241)
-EVENT_DRIVEN_TYPES = (254, 255)
+"""Bits of the error register (CiA 301, 7.5.2.2)."""
+HISTORY_LENGTH = 4
 
 
 class Slave:
@@ -59,13 +56,12 @@ class Slave:
         self._now_ns = 0
         self._store = ObjectStore(dictionary, self._read_object, self._write_object)
         self._sdo = {
-            dictionary[index][1].default: SdoServer(dictionary[index][1].default, dictionary[index][2].default, self._store)
+            dictionary[index][1].default: (SdoServer(self._store), dictionary[index][2].default)
             for index in range(SDO_SERVER, SDO_SERVER + SDO_SERVERS)
             if index in dictionary
         }
-        for server in self._sdo.values():
-            server.network = SimpleNamespace(send_message=self._send_sdo)
-        self._reset_sdo()
+        self._errors: list[ErrorCode] = []
+        self._scanned: set[tuple[int, int]] = set()
         self._setters: dict[int, list[Setter]] = {}
         self._getters: dict[int, list[Getter]] = {}
         self._received: dict[int, bytes] = {}
@@ -73,16 +69,16 @@ class Slave:
         self._last_sent: dict[int, bytes] = {}
         self._heartbeat_due_ns = NEVER
         self._watch_due_ns = NEVER
-        self._watch_lost = False
 
     def boot(self, now_ns: int, everything: bool = True) -> None:
-        """Reset: communication objects, and with `everything` the application's too, take their defaults; then boot-up."""
+        """Reset: communication objects take their defaults, with `everything` the application's too; then boot-up."""
         self._store.reset(keep=lambda index: not everything and not 0x1000 <= index < 0x2000)
-        self._reset_sdo()
+        for server, _ in self._sdo.values():
+            server.reset()
         self._deactivate_pdos()
         self.device.take_error_values(self._store.number)
         self._heartbeat_due_ns = self._watch_due_ns = NEVER
-        self._watch_lost = False
+        self._errors.clear()
         self._schedule()
         self._emit(now_ns, heartbeat_frame(self.node_id, NmtState.BOOT_UP))
         self.state = NmtState.PRE_OPERATIONAL
@@ -113,8 +109,8 @@ class Slave:
 
     @property
     def watched_node_id(self) -> int:
-        """The node whose heartbeat is monitored (0x1016:1); 0 for none."""
-        return self._store.number(CONSUMER_HEARTBEAT, 1) >> 16 & 0x7F
+        """The node whose heartbeat is monitored (0x1016:1); none is where the node-ID is 0 or above 127."""
+        return self._store.number(CONSUMER_HEARTBEAT, 1) >> 16 & 0xFF
 
     def on_sdo(self, cob_id: int, data: bytes, now_ns: int) -> None:
         """Serve one SDO request that came on `cob_id`; answered at `now_ns`, not answered in STOPPED."""
@@ -122,14 +118,24 @@ class Slave:
             self.ignored_frames += 1
             return
         self._now_ns = now_ns
-        self._sdo[cob_id].on_request(cob_id, bytearray(data), now_ns)
+        server, answer_id = self._sdo[cob_id]
+        answer = server.answer(data)
+        if answer is not None:
+            self._emit(now_ns, Frame(answer_id, answer))
 
-    def on_rpdo(self, layout: PdoLayout, data: bytes) -> None:
-        """Take an RPDO; a synchronous one acts at the next SYNC, an event-driven one at once."""
-        if self.state is not NmtState.OPERATIONAL or len(data) < layout.size:
+    def on_rpdo(self, layout: PdoLayout, data: bytes, now_ns: int) -> None:
+        """Take an RPDO; a synchronous one acts at the next SYNC, an event-driven one at once.
+
+        Bytes beyond the mapped ones are left aside; one that is too short has no effect but EMCY 0x8210.
+        """
+        if len(data) < layout.size:
             self.ignored_frames += 1
-        elif layout.transmission_type in SYNCHRONOUS_TYPES:
-            self._received[layout.cob_id] = data
+            self._begin_error(ErrorCode.PDO_LENGTH, now_ns)
+            return
+        if self._errors:
+            self._end_error(ErrorCode.PDO_LENGTH, now_ns)
+        if layout.transmission_type in SYNCHRONOUS_TYPES:
+            self._received[layout.number] = data
         else:
             self._apply(layout, data)
 
@@ -137,14 +143,12 @@ class Slave:
         """SYNC: what was received since the last one acts now."""
         if self._received:
             for layout in self.rpdos:
-                data = self._received.pop(layout.cob_id, None)
+                data = self._received.pop(layout.number, None)
                 if data is not None:
                     self._apply(layout, data)
 
     def tpdos_due(self) -> list[PdoLayout]:
         """SYNC: the TPDOs to be sent once their inputs are converted."""
-        if self.state is not NmtState.OPERATIONAL:
-            return []
         due = []
         for layout in self.tpdos:
             if layout.transmission_type <= 1:
@@ -158,7 +162,9 @@ class Slave:
         return due
 
     def send_tpdo(self, layout: PdoLayout, now_ns: int) -> None:
-        """Send one TPDO; one of type 0 only when its data differ from what it last sent."""
+        """Send one TPDO, if it is still in force; one of type 0 only when its data differ from what it last sent."""
+        if layout not in self.tpdos:
+            return
         data = layout.pack(*[getter() for getter in self._getters[layout.number]])
         if layout.transmission_type == 0:
             if self._last_sent.get(layout.number) == data:
@@ -170,13 +176,11 @@ class Slave:
         """A heartbeat of another node: monitoring begins with the first one (CiA 301, 7.5.2.19)."""
         entry = self._store.number(CONSUMER_HEARTBEAT, 1)
         timeout_ms = entry & 0xFFFF
-        if entry >> 16 & 0x7F != node_id or not timeout_ms:
+        if entry >> 16 & 0xFF != node_id or not timeout_ms:
             return
         self._watch_due_ns = now_ns + timeout_ms * MILLISECOND
         self._schedule()
-        if self._watch_lost:
-            self._watch_lost = False
-            self._report(Emergency(ErrorCode.NO_ERROR, 0), now_ns)
+        self._end_error(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, now_ns)
 
     def run_timers(self, now_ns: int) -> None:
         """Do what has fallen due by `now_ns`: produce a heartbeat, notice that one is missing."""
@@ -189,8 +193,7 @@ class Slave:
         self._schedule()
 
     def _heartbeat_lost(self, now_ns: int) -> None:
-        self._watch_lost = True
-        self._report(Emergency(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, GENERIC_ERROR | COMMUNICATION_ERROR), now_ns)
+        self._begin_error(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, now_ns)
         self.device.take_error_values(self._store.number)
         behaviour = self._store.number(ERROR_BEHAVIOUR, 1)
         if behaviour == 0 and self.state is NmtState.OPERATIONAL:
@@ -198,36 +201,62 @@ class Slave:
         elif behaviour == 2:
             self._leave_operational(NmtState.STOPPED)
 
-    def _report(self, emergency: Emergency, now_ns: int) -> None:
-        self._store.put(ERROR_REGISTER, 0, emergency.register)
-        if emergency.code:
-            count = min(self._store.number(ERROR_HISTORY, 0) + 1, 4)
-            for position in range(count, 1, -1):
-                self._store.put(ERROR_HISTORY, position, self._store.number(ERROR_HISTORY, position - 1))
-            self._store.put(ERROR_HISTORY, 1, emergency.code)
-            self._store.put(ERROR_HISTORY, 0, count)
-        self._emit(now_ns, emergency.frame(self.node_id))
+    def _begin_error(self, code: ErrorCode, now_ns: int) -> None:
+        """Report an error once, when it begins (CiA 301, 7.2.7)."""
+        if code in self._errors:
+            return
+        self._errors.append(code)
+        count = min(self._store.number(ERROR_HISTORY) + 1, HISTORY_LENGTH)
+        for position in range(count, 1, -1):
+            self._store.put(ERROR_HISTORY, position, self._store.number(ERROR_HISTORY, position - 1))
+        self._store.put(ERROR_HISTORY, 1, code)
+        self._store.put(ERROR_HISTORY, 0, count)
+        self._report(code, now_ns)
+
+    def _end_error(self, code: ErrorCode, now_ns: int) -> None:
+        """Report that an error is over; the register still shows the others."""
+        if code in self._errors:
+            self._errors.remove(code)
+            self._report(ErrorCode.NO_ERROR, now_ns)
+
+    def _report(self, code: ErrorCode, now_ns: int) -> None:
+        register = GENERIC_ERROR | COMMUNICATION_ERROR if self._errors else 0
+        self._store.put(ERROR_REGISTER, 0, register)
+        self._emit(now_ns, Emergency(code, register).frame(self.node_id))
 
     def _apply(self, layout: PdoLayout, data: bytes) -> None:
         for setter, value in zip(self._setters[layout.number], layout.unpack(data[: layout.size]), strict=True):
             setter(value)
 
     def _activate_pdos(self) -> None:
-        dictionary, number = self._store.object_dictionary, self._store.number
+        dictionary, number = self._store.dictionary, self._store.number
         self.rpdos = read_layouts(dictionary, "rpdo", number)
         self.tpdos = read_layouts(dictionary, "tpdo", number)
-        self._setters = {
-            layout.number: [_present(self.device.setter(m.index, m.subindex)) for m in layout.objects]
-            for layout in self.rpdos
-        }
-        self._getters = {
-            layout.number: [_present(self.device.getter(m.index, m.subindex)) for m in layout.objects]
-            for layout in self.tpdos
-        }
+        self._setters = {layout.number: [self._setter(m) for m in layout.objects] for layout in self.rpdos}
+        self._getters = {layout.number: [self._getter(m) for m in layout.objects] for layout in self.tpdos}
+        self._scanned = {(m.index, m.subindex) for layout in self.tpdos for m in layout.objects}
         self._syncs_until_due = {layout.number: layout.transmission_type for layout in self.tpdos}
+
+    def _setter(self, mapped: MappedObject) -> Setter:
+        setter = self.device.setter(mapped.index, mapped.subindex)
+        if setter is None:
+            raise DictionaryError(
+                f"{self.name}: an RPDO maps 0x{mapped.index:04X}:{mapped.subindex:02X}, no output of the card"
+            )
+        return setter
+
+    def _getter(self, mapped: MappedObject) -> Getter:
+        index, subindex = mapped.index, mapped.subindex
+        return self.device.getter(index, subindex) or (lambda: self._store.number(index, subindex))
+
+    def _can_map(self, kind: Kind, index: int, subindex: int) -> bool:
+        if kind == "rpdo":
+            return self.device.setter(index, subindex) is not None
+        return index == ERROR_REGISTER or self.device.getter(index, subindex) is not None
 
     def _deactivate_pdos(self) -> None:
         self.rpdos, self.tpdos = [], []
+        self._scanned.clear()
         self._received.clear()
         self._last_sent.clear()
 
@@ -238,74 +267,43 @@ class Slave:
     def _schedule(self) -> None:
         self.next_due_ns = min(self._heartbeat_due_ns, self._watch_due_ns)
 
-    def _reset_sdo(self) -> None:
-        for server in self._sdo.values():
-            server._index = server._subindex = 0
-            server._buffer = bytearray()
-
-    def _send_sdo(self, cob_id: int, data: bytes) -> None:
-        self._emit(self._now_ns, Frame(cob_id, bytes(data)))
-
     def _read_object(self, index: int, subindex: int) -> bytes | None:
         if index == CLOCK_MODE:
             return bytes((self._clock_mode,))
         if index >= APPLICATION_OBJECTS:
-            if self.state is not NmtState.OPERATIONAL:
+            if (index, subindex) not in self._scanned:
                 self.device.refresh(index, subindex)
             getter = self.device.getter(index, subindex)
             if getter is not None:
-                variable = self._store.object_dictionary.get_variable(index, subindex)
-                return bytes(variable.encode_raw(getter()))
+                return bytes(self._store.variable(index, subindex).encode_raw(getter()))
         return None
 
     def _write_object(self, index: int, subindex: int, data: bytes) -> bool:
         setter = self.device.setter(index, subindex) if index >= APPLICATION_OBJECTS else None
         if setter is not None:
-            variable = self._store.object_dictionary.get_variable(index, subindex)
-            setter(variable.decode_raw(data))
+            setter(self._store.variable(index, subindex).decode_raw(data))
             return True
-        for kind in ("rpdo", "tpdo"):
-            self._check_pdo_write(kind, index, subindex, data)
+        if index < APPLICATION_OBJECTS:
+            self._configure(index, subindex, int.from_bytes(data, "little"))
+        return False
+
+    def _configure(self, index: int, subindex: int, value: int) -> None:
+        """A client is about to write a communication object: refuse what cannot be, act on what acts at once."""
+        is_operational = self.state is NmtState.OPERATIONAL
+        check_pdo_write(self._store, self._can_map, is_operational, index, subindex, value)
         if index == PRODUCER_HEARTBEAT:
-            (period_ms,) = struct.unpack("<H", data)
-            self._heartbeat_due_ns = self._now_ns + period_ms * MILLISECOND if period_ms else NEVER
+            self._heartbeat_due_ns = self._now_ns + value * MILLISECOND if value else NEVER
             self._schedule()
         elif index == CONSUMER_HEARTBEAT:
             self._watch_due_ns = NEVER
             self._schedule()
-        elif index == ERROR_BEHAVIOUR and data[0] > 2:
-            raise SdoAbortedError(WRONG_VALUE)
-        return False
-
-    def _check_pdo_write(self, kind: Kind, index: int, subindex: int, data: bytes) -> None:
-        """PDOs are changed in PRE-OPERATIONAL only, and their mapping only while they are disabled (CiA 301, 7.5.2.36)."""
-        communication, mapping = index - COMMUNICATION[kind], index - MAPPING[kind]
-        if not (0 <= communication < PDO_COUNT or 0 <= mapping < PDO_COUNT):
-            return
-        if self.state is NmtState.OPERATIONAL:
-            raise SdoAbortedError(WRONG_STATE)
-        value = int.from_bytes(data, "little")
-        if 0 <= communication < PDO_COUNT:
-            if subindex == 2 and not (value in SYNCHRONOUS_TYPES or kind == "rpdo" and value in EVENT_DRIVEN_TYPES):
-                raise SdoAbortedError(WRONG_VALUE)
-            return
-        cob_id_index = COMMUNICATION[kind] + mapping
-        if not self._store.number(cob_id_index, 1) & DISABLED:
-            raise SdoAbortedError(WRONG_STATE)
-        if subindex == 0 and value:
-            self._check_mapping(kind, mapping, value)
-
-    def _check_mapping(self, kind: Kind, offset: int, count: int) -> None:
-        def read(index: int, subindex: int) -> int:
-            return count if (index, subindex) == (MAPPING[kind] + offset, 0) else self._store.number(index, subindex)
-
-        try:
-            read_layout(self._store.object_dictionary, kind, offset + 1, read)
-        except DictionaryError:
-            raise SdoAbortedError(NOT_MAPPABLE) from None
-
-
-def _present(accessor: Callable[..., object] | None) -> Callable[..., object]:
-    if accessor is None:
-        raise DictionaryError("a PDO maps an object that the card does not have")
-    return accessor
+        elif index == ERROR_HISTORY:
+            if value:
+                raise SdoRefused(AbortCode.INVALID_VALUE)
+            for position in range(1, HISTORY_LENGTH + 1):
+                self._store.put(ERROR_HISTORY, position, 0)
+        elif index == SYNC_OVERFLOW:
+            if self._store.number(CYCLE_PERIOD):
+                raise SdoRefused(AbortCode.DEVICE_STATE)
+            if value == 1:
+                raise SdoRefused(AbortCode.INVALID_VALUE)

@@ -5,6 +5,7 @@ internals come in from the controller. Anyone may read all of it by SDO. COB-IDs
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 from canopen import ObjectDictionary
 from canopen.objectdictionary import ODArray, ODRecord, ODVariable, datatypes
@@ -51,7 +52,7 @@ _JOINT_OBJECTS = (
 
 
 def sdo_channel(node_id: int, channel: int) -> tuple[int, int]:
-    """COB-IDs (client to server, server to client) of an SDO channel of the bench node; channel 0 is the default one."""
+    """COB-IDs (client to server, server to client) of an SDO channel of the bench node; 0 is the default one."""
     if channel == 0:
         return 0x600 + node_id, 0x580 + node_id
     if not 1 <= channel <= SDO_CHANNELS:
@@ -61,7 +62,8 @@ def sdo_channel(node_id: int, channel: int) -> tuple[int, int]:
 
 def bench_dictionary(cell: Cell) -> Dictionary:
     """The dictionary of the bench node for the joints of `cell`, with the defaults of its PDOs."""
-    dictionary, node_id = ObjectDictionary(), cell.bus.bench_node_id
+    dictionary: Dictionary = ObjectDictionary()
+    node_id = cell.bus.bench_node_id
     _variable(dictionary, 0x1000, "Device type", _U32, "ro", 0)
     _variable(dictionary, 0x1001, "Error register", _U8, "ro", 0)
     _array(dictionary, 0x1003, "Pre-defined error field", _U32, "ro", 4)
@@ -71,6 +73,7 @@ def bench_dictionary(cell: Cell) -> Dictionary:
     _array(dictionary, 0x1018, "Identity object", _U32, "ro", 4)
     dictionary[0x1018][2].default = 0xBE7C
     _array(dictionary, 0x1029, "Error behaviour", _U8, "rw", 1, default=1)
+    dictionary[0x1029][1].max = 2
     for channel in range(SDO_CHANNELS + 1):
         record = _array(dictionary, 0x1200 + channel, "SDO server parameter", _U32, "ro", 2)
         record[1].default, record[2].default = sdo_channel(node_id, channel)
@@ -79,7 +82,8 @@ def bench_dictionary(cell: Cell) -> Dictionary:
     _variable(dictionary, TICK, "Controller's tick", _U32, "rw", 0, mappable=True)
     _variable(dictionary, LATE, "Controller's late cycles", _U16, "rw", 0, mappable=True)
     _variable(dictionary, CONTROLLER_STATE, "Controller's state", _U8, "rw", 0, mappable=True)
-    _array(dictionary, INTERNAL_NAME, "Name of an internal quantity of the law", datatypes.VISIBLE_STRING, "rw", INTERNALS)
+    name_type = datatypes.VISIBLE_STRING
+    _array(dictionary, INTERNAL_NAME, "Name of an internal quantity of the law", name_type, "rw", INTERNALS)
     joints = len(cell.joints)
     for index, name, access, data_type in _JOINT_OBJECTS:
         _array(dictionary, index, name, data_type, access, joints, mappable=True)
@@ -176,10 +180,8 @@ def _array(
     return entry
 
 
-def _make(
-    name: str, index: int, subindex: int, data_type: int, access: str, default: int | str, mappable: bool
-) -> ODVariable:
-    variable = ODVariable(name, index, subindex)
+def _make(name: str, index: int, subindex: int, data_type: int, access: str, default: int | str, mappable: bool) -> Any:
+    variable: Any = ODVariable(name, index, subindex)
     variable.data_type, variable.access_type, variable.pdo_mappable = data_type, access, mappable
     variable.default = default
     return variable

@@ -1,14 +1,14 @@
 """The schema of a cell: robots, cards, wiring, bus and control gains, as frozen values.
 
-A cell holds *nominal* parameters, known to every program. What differs in the true robot never enters here.
+A cell holds *nominal* parameters, known to every program. What differs in the true robot never enters here. What
+several values must have in common, `cell_checks.py` says.
 Units stand in the key names; angles are degrees in the file because people write the file.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
 from enum import StrEnum
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -63,15 +63,6 @@ class Bus(Table):
         """Cycle time in s."""
         return self.cycle_us * 1e-6
 
-    @model_validator(mode="after")
-    def _timeout_is_longer_than_heartbeat(self) -> Self:
-        if self.heartbeat_timeout_ms < 2 * self.heartbeat_ms:
-            raise ValueError(
-                f"heartbeat_timeout_ms = {self.heartbeat_timeout_ms} must be at least twice "
-                f"heartbeat_ms = {self.heartbeat_ms}, or one late heartbeat stops the robot"
-            )
-        return self
-
 
 class Physics(Table):
     """How finely the emulator integrates. The longest step bounds the error of the motion."""
@@ -82,7 +73,7 @@ class Physics(Table):
 class Link(Table):
     """Standard Denavit-Hartenberg parameters of one revolute joint and the inertia of its link.
 
-    `centre_of_mass_m` and `inertia_kg_m2` (principal moments about the centre of mass) are given in the link's own frame.
+    `centre_of_mass_m` and `inertia_kg_m2` (principal moments about the centre of mass) are in the link's own frame.
     """
 
     a_m: Finite
@@ -154,15 +145,6 @@ class Joint(Table):
     amplifier: Amplifier
     sensors: Sensors
 
-    @model_validator(mode="after")
-    def _home_lies_within_limits(self) -> Self:
-        low, high = self.limits_deg
-        if not low < high:
-            raise ValueError(f"limits_deg = [{low}, {high}] must be [lower, upper] with lower < upper")
-        if not low <= self.home_deg <= high:
-            raise ValueError(f"home_deg = {self.home_deg} must lie within limits_deg = [{low}, {high}]")
-        return self
-
 
 class Robot(Table):
     """A serial arm of revolute joints, base to tip."""
@@ -214,12 +196,50 @@ class MrasGains(Table):
     bias_limit_a: NonNegative
 
 
+class MrasLyapunovGains(Table):
+    """Adaptation by Lyapunov's method; symbols as in `canarm_controller.laws.mras_lyapunov`."""
+
+    gamma_position: NonNegative
+    gamma_velocity: NonNegative
+    gamma_bias: NonNegative
+    leakage: NonNegative
+    bias_limit_a: NonNegative
+
+
+class SlotineLiGains(Table):
+    """Adaptation of the whole arm model; symbols as in `canarm_controller.laws.slotine_li`."""
+
+    error_rate_rad_s: Positive
+    sliding_rate_rad_s: NonNegative
+    adaptation: NonNegative
+    leakage: NonNegative
+
+
+class ObserverGains(Table):
+    """How far sensors and arm model can be trusted; see `canarm_controller.laws.observer`.
+
+    Noise of the sensors is a standard deviation a sample, that of the states a density: rad/s²/√Hz for acceleration
+    and tachometer offset, rad/s³/√Hz for the error of the model's acceleration.
+    """
+
+    enabled: bool
+    position_noise_rad: Positive
+    velocity_noise_rad_s: Positive
+    acceleration_noise: Positive
+    acceleration_bias_noise: NonNegative
+    tachometer_offset_noise: NonNegative
+
+
 class Control(Table):
-    """Gains of the control laws."""
+    """Gains of the control laws. A law without its table cannot be used; without `observer` laws see what is measured."""
 
     natural_frequency_rad_s: Positive
     damping_ratio: Positive
+    standing_band_rad: NonNegative = 0.0
     mras: MrasGains
+    mras_lyapunov: MrasLyapunovGains | None = None
+    slotine_li: SlotineLiGains | None = None
+    observer: ObserverGains | None = None
 
 
 class Supervision(Table):
@@ -262,60 +282,3 @@ class Cell(Table):
     def joint_names(self) -> tuple[str, ...]:
         """Names of `joints`, in the same order."""
         return tuple(joint.name for joint in self.joints)
-
-    @model_validator(mode="after")
-    def _parts_fit_together(self) -> Self:
-        problems = [
-            *_duplicates("robot", "name", [robot.name for robot in self.robot]),
-            *_duplicates("robot", "number", [robot.number for robot in self.robot]),
-            *_duplicates("robot.joint", "name", self.joint_names),
-            *_duplicates("card", "name", [card.name for card in self.card]),
-            *_duplicates("card", "node_id", [card.node_id for card in self.card]),
-            *_duplicates("card", "slot", [(card.robot, card.slot) for card in self.card]),
-            *self._wiring_problems(),
-        ]
-        if problems:
-            raise ValueError("\n".join(problems))
-        return self
-
-    def _wiring_problems(self) -> Iterator[str]:
-        robots = {robot.name: {joint.name for joint in robot.joint} for robot in self.robot}
-        wired: dict[str, str] = {}
-        for index, card in enumerate(self.card):
-            where = f"card[{index}] {card.name!r}"
-            if card.robot not in robots:
-                yield f"{where}.robot = {card.robot!r}: no such robot; this cell has {_listed(robots)}"
-                continue
-            if card.node_id == self.bus.controller_node_id:
-                yield f"{where}.node_id = {card.node_id}: is bus.controller_node_id; give the card another one"
-            yield from _duplicates(f"{where}.channel", "number", [channel.number for channel in card.channel])
-            allowed = CHANNELS_OF[card.model]
-            for channel in card.channel:
-                spot = f"{where} channel {channel.number}"
-                if channel.number > CHANNEL_COUNT[card.model]:
-                    yield f"{spot}: a {card.model} has channels 1 to {CHANNEL_COUNT[card.model]}"
-                if channel.joint not in robots[card.robot]:
-                    yield (
-                        f"{spot}.signal = {channel.signal!r}: robot {card.robot!r} has no joint {channel.joint!r}; "
-                        f"it has {_listed(robots[card.robot])}"
-                    )
-                if channel.quantity not in allowed:
-                    yield f"{spot}.signal = {channel.signal!r}: a {card.model} takes <joint>.{_listed(allowed, ' or ')}"
-                if channel.signal in wired:
-                    yield f"{spot}.signal = {channel.signal!r}: already wired to {wired[channel.signal]}; wire it once"
-                wired.setdefault(channel.signal, spot)
-        for joint in self.joint_names:
-            for quantity in Quantity:
-                if f"{joint}.{quantity}" not in wired:
-                    models = [model for model, quantities in CHANNELS_OF.items() if quantity in quantities]
-                    yield f"{joint}.{quantity}: not wired; wire it to a channel of a {_listed(models, ' or ')}"
-
-
-def _duplicates(where: str, key: str, values: Sequence[object]) -> Iterator[str]:
-    for index, value in enumerate(values):
-        if (first := values.index(value)) < index:
-            yield f"{where}[{index}].{key} = {value!r}: {where}[{first}] has it already; each must be unique"
-
-
-def _listed(names: Iterable[object], joiner: str = ", ") -> str:
-    return joiner.join(map(str, names))

@@ -1,16 +1,20 @@
 """Reading a cell: a shipped name or a TOML file, with keys of the command line laid over it."""
 
-import difflib
 import tomllib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from .cell import Cell
+from .cell_checks import problems
+from .cell_messages import explain, keys_at, nearest
 from .errors import CellError
+
+SETTABLE = ("control", "supervision")
+"""The tables whose keys `--set` takes."""
 
 
 def shipped_cells() -> dict[str, str]:
@@ -26,26 +30,24 @@ def shipped_cells() -> dict[str, str]:
 def load_cell(name_or_path: str, settings: Mapping[str, str] | None = None) -> Cell:
     """Load and validate a cell.
 
-    `name_or_path` is the name of a shipped cell ("konkuk1") or the path of a TOML file. `settings` are keys laid over it,
-    dotted as on the command line ("control.mras.gamma_bias" → "10").
+    `name_or_path` is the name of a shipped cell ("konkuk1") or the path of a TOML file. `settings` are keys laid over
+    it, dotted as on the command line ("control.mras.gamma_bias" → "10").
 
     Raises `CellError`, one line a problem: file, key, value, and what would be right.
     """
     shipped = shipped_cells()
     if name_or_path in shipped:
-        source, text = f"cell {name_or_path}", shipped[name_or_path]
-    else:
-        path = Path(name_or_path)
-        source = str(path)
-        try:
-            text = path.read_text(encoding="utf-8")
-        except FileNotFoundError:
-            raise CellError(
-                f"{name_or_path}: no such cell or file; shipped cells: {', '.join(shipped)}"
-            ) from None
-        except (OSError, UnicodeDecodeError) as error:
-            raise CellError(f"{name_or_path}: cannot be read as a cell file: {error}") from None
-    return parse_cell(text, source, settings)
+        return parse_cell(shipped[name_or_path], f"cell {name_or_path}", settings)
+    try:
+        text = Path(name_or_path).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        hint = nearest(name_or_path, shipped)
+        raise CellError(f"{name_or_path}: no such file, and no cell of that name{hint}") from None
+    except OSError as error:
+        raise CellError(f"{name_or_path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise CellError(f"{name_or_path}: is not a text in UTF-8; a cell is a TOML file") from None
+    return parse_cell(text, name_or_path, settings)
 
 
 def parse_cell(text: str, source: str, settings: Mapping[str, str] | None = None) -> Cell:
@@ -54,12 +56,19 @@ def parse_cell(text: str, source: str, settings: Mapping[str, str] | None = None
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise CellError(f"{source}: not valid TOML: {error}") from None
-    for key, value in (settings or {}).items():
+    settings = settings or {}
+    for key, value in settings.items():
         _lay_over(table, key, value)
+    table = _frozen(table)
     try:
-        return Cell.model_validate(_frozen(table))
+        cell = Cell.model_validate(table)
     except ValidationError as error:
-        raise CellError("\n".join(_explain(source, problem) for problem in error.errors() if not _is_echo(problem))) from None
+        found = [explain(problem, table) for problem in error.errors() if not _is_echo(problem)]
+    else:
+        found = list(problems(cell))
+        if not found:
+            return cell
+    raise CellError("\n".join(f"{_source(line, source, settings)}: {line}" for line in found))
 
 
 def setting_keys(cell: Cell) -> dict[str, object]:
@@ -70,11 +79,11 @@ def setting_keys(cell: Cell) -> dict[str, object]:
         for name, value in table.items():
             if isinstance(value, Mapping):
                 walk(f"{prefix}.{name}", value)
-            else:
+            elif value is not None:
                 keys[f"{prefix}.{name}"] = value
 
-    walk("control", cell.control.model_dump())
-    walk("supervision", cell.supervision.model_dump())
+    for name in SETTABLE:
+        walk(name, getattr(cell, name).model_dump())
     return keys
 
 
@@ -86,64 +95,31 @@ def _frozen(value: Any) -> Any:
 
 
 def _lay_over(table: dict[str, Any], key: str, value: str) -> None:
+    where = f"--set {key}={value}"
     *parents, leaf = key.split(".")
-    if not parents or parents[0] not in ("control", "supervision"):
-        raise CellError(f"--set {key}={value}: keys begin with 'control.' or 'supervision.'; see `canarm check --keys`")
-    target = table
+    if not parents or parents[0] not in SETTABLE:
+        raise CellError(f"{where}: keys begin with 'control.' or 'supervision.'; see `canarm check --keys`")
+    known = keys_at(tuple(parents))
+    if leaf not in known:
+        raise CellError(f"{where}: no such key (see `canarm check --keys`){nearest(leaf, known)}")
+    below = keys_at((*parents, leaf))
+    if below:
+        raise CellError(f"{where}: is a table; set one of its keys, {', '.join(below)}")
+    target: Any = table
     for parent in parents:
-        target = target.get(parent, {})
-        if not isinstance(target, dict):
-            target = {}
-    if leaf not in target:
-        raise CellError(f"--set {key}={value}: no such key; see `canarm check --keys`{_nearest(leaf, target)}")
+        target = target.setdefault(parent, {}) if isinstance(target, dict) else {}
     try:
-        parsed = tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        raise CellError(f"--set {key}={value}: {value!r} is not a TOML value such as {target[leaf]!r}") from None
-    if isinstance(target[leaf], float) and isinstance(parsed, int) and not isinstance(parsed, bool):
-        parsed = float(parsed)
-    target[leaf] = parsed
+        (target[leaf],) = tomllib.loads(f"value = {value}").values()
+    except ValueError:
+        raise CellError(f"{where}: {value!r} is not a value such as {target.get(leaf, 1.0)}") from None
+
+
+def _source(line: str, source: str, settings: Mapping[str, str]) -> str:
+    """Where a problem came from: the file, or a key laid over it."""
+    key = line.split(" = ")[0]
+    return f"{source} with --set" if key in settings else source
 
 
 def _is_echo(problem: Any) -> bool:
     """Whether a problem only repeats that an element of an array, reported by itself, is wrong."""
     return problem["type"] == "too_short" and len(problem["input"]) > 0
-
-
-def _explain(source: str, problem: Any) -> str:
-    location, kind, value = problem["loc"], problem["type"], problem["input"]
-    key = _dotted(location)
-    if kind == "missing":
-        return f"{source}: {key}: missing; this key is required"
-    if kind == "extra_forbidden":
-        return f"{source}: {key} = {value!r}: unknown key{_nearest(str(location[-1]), _fields_at(location[:-1]))}"
-    message = problem["msg"].removeprefix("Value error, ")
-    if kind == "value_error":
-        prefix = f"{source}: {key}: " if key else f"{source}: "
-        return "\n".join(prefix + line for line in message.splitlines())
-    message = message.replace("valid tuple", "array")
-    return f"{source}: {key} = {value!r}: {message[0].lower()}{message[1:]}"
-
-
-def _dotted(location: tuple[str | int, ...]) -> str:
-    text = ""
-    for part in location:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
-    return text
-
-
-def _fields_at(location: tuple[str | int, ...]) -> list[str]:
-    model: Any = Cell
-    for part in location:
-        if isinstance(part, int):
-            continue
-        annotation = model.model_fields[part].annotation
-        model = next((arg for arg in getattr(annotation, "__args__", ()) if isinstance(arg, type)), annotation)
-        if not (isinstance(model, type) and issubclass(model, BaseModel)):
-            return []
-    return list(model.model_fields)
-
-
-def _nearest(word: str, known: Any) -> str:
-    close = difflib.get_close_matches(word, list(known), n=1)
-    return f"; did you mean {close[0]!r}?" if close else f"; known keys: {', '.join(known)}" if known else ""

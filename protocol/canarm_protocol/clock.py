@@ -4,7 +4,7 @@ from enum import Enum
 
 
 class Clock(Enum):
-    """The wall clock, or SYNC (lockstep: time stands still until a SYNC arrives). The value is that of object 0x2000."""
+    """The wall clock, or SYNC (lockstep: time stands still until one arrives). The value is that of object 0x2000."""
 
     WALL = 0
     SYNC = 1

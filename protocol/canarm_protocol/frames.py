@@ -21,7 +21,7 @@ class Frame(NamedTuple):
 
 
 class Cob(IntEnum):
-    """COB-IDs of the predefined connection set (CiA 301, 7.3.5). Those of a node are bases to which its node-ID is added."""
+    """COB-IDs of the predefined connection set (CiA 301, 7.3.5). Those of a node are bases: its node-ID is added."""
 
     NMT = 0x000
     SYNC = 0x080
@@ -56,6 +56,7 @@ class ErrorCode(IntEnum):
 
     NO_ERROR = 0x0000
     LIFE_GUARD_OR_HEARTBEAT = 0x8130
+    PDO_LENGTH = 0x8210
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,9 @@
-"""Process data objects: their layout as an object dictionary or a configured node gives it, and the bytes to values and back.
+"""Process data objects: their layout, as a dictionary or a configured node gives it, and from bytes to values and back.
 
 Only byte-aligned objects are mapped; that is all these cards need, and a struct does the work in one call.
 """
 
+import itertools
 import struct
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import Literal
 
 from canopen.objectdictionary import datatypes
 
-from .dictionary import Dictionary
+from .dictionary import Dictionary, variable_at
 from .errors import DictionaryError
 
 Kind = Literal["rpdo", "tpdo"]
@@ -45,9 +46,14 @@ class MappedObject:
     format: str
 
     @property
+    def bits(self) -> int:
+        """Length in the PDO."""
+        return 8 * struct.calcsize("<" + self.format)
+
+    @property
     def entry(self) -> int:
         """The value of the mapping parameter: index, sub-index, length in bits (CiA 301, 7.5.2.36)."""
-        return self.index << 16 | self.subindex << 8 | 8 * struct.calcsize("<" + self.format)
+        return self.index << 16 | self.subindex << 8 | self.bits
 
 
 class PdoLayout:
@@ -71,21 +77,27 @@ class PdoLayout:
         objects = ", ".join(f"0x{mapped.index:04X}:{mapped.subindex:02X}" for mapped in self.objects)
         return f"<{self.kind.upper()}{self.number} 0x{self.cob_id:03X} type {self.transmission_type}: {objects}>"
 
+    @property
+    def bit_offsets(self) -> tuple[int, ...]:
+        """Where each of `objects` begins, in bits from the first."""
+        return (0, *itertools.accumulate(mapped.bits for mapped in self.objects[:-1]))
+
     def restricted_to(self, wanted: Callable[[MappedObject], bool]) -> "PdoLayout":
         """This PDO with only the mapped objects that are `wanted`."""
-        return PdoLayout(self.kind, self.number, self.cob_id, self.transmission_type, list(filter(wanted, self.objects)))
+        objects = list(filter(wanted, self.objects))
+        return PdoLayout(self.kind, self.number, self.cob_id, self.transmission_type, objects)
 
 
 def mapped_object(dictionary: Dictionary, entry: int) -> MappedObject:
-    """Decode one mapping entry against the dictionary. Raises `DictionaryError` if it names nothing that can be mapped."""
+    """Decode one mapping entry. Raises `DictionaryError` if it names nothing in the dictionary that can be mapped."""
     index, subindex, bits = entry >> 16, entry >> 8 & 0xFF, entry & 0xFF
-    variable = dictionary.get_variable(index, subindex)
+    variable = variable_at(dictionary, index, subindex)
     where = f"mapping entry 0x{entry:08X}"
     if variable is None:
         raise DictionaryError(f"{where}: the dictionary has no object 0x{index:04X}:{subindex:02X}")
     if not variable.pdo_mappable:
         raise DictionaryError(f"{where}: 0x{index:04X}:{subindex:02X} {variable.name!r} cannot be mapped")
-    mapped = MappedObject(index, subindex, _FORMATS.get(variable.data_type, "x"))
+    mapped = MappedObject(index, subindex, _FORMATS.get(variable.data_type or 0, "x"))
     if mapped.format == "x" or mapped.entry & 0xFF != bits:
         raise DictionaryError(f"{where}: 0x{index:04X}:{subindex:02X} is not {bits} bits long in the dictionary")
     return mapped

@@ -43,6 +43,10 @@ class BusPort(ABC):
     def send(self, frames: Sequence[Frame]) -> None:
         """Send `frames` in order. Never waits for ever. Raises `BusError`."""
 
+    def send_stamped(self, frames: Sequence[tuple[int, Frame]]) -> None:
+        """As `send`, for (time in ns, frame); the times go along where the other side can be told. Raises `BusError`."""
+        self.send([frame for _, frame in frames])
+
     @abstractmethod
     def receive(self, timeout_s: float) -> list[tuple[int, Frame]]:
         """Return (time in ns, frame) of what has arrived, in order; wait up to `timeout_s` for the first.

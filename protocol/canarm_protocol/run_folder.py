@@ -1,7 +1,7 @@
 """The run folder: which files a run leaves and how each is written, so that what was written survives a `kill -9`.
 
-Several processes may write into one folder, each its own files; `run.json` and `events.jsonl` they share. Text formats only, so
-that candump's friends, pandas and PlotJuggler read them without this project.
+Several processes may write into one folder, each its own files; `run.json` and `events.jsonl` they share. Text formats
+only, so that candump's friends, pandas and PlotJuggler read them without this project.
 """
 
 import contextlib
@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TextIO
+from typing import Any, Self
 
 from .errors import ProtocolError
 from .frames import Frame
@@ -42,14 +42,13 @@ def new_run_folder(base: Path = Path("runs")) -> Path:
     stamp = time.strftime("%Y%m%d-%H%M%S")
     for suffix in range(1000):
         path = base / (stamp if not suffix else f"{stamp}-{suffix}")
-        with contextlib.suppress(FileExistsError):
-            try:
-                path.mkdir(parents=True)
-            except OSError as error:
-                if isinstance(error, FileExistsError):
-                    raise
-                raise RunFolderError(f"{path}: cannot be made: {error.strerror}") from None
-            return create_run_folder(path)
+        try:
+            path.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise RunFolderError(f"{path}: cannot be made: {error.strerror}") from None
+        return create_run_folder(path)
     raise RunFolderError(f"{base}: no free folder name for {stamp}")
 
 
@@ -61,7 +60,7 @@ def update_run_file(folder: Path, section: str, content: Any) -> None:
         document[section] = content
         draft = folder / f".{RUN_FILE}.{os.getpid()}"
         draft.write_text(json.dumps(document, indent=2, sort_keys=True) + "\n", encoding="utf-8")
-        os.replace(draft, path)
+        draft.replace(path)
 
 
 def read_run_file(folder: Path) -> dict[str, Any]:
@@ -92,30 +91,49 @@ def _locked(path: Path) -> Iterator[None]:
 
 
 class _LineFile:
-    """A text file that is written line by line and flushed now and then."""
+    """A text file, written out in whole lines now and then: neither a reader nor a `kill -9` finds half a line."""
 
     def __init__(self, path: Path, mode: str = "w") -> None:
         try:
-            self._file: TextIO = path.open(mode, encoding="ascii", errors="backslashreplace", newline="\n")
+            self._file = path.open(f"{mode}b", buffering=0)
         except OSError as error:
             raise RunFolderError(f"{path}: cannot be written: {error.strerror}") from None
-        self._unflushed = 0
+        self._lines: list[str] = []
+        self._size = 0
 
     def _write(self, line: str) -> None:
-        self._file.write(line)
-        self._unflushed += 1
-        if self._unflushed >= FLUSH_EVERY:
-            self._file.flush()
-            self._unflushed = 0
+        self._lines.append(line)
+        if len(self._lines) >= FLUSH_EVERY:
+            self._flush()
+
+    def _flush(self) -> None:
+        """Write what has gathered in one piece. Raises `OSError`; what is on disk then ends with a whole line."""
+        data = "".join(self._lines).encode("ascii", errors="backslashreplace")
+        self._lines.clear()
+        written = 0
+        try:
+            while written < len(data):
+                written += self._file.write(data[written:])
+        except OSError:
+            with contextlib.suppress(OSError):
+                self._file.truncate(self._size + data.rfind(b"\n", 0, written) + 1)
+            raise
+        self._size += len(data)
 
     def close(self) -> None:
-        """Write out what is left."""
-        self._file.close()
+        """Write out what is left. May be called again."""
+        try:
+            if self._lines:
+                self._flush()
+        finally:
+            self._file.close()
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
 
@@ -140,7 +158,7 @@ class CanLog(_LineFile):
 
 
 class SignalLog(_LineFile):
-    """Signals of a run as CSV, a row a cycle. The first two columns are `tick` and `time_s`; units stand in the names."""
+    """Signals of a run as CSV, a row a cycle. The first two columns are `tick` and `time_s`; units are in the names."""
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         super().__init__(path)
@@ -162,5 +180,4 @@ class EventLog(_LineFile):
     def write(self, time_ns: int, event: str, **details: Any) -> None:
         """Append one event at once. Keys: `time_ns` (virtual time in lockstep), `source`, `event`, and the details."""
         record = {"time_ns": time_ns, "source": self._source, "event": event, **details}
-        self._file.write(json.dumps(record) + "\n")
-        self._file.flush()
+        self._file.write(json.dumps(record).encode("ascii") + b"\n")

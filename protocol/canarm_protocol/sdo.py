@@ -1,11 +1,12 @@
 """The client's side of SDO transfers (CiA 301, 7.2.4), as generators: requests come out, responses go in.
 
-A transfer yields the eight bytes to send and is sent the eight bytes that came back; its return value is the result. Who
-drives it owns the bus, the COB-IDs and the time-out.
+A transfer yields the eight bytes to send and is sent the eight bytes that came back; its return value is the result.
+Who drives it owns the bus, the COB-IDs and the time-out.
 """
 
 import struct
 from collections.abc import Generator
+from enum import IntEnum
 
 from .errors import ProtocolError
 
@@ -14,32 +15,58 @@ Transfer = Generator[bytes, bytes, bytes]
 
 _HEAD = struct.Struct("<BHB")
 _EXPEDITED, _SIZED, _TOGGLE, _LAST = 0x02, 0x01, 0x10, 0x01
-TOGGLE_ERROR, COMMAND_ERROR, LENGTH_ERROR = 0x0503_0000, 0x0504_0001, 0x0607_0010
-TIMED_OUT = 0x0504_0000
 
-ABORT_TEXT = {
-    TOGGLE_ERROR: "toggle bit not alternated",
-    TIMED_OUT: "SDO protocol timed out",
-    COMMAND_ERROR: "client/server command specifier not valid or unknown",
-    0x0601_0000: "unsupported access to an object",
-    0x0601_0001: "attempt to read a write-only object",
-    0x0601_0002: "attempt to write a read-only object",
-    0x0602_0000: "object does not exist in the object dictionary",
-    0x0604_0041: "object cannot be mapped to the PDO",
-    0x0604_0042: "the objects to be mapped would exceed the PDO's length",
-    0x0604_0043: "general parameter incompatibility",
-    LENGTH_ERROR: "data type does not match, length of service parameter does not match",
-    0x0609_0011: "sub-index does not exist",
-    0x0609_0030: "invalid value for parameter",
-    0x0609_0031: "value of parameter written too high",
-    0x0609_0032: "value of parameter written too low",
-    0x060A_0023: "resource not available",
-    0x0800_0000: "general error",
-    0x0800_0020: "data cannot be transferred or stored to the application",
-    0x0800_0022: "data cannot be transferred because of the present device state",
-    0x0800_0024: "no data available",
+
+class AbortCode(IntEnum):
+    """SDO abort codes in use (CiA 301, table 22)."""
+
+    TOGGLE = 0x0503_0000
+    TIMED_OUT = 0x0504_0000
+    COMMAND = 0x0504_0001
+    OUT_OF_MEMORY = 0x0504_0005
+    UNSUPPORTED_ACCESS = 0x0601_0000
+    WRITE_ONLY = 0x0601_0001
+    READ_ONLY = 0x0601_0002
+    NO_OBJECT = 0x0602_0000
+    NOT_MAPPABLE = 0x0604_0041
+    PDO_TOO_LONG = 0x0604_0042
+    INCOMPATIBLE_PARAMETER = 0x0604_0043
+    LENGTH = 0x0607_0010
+    NO_SUBINDEX = 0x0609_0011
+    INVALID_VALUE = 0x0609_0030
+    TOO_HIGH = 0x0609_0031
+    TOO_LOW = 0x0609_0032
+    NO_RESOURCE = 0x060A_0023
+    GENERAL = 0x0800_0000
+    CANNOT_STORE = 0x0800_0020
+    DEVICE_STATE = 0x0800_0022
+    NO_DATA = 0x0800_0024
+
+
+ABORT_TEXT: dict[int, str] = {
+    AbortCode.TOGGLE: "toggle bit not alternated",
+    AbortCode.TIMED_OUT: "SDO protocol timed out",
+    AbortCode.COMMAND: "client/server command specifier not valid or unknown",
+    AbortCode.OUT_OF_MEMORY: "out of memory",
+    AbortCode.UNSUPPORTED_ACCESS: "unsupported access to an object",
+    AbortCode.WRITE_ONLY: "attempt to read a write-only object",
+    AbortCode.READ_ONLY: "attempt to write a read-only object",
+    AbortCode.NO_OBJECT: "object does not exist in the object dictionary",
+    AbortCode.NOT_MAPPABLE: "object cannot be mapped to the PDO",
+    AbortCode.PDO_TOO_LONG: "the objects to be mapped would exceed the PDO's length",
+    AbortCode.INCOMPATIBLE_PARAMETER: "general parameter incompatibility",
+    AbortCode.LENGTH: "data type does not match, length of service parameter does not match",
+    AbortCode.NO_SUBINDEX: "sub-index does not exist",
+    AbortCode.INVALID_VALUE: "invalid value for parameter",
+    AbortCode.TOO_HIGH: "value of parameter written too high",
+    AbortCode.TOO_LOW: "value of parameter written too low",
+    AbortCode.NO_RESOURCE: "resource not available",
+    AbortCode.GENERAL: "general error",
+    AbortCode.CANNOT_STORE: "data cannot be transferred or stored to the application",
+    AbortCode.DEVICE_STATE: "data cannot be transferred because of the present device state",
+    AbortCode.NO_DATA: "no data available",
 }
-"""SDO abort codes in words (CiA 301, table 22)."""
+"""SDO abort codes in words."""
 
 
 class SdoAborted(ProtocolError):
@@ -70,12 +97,12 @@ def upload(index: int, subindex: int) -> Transfer:
         response = yield bytes((0x60 | toggle,)) + bytes(7)
         command = _checked(response, index, subindex, 0x00, toggle)
         value += response[1 : 8 - (command >> 1 & 7)]
-        if command & _LAST:
-            break
+        is_last = bool(command & _LAST)
+        if announced is not None and (len(value) > announced or (is_last and len(value) < announced)):
+            raise SdoAborted(index, subindex, AbortCode.LENGTH, by_server=False)
+        if is_last:
+            return bytes(value)
         toggle ^= _TOGGLE
-    if announced is not None and len(value) != announced:
-        raise SdoAborted(index, subindex, LENGTH_ERROR, by_server=False)
-    return bytes(value)
 
 
 def download(index: int, subindex: int, value: bytes) -> Transfer:
@@ -101,15 +128,15 @@ def download(index: int, subindex: int, value: bytes) -> Transfer:
 def _checked(response: bytes, index: int, subindex: int, expected: int, toggle: int | None = None) -> int:
     """The response's command byte, once it is known to be the answer to our request."""
     if len(response) != 8:
-        raise SdoAborted(index, subindex, LENGTH_ERROR, by_server=False)
+        raise SdoAborted(index, subindex, AbortCode.LENGTH, by_server=False)
     command = response[0]
-    if command == 0x80:
+    if command & 0xE0 == 0x80:
         raise SdoAborted(index, subindex, struct.unpack_from("<I", response, 4)[0])
     if command & 0xE0 != expected:
-        raise SdoAborted(index, subindex, COMMAND_ERROR, by_server=False)
+        raise SdoAborted(index, subindex, AbortCode.COMMAND, by_server=False)
     if toggle is None:
         if _HEAD.unpack_from(response)[1:] != (index, subindex):
-            raise SdoAborted(index, subindex, COMMAND_ERROR, by_server=False)
+            raise SdoAborted(index, subindex, AbortCode.COMMAND, by_server=False)
     elif command & _TOGGLE != toggle:
-        raise SdoAborted(index, subindex, TOGGLE_ERROR, by_server=False)
+        raise SdoAborted(index, subindex, AbortCode.TOGGLE, by_server=False)
     return command

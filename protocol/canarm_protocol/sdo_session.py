@@ -1,6 +1,6 @@
 """A blocking SDO client for the edges of a program: command lines, runners, tests against a live bench.
 
-It waits on the wall clock, never longer than its limit. Cores that live in virtual time drive `sdo.Transfer` themselves.
+It waits on the wall clock, never longer than its limit. Cores in virtual time drive `sdo.Transfer` themselves.
 """
 
 import time
@@ -8,7 +8,7 @@ import time
 from .errors import BusError
 from .frames import Frame
 from .port import BusPort
-from .sdo import TIMED_OUT, SdoAborted, Transfer, abort_request, download, upload
+from .sdo import AbortCode, SdoAborted, Transfer, abort_request, download, upload
 
 
 class SdoSession:
@@ -31,7 +31,7 @@ class SdoSession:
             self._port.send([Frame(self._request_id, request)])
             answer = self._answer()
             if answer is None:
-                self._port.send([Frame(self._request_id, abort_request(index, subindex, TIMED_OUT))])
+                self._port.send([Frame(self._request_id, abort_request(index, subindex, AbortCode.TIMED_OUT))])
                 raise BusError(
                     f"{self._port.description}: no SDO answer (0x{self._answer_id:03X}) within {self._limit_s:g} s "
                     f"when asked for 0x{index:04X}:{subindex:02X}"
@@ -49,6 +49,6 @@ class SdoSession:
         deadline = time.monotonic() + self._limit_s
         while (left := deadline - time.monotonic()) > 0:
             for _, frame in self._port.receive(left):
-                if frame.can_id == self._answer_id:
+                if frame.can_id == self._answer_id and not frame.is_extended and not frame.is_remote:
                     return frame.data
         return None

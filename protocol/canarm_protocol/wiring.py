@@ -5,6 +5,7 @@ Controller, recorder and dashboard all read frames through this; nobody writes a
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 
 from .cell import Card, Cell, Joint, Quantity
 from .dictionary import (
@@ -21,6 +22,15 @@ from .pdo import Kind, MappedObject, PdoLayout, read_layouts
 BITS_A_JOINT = 2
 """Direction bits of one joint in the latch; channel n sits at bits 2n-2 and 2n-1."""
 FULL_SCALE_CODE = 255
+
+
+class DirectionBits(IntEnum):
+    """What two bits of the latch do to a joint's bridge; counter-clockwise is towards positive angles."""
+
+    OFF = 0b00
+    CLOCKWISE = 0b01
+    COUNTER_CLOCKWISE = 0b10
+    ILLEGAL = 0b11
 
 
 @dataclass(frozen=True)
@@ -45,7 +55,7 @@ class InputSlot:
 
 
 def card_nodes(cell: Cell) -> tuple[CardNode, ...]:
-    """All cards of the cell with the PDOs that the controller sets up: the EDS's mapping less the channels not wired."""
+    """All cards of the cell with the PDOs that the controller sets up: the EDS's mapping less channels not wired."""
     return tuple(_card_node(card) for card in cell.card)
 
 
@@ -72,8 +82,8 @@ def input_slots(cell: Cell, nodes: Sequence[CardNode]) -> tuple[InputSlot, ...]:
             for position, mapped in enumerate(layout.objects):
                 if mapped.index == ANALOGUE_INPUT:
                     channel = channels[mapped.subindex]
-                    joint = cell.joint_names.index(channel.joint)
-                    slots.append(InputSlot(node.card.node_id, layout.cob_id, position, Quantity(channel.quantity), joint))
+                    joint, quantity = cell.joint_names.index(channel.joint), Quantity(channel.quantity)
+                    slots.append(InputSlot(node.card.node_id, layout.cob_id, position, quantity, joint))
     return tuple(slots)
 
 
@@ -108,17 +118,18 @@ class OutputFrames:
 
 @dataclass(frozen=True, slots=True)
 class SensorScale:
-    """Turns a sensor's 8-bit code into its physical quantity: value = (code - zero) x step."""
+    """Turns an 8-bit code into its physical quantity: value = (code - zero) x step."""
 
     zero: float
     step: float
 
     def __call__(self, code: float) -> float:
+        """The quantity at `code`."""
         return (code - self.zero) * self.step
 
 
 def sensor_scale(joint: Joint, quantity: Quantity) -> SensorScale:
-    """Nominal scale of a sensor of `joint`: rad a code (potentiometer), rad/s a code (tachometer), A a code (current)."""
+    """Nominal scale of a sensor of `joint`: rad, rad/s or A a code of potentiometer, tachometer or current sense."""
     sensors = joint.sensors
     volts = sensors.full_scale_v / FULL_SCALE_CODE
     if quantity is Quantity.POTENTIOMETER:
@@ -130,6 +141,47 @@ def sensor_scale(joint: Joint, quantity: Quantity) -> SensorScale:
     if quantity is Quantity.CURRENT_SENSE:
         return SensorScale(0.0, sensors.current_sense_full_scale_a / FULL_SCALE_CODE)
     raise ValueError(f"{quantity} is no sensor; sensors are potentiometer, tachometer and current_sense")
+
+
+def current_scale(joint: Joint) -> SensorScale:
+    """Nominal scale of the DAC channel that drives `joint`: A of motor current a code, without sign."""
+    return SensorScale(0.0, joint.amplifier.max_current_a / FULL_SCALE_CODE)
+
+
+@dataclass(frozen=True, slots=True)
+class WiredSignal:
+    """One joint's quantity in a PDO: joint (index in `cell.joints`), its bits, and value = raw x factor + offset.
+
+    Values are in rad, rad/s or A, with raw from 0 to `highest_raw`; a direction is a `DirectionBits`.
+    """
+
+    joint: int
+    quantity: Quantity
+    start_bit: int
+    bit_length: int
+    is_signed: bool
+    factor: float
+    offset: float
+    highest_raw: int
+
+
+def wired_signals(cell: Cell, node: CardNode, layout: PdoLayout) -> tuple[WiredSignal, ...]:
+    """What `layout`, a PDO of `node`, carries, in the order of its bits."""
+    signals = []
+    for mapped, start_bit in zip(layout.objects, layout.bit_offsets, strict=True):
+        for channel in node.card.channel:
+            joint, quantity = cell.joint_names.index(channel.joint), Quantity(channel.quantity)
+            if mapped.index == DIGITAL_OUTPUT:
+                bit = start_bit + BITS_A_JOINT * (channel.number - 1)
+                signals.append(WiredSignal(joint, quantity, bit, BITS_A_JOINT, False, 1.0, 0.0, max(DirectionBits)))
+            elif mapped.subindex == channel.number:
+                is_output = mapped.index == ANALOGUE_OUTPUT
+                scale = current_scale(cell.joints[joint]) if is_output else sensor_scale(cell.joints[joint], quantity)
+                factor, highest_raw = scale.step / (1 << CODE_SHIFT), FULL_SCALE_CODE << CODE_SHIFT
+                signals.append(
+                    WiredSignal(joint, quantity, start_bit, mapped.bits, True, factor, scale(0), highest_raw)
+                )
+    return tuple(sorted(signals, key=lambda signal: signal.start_bit))
 
 
 DEGREE = 0.017453292519943295

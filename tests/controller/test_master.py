@@ -7,7 +7,7 @@ import pytest
 
 from canarm_controller.controller import State
 from canarm_controller.errors import BringUpError
-from canarm_controller.master import Ask, Silence, bring_up, read_input, start_frames, stop_frames
+from canarm_controller.master import ANSWER_NS, Ask, Silence, bring_up, read_input, start_frames, stop_frames
 from canarm_emulator.bench import Bench
 from canarm_protocol.cell_file import load_cell
 from canarm_protocol.frames import Frame, NmtState
@@ -98,7 +98,7 @@ def test_each_ask_names_whom_it_waits_for_and_how_long() -> None:
     assert (ask.frames, ask.limit_ns, ask.awaited) == ((), 250_000_000, "another controller")
     ask = conversation.throw(Silence())
     assert ask.frames == (Frame(0, bytes((0x81, DAC))),)
-    assert (ask.limit_ns, ask.awaited) == (1_000_000_000, "card 'dac' (node 0x12)")
+    assert (ask.limit_ns, ask.awaited) == (ANSWER_NS, "card 'dac' (node 0x12)")
     assert ask.is_answer(Frame(0x712, bytes((NmtState.BOOT_UP,))))
     for other in (Frame(0x712, b"\x7f"), Frame(0x713, b"\x00"), Frame(0x592, bytes(8)), Frame(0x712, b"")):
         assert not ask.is_answer(other)
@@ -108,7 +108,9 @@ def test_nobody_on_the_bus_is_told_with_a_hint() -> None:
     cell = load_cell("konkuk1")
     conversation = bring_up(card_nodes(cell), cell.bus, clock_mode=1, listen_ns=0)
     next(conversation)
-    with pytest.raises(BringUpError, match=r"no boot-up within 1 s of NMT reset; is an emulator with this cell on this bus"):
+    with pytest.raises(
+        BringUpError, match=r"no boot-up within 3 s of NMT reset; is an emulator with this cell on this bus"
+    ):
         conversation.throw(Silence())
 
 

@@ -23,7 +23,9 @@ def reported(make_pair):
         report.tick()
         cycle = pair.controller.loop.cycle
         internals = {name: list(values) for name, values in pair.controller.loop.internals().items()}
-        seen.append((cycle.tick, cycle.reference_rad, cycle.position_rad, cycle.applied_nm, cycle.feedforward_nm, internals))
+        seen.append(
+            (cycle.tick, cycle.reference_rad, cycle.position_rad, cycle.applied_nm, cycle.feedforward_nm, internals)
+        )
 
     pair.controller.on_tick = tick
     return pair, report, seen

@@ -181,7 +181,7 @@ def test_nobody_on_the_bus_fails_within_seconds(clock: Clock) -> None:
     result = setup.run()
     assert result.state is State.FAILED
     assert result.reason.startswith("card 'dac' (node 0x12) does not answer")
-    assert setup.waited_s < 2.0
+    assert setup.waited_s < 5.0
 
 
 @pytest.mark.parametrize("clock", Clock)

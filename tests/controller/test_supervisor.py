@@ -45,7 +45,8 @@ def test_a_heartbeat_is_lost_after_its_timeout_and_not_before(supervisor: Superv
 
 
 @pytest.mark.parametrize(
-    ("state", "name"), [(BOOT_UP, "BOOT_UP"), (STOPPED, "STOPPED"), (PRE_OPERATIONAL, "PRE_OPERATIONAL"), (b"\x42", "0x42")]
+    ("state", "name"),
+    [(BOOT_UP, "BOOT_UP"), (STOPPED, "STOPPED"), (PRE_OPERATIONAL, "PRE_OPERATIONAL"), (b"\x42", "0x42")],
 )
 def test_a_card_that_has_run_must_stay_operational(supervisor: Supervisor, state: bytes, name: str) -> None:
     all_beat(supervisor, 0)

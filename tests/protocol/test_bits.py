@@ -23,7 +23,7 @@ GENERATOR = "1100010110011001"
 
 
 def divide(text: str) -> str:
-    """CRC sequence as CAN 2.0, 3.1.1 puts it: the remainder of the bits, followed by fifteen zeros, by long division."""
+    """CRC sequence as CAN 2.0, 3.1.1 puts it: the remainder of the bits and fifteen zeros, by long division."""
     bits = list(text + "0" * 15)
     for place in range(len(text)):
         if bits[place] == "1":
@@ -126,11 +126,15 @@ def test_no_frame_is_longer_than_the_worst_case(size: int, is_extended: bool) ->
     bound = worst_case_bits(size, is_extended)
     for _ in range(300):
         data = bytes(source.choice(b"\x3c\xc3\x0f\xf0\x87\x78\x1e\xe1\x00\xff") for _ in range(size))
-        can_id = source.choice((0x078, 0x07F, 0x3C3, 0x1E1)) << 18 * is_extended | source.choice((0, 0x3C3C)) * is_extended
+        can_id = (
+            source.choice((0x078, 0x07F, 0x3C3, 0x1E1)) << 18 * is_extended | source.choice((0, 0x3C3C)) * is_extended
+        )
         assert frame_bits(Frame(can_id, data, is_extended)) <= bound
 
 
-@pytest.mark.parametrize(("is_extended", "size", "bits"), [(False, 8, 135), (False, 0, 55), (True, 8, 160), (True, 0, 80)])
+@pytest.mark.parametrize(
+    ("is_extended", "size", "bits"), [(False, 8, 135), (False, 0, 55), (True, 8, 160), (True, 0, 80)]
+)
 def test_worst_case_is_that_of_the_analysis(is_extended: bool, size: int, bits: int) -> None:
     """Davis et al. 2007, equations 1 and 2: C = (55 + 10 s) bits with 11-bit identifiers, (80 + 10 s) with 29."""
     assert worst_case_bits(size, is_extended) + INTERMISSION_BITS == bits
@@ -154,7 +158,9 @@ def test_arbitration_goes_by_the_bits_as_sent() -> None:
     for _ in range(500):
         one, other = random_frame(source), random_frame(source)
         if source.random() < 0.5:
-            other = other._replace(can_id=one.can_id >> 18 if one.is_extended and not other.is_extended else other.can_id)
+            other = other._replace(
+                can_id=one.can_id >> 18 if one.is_extended and not other.is_extended else other.can_id
+            )
         if arbitration_key(one) == arbitration_key(other):
             continue
         first_differing = next((a, b) for a, b in zip(encode(one), encode(other), strict=False) if a != b)

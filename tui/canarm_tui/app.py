@@ -31,7 +31,7 @@ class DashboardApp(App[None]):
     """The dashboard of one cell. `open_feed_port` opens the bench bus and raises `BusError` where that fails.
 
     `where` spells the bus for the header until a port says it better. `clock_ns` is the wall clock in ns. `on_start` is
-    called once, when the first screen stands.
+    called once, when the first screen stands; `until` is asked at every drain, and ends the dashboard when it is true.
     """
 
     TITLE = "canarm"
@@ -56,6 +56,7 @@ class DashboardApp(App[None]):
         clock_ns: Callable[[], int] = time.monotonic_ns,
         in_background: InBackground = in_thread,
         on_start: Callable[[], None] | None = None,
+        until: Callable[[], bool] | None = None,
     ) -> None:
         super().__init__()
         self.cell = cell
@@ -63,7 +64,7 @@ class DashboardApp(App[None]):
         self.link = Link(open_feed_port, where, in_background=in_background)
         self.is_paused = False
         self._clock_ns = clock_ns
-        self._on_start = on_start
+        self._on_start, self._until = on_start, until
         self._connections = 0
 
     def compose(self) -> ComposeResult:
@@ -99,6 +100,8 @@ class DashboardApp(App[None]):
             self._connections = self.link.connections
             self.feed.reconnected()
         self.feed.receive(frames, now_ns)
+        if self._until is not None and self._until():
+            self.exit()
 
     def redraw(self) -> None:
         """Draw one snapshot: the header always, the panes unless they are paused."""
@@ -142,17 +145,21 @@ def run_dashboard(
     channel: str | None,
     bus_options: Mapping[str, Any],
     on_start: Callable[[], None] | None = None,
+    until: Callable[[], bool] | None = None,
 ) -> int:
     """Show the bench bus `-i interface -c channel key=value …` until the user quits; return an exit status, 0 = quit.
 
-    `on_start` is called once, when the first screen stands. A bus that is missing or lost is shown, and tried again.
-    Raises `TerminalError` where stdin or stderr, on which the dashboard is drawn, is no terminal.
+    `on_start` is called once, when the first screen stands; `until` often, and the dashboard leaves when it is true.
+    A bus that is missing or lost is shown, and tried again. Raises `TerminalError` where stdin or stderr, on which the
+    dashboard is drawn, is no terminal.
     """
     for stream, name in ((sys.__stdin__, "stdin"), (sys.__stderr__, "stderr")):
         if stream is None or not stream.isatty():
             raise TerminalError(f"{name} is no terminal, and the dashboard needs one; leave it out with --no-tui")
     words = [f"-i {interface}", *([] if channel is None else [f"-c {channel}"])]
     where = " ".join([*words, *(f"{key}={value}" for key, value in bus_options.items())])
-    app = DashboardApp(cell, lambda: open_port(interface, channel, **bus_options), where=where, on_start=on_start)
+    app = DashboardApp(
+        cell, lambda: open_port(interface, channel, **bus_options), where=where, on_start=on_start, until=until
+    )
     app.run()
     return app.return_code or 0

@@ -50,12 +50,14 @@ class ControlLaw(ABC):
 
     - `name` is shown in reports;
     - `default_feedforward` is used unless the command line says otherwise;
-    - `feedforward_excludes_inertia` is true for a law that already supplies J·q̈_d by itself.
+    - `feedforward_excludes_inertia` is true for a law that already supplies J·q̈_d by itself;
+    - `takes_feedforward` is false for a law whose own model supplies all of the torque: a table would count it twice.
     """
 
     name: ClassVar[str]
     default_feedforward: ClassVar[Literal["none", "table", "online"]] = "none"
     feedforward_excludes_inertia: ClassVar[bool] = False
+    takes_feedforward: ClassVar[bool] = True
 
     @abstractmethod
     def __init__(self, arm: NominalArm, control: Control, period_s: float) -> None:

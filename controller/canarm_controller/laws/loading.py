@@ -10,10 +10,13 @@ from typing import get_args, get_type_hints
 
 from ..errors import LawError
 from .base import ControlLaw
+from .computed_torque import ComputedTorque
 from .mras import Mras
+from .mras_lyapunov import MrasLyapunov
 from .pd import Pd
+from .slotine_li import SlotineLi
 
-LAWS: dict[str, type[ControlLaw]] = {law.name: law for law in (Pd, Mras)}
+LAWS: dict[str, type[ControlLaw]] = {law.name: law for law in (Pd, ComputedTorque, Mras, MrasLyapunov, SlotineLi)}
 """The laws that ship, by the name used on the command line."""
 
 

@@ -42,6 +42,9 @@ class Mras(ControlLaw):
     α and β cannot remove a constant error such as a payload's weight, and adapting without the bias can do worse than
     not adapting. The bias brings most of the gain at a wrong payload; α and β take a further 5 to 20 % off.
 
+    Measurements go in as they are. Where a joint at rest needs no torque, as it does hanging, their noise turns the
+    bridge over in a quarter to half of all cycles; the joint moves by 0.1 LSB. `mras-lyapunov` holds its torque there.
+
     Source: Dubowsky and DesForges, J. Dynamic Systems, Measurement and Control 101 (1979) 193-200, reference [5] of the
     KON-KUK I paper. Bias: from the Lyapunov equation of the model, added here.
     """

@@ -12,7 +12,9 @@ from .base import ControlLaw, Cycle
 class Pd(ControlLaw):
     """τ = J·ωn²·(q_d - q) + 2ζωn·J·(q̇_d - q̇) + feed-forward, J the joint's nominal effective inertia.
 
-    With `--feedforward table` this is the paper's controller without its adaptation.
+    Measurements go in as they are: where a joint at rest needs no torque, as it does hanging, their noise turns the
+    bridge over in up to half of all cycles. With `--feedforward table` this is the paper's controller without its
+    adaptation.
     """
 
     name: ClassVar[str] = "pd"

@@ -1,8 +1,8 @@
 """The A/D card: an ADC0809, eight multiplexed channels of eight bits, one conversion at a time.
 
-Registers: a write to 0-7 latches that channel and starts a conversion; a read of 8 gives EOC in bit 7; a read of 9 gives the
-last result. The converter has no sample-and-hold of its own; the input is taken at the start, as long as it moves less than
-half a step during the conversion.
+Registers: a write to 0-7 latches that channel and starts a conversion; a read of 8 gives EOC in bit 7; a read of 9
+gives the last result. The converter has no sample-and-hold of its own; the input is taken at the start, which is right
+as long as it moves less than half a step during the conversion.
 """
 
 from collections.abc import Callable
@@ -18,9 +18,9 @@ END_OF_CONVERSION = 0x80
 class Adc0809Card:
     """Multiplexer and converter.
 
-    `sample(channel)` gives the volts at an input pin. The errors are in LSB: `offset_lsb`, `gain_error` (as a fraction) and
-    `nonlinearity_lsb` (a bow between the end points); the data sheet's total is 0.5 to 1 LSB. The reference is trimmed so that
-    `full_scale_v` reads 255.
+    `sample(channel)` gives the volts at an input pin. The errors: `offset_lsb`, `gain_error` (a fraction of the
+    reading) and `nonlinearity_lsb` (a bow between the end points); the data sheet's total is 0.5 to 1 LSB. The
+    reference is trimmed so that `full_scale_v` reads 255.
     """
 
     def __init__(
@@ -61,6 +61,6 @@ class Adc0809Card:
 
     def code(self, volts: float) -> int:
         """The converter's transfer function."""
-        step = volts * self._gain
-        code = int(step + self._offset + self._bow * step * (FULL_SCALE_CODE - step)) if volts > 0.0 else int(self._offset)
+        step = volts * self._gain if volts > 0.0 else 0.0
+        code = int(step + self._offset + self._bow * step * (FULL_SCALE_CODE - step))
         return 0 if code < 0 else FULL_SCALE_CODE if code > FULL_SCALE_CODE else code

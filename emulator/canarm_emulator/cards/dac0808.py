@@ -1,8 +1,8 @@
 """The D/A card: four DAC0808 converters, each behind two 4-bit latches.
 
-Registers of channel c (0 to 3): 2c is the LSB latch (bits 3-0 of the code), 2c+1 the MSB latch (bits 7-4); data on D3-D0.
-The converters follow their latches at once: 150 ns settling (DAC0808 data sheet) is far below a bus cycle, so a code that
-changes in both nibbles passes through an intermediate value between the two writes, as on the real card.
+Registers of channel c (0 to 3): 2c is the LSB latch (bits 3-0 of the code), 2c+1 the MSB latch (bits 7-4); data on
+D3-D0. The converters follow their latches at once: 150 ns settling (DAC0808 data sheet) is far below a bus cycle, so a
+code that changes in both nibbles passes through an intermediate value between the two writes, as on the real card.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ class Dac0808Card:
     @staticmethod
     def _output(code: int, nonlinearity: float) -> float:
         bow = 4.0 * code * (STEPS - 1 - code) / (STEPS - 1) ** 2
-        return code / STEPS + nonlinearity * bow
+        return (code + nonlinearity * bow * (STEPS - 1)) / STEPS
 
     def read(self, address: int, now_ns: int) -> int:
         """The latches cannot be read back."""

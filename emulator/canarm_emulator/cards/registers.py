@@ -1,4 +1,4 @@
-"""What every card is to the computer: sixteen addresses, DEVICE SELECT $C0n0 to $C0nF of slot n (n + 8 in the second nibble).
+"""What every card is to the computer: sixteen addresses, the DEVICE SELECT range of its slot from $C080 + 16 x slot.
 
 A card knows registers and its analogue side. It knows nothing of CAN; `device.py` puts a CiA 401 face on it.
 """

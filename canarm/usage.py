@@ -1,0 +1,22 @@
+"""What is asked for when nothing is said, and the error for what cannot be. Light: `canarm --help` waits for it."""
+
+from collections.abc import Sequence
+
+DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY = "konkuk1", "mras", "sine"
+
+
+class UsageError(ValueError):
+    """What the user asked for cannot be: exit status 2, and in Python a `ValueError`."""
+
+
+def parse_settings(option: str, words: Sequence[str]) -> dict[str, str]:
+    """`key=value` words as a dict. Raises `UsageError` for what is none, and for a key given twice."""
+    settings: dict[str, str] = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals or not key or not value:
+            raise UsageError(f"{option} {word}: write KEY=VALUE; keys: canarm check --keys")
+        if key in settings:
+            raise UsageError(f"{option} {word}: {key} is given twice")
+        settings[key] = value
+    return settings

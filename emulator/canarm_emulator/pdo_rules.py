@@ -1,0 +1,95 @@
+"""What a client may write into the parameters of a node's PDOs (CiA 301, 7.5.2.35 to 7.5.2.38).
+
+A node is never left with PDOs that it cannot serve: a wrong value is refused when it is written.
+"""
+
+from collections.abc import Callable
+
+from canarm_protocol.errors import DictionaryError
+from canarm_protocol.pdo import COB_ID_MASK, COMMUNICATION, DISABLED, MAPPING, PDO_COUNT, Kind, mapped_object
+from canarm_protocol.sdo import AbortCode
+
+from .store import ObjectStore, SdoRefused
+
+CanMap = Callable[[Kind, int, int], bool]
+"""Whether the card can serve an object (index, sub-index) in a PDO of that kind."""
+
+KINDS: tuple[Kind, ...] = ("rpdo", "tpdo")
+SYNCHRONOUS_TYPES = range(241)
+EVENT_DRIVEN_TYPES = (254, 255)
+"""Taken for RPDOs alone: the inputs are converted at a SYNC and at no other time."""
+RESTRICTED_COB_IDS = (
+    range(0x081),  # NMT, reserved, and SYNC, which 0x1005 fixes at 0x080
+    range(0x100, 0x181),  # TIME, reserved
+    range(0x581, 0x600),
+    range(0x601, 0x680),
+    range(0x6E0, 0x800),
+)
+"""CAN-IDs that no PDO may take (CiA 301, 7.3.5, restricted CAN-IDs)."""
+NO_REMOTE = 0x4000_0000
+"""Bit 30: no answer to remote frames. The cards answer none either way."""
+MAPPED_BYTES = 8
+
+
+def check_pdo_write(
+    store: ObjectStore, can_map: CanMap, is_operational: bool, index: int, subindex: int, value: int
+) -> None:
+    """Raises `SdoRefused` for a write that breaks a PDO; writes to other objects pass."""
+    for kind in KINDS:
+        communication, mapping = index - COMMUNICATION[kind], index - MAPPING[kind]
+        if 0 <= communication < PDO_COUNT or 0 <= mapping < PDO_COUNT:
+            if is_operational:
+                raise SdoRefused(AbortCode.DEVICE_STATE)
+            if 0 <= mapping < PDO_COUNT:
+                _check_mapping(store, can_map, kind, mapping, subindex, value)
+            elif subindex == 1:
+                _check_cob_id(value, store.number(index, 1))
+            elif subindex == 2 and not _is_transmission_type(kind, value):
+                raise SdoRefused(AbortCode.INVALID_VALUE)
+
+
+def _is_transmission_type(kind: Kind, value: int) -> bool:
+    return value in SYNCHRONOUS_TYPES or (kind == "rpdo" and value in EVENT_DRIVEN_TYPES)
+
+
+def _check_cob_id(value: int, present: int) -> None:
+    """Only 11-bit CAN-IDs; an enabled PDO keeps its CAN-ID until it is disabled."""
+    if value & ~(DISABLED | NO_REMOTE | COB_ID_MASK):
+        raise SdoRefused(AbortCode.INVALID_VALUE)
+    if value & DISABLED:
+        return
+    cob_id = value & COB_ID_MASK
+    moved = not present & DISABLED and cob_id != present & COB_ID_MASK
+    if moved or any(cob_id in restricted for restricted in RESTRICTED_COB_IDS):
+        raise SdoRefused(AbortCode.INVALID_VALUE)
+
+
+def _check_mapping(store: ObjectStore, can_map: CanMap, kind: Kind, offset: int, subindex: int, value: int) -> None:
+    """Disable the PDO, set the number of objects to 0, write the objects, then their number, then enable."""
+    mapping = MAPPING[kind] + offset
+    if not store.number(COMMUNICATION[kind] + offset, 1) & DISABLED:
+        raise SdoRefused(AbortCode.DEVICE_STATE)
+    if subindex:
+        if store.number(mapping, 0):
+            raise SdoRefused(AbortCode.UNSUPPORTED_ACCESS)
+        _check_entry(store, can_map, kind, value)
+        return
+    entries = range(1, value + 1)
+    if any(entry not in store.dictionary[mapping].subindices for entry in entries):
+        raise SdoRefused(AbortCode.PDO_TOO_LONG)
+    if sum(_check_entry(store, can_map, kind, store.number(mapping, entry)) for entry in entries) > 8 * MAPPED_BYTES:
+        raise SdoRefused(AbortCode.PDO_TOO_LONG)
+
+
+def _check_entry(store: ObjectStore, can_map: CanMap, kind: Kind, entry: int) -> int:
+    """Length of a mapped object in bits."""
+    index, subindex = entry >> 16, entry >> 8 & 0xFF
+    variable = store.variable(index, subindex)
+    try:
+        mapped_object(store.dictionary, entry)
+    except DictionaryError:
+        raise SdoRefused(AbortCode.NOT_MAPPABLE) from None
+    accessible = variable.writable if kind == "rpdo" else variable.readable
+    if not accessible or not can_map(kind, index, subindex):
+        raise SdoRefused(AbortCode.NOT_MAPPABLE)
+    return entry & 0xFF

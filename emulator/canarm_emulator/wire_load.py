@@ -1,0 +1,45 @@
+"""How busy a bus was: since start and over a window.
+
+Intervals of time only; frames never enter.
+"""
+
+from collections import deque
+
+
+class BusLoad:
+    """Adds up disjoint intervals in the order of time; a window reaches back `history_ns` at most."""
+
+    def __init__(self, start_ns: int, history_ns: int) -> None:
+        self._start_ns, self._history_ns = start_ns, history_ns
+        self._busy_ns = 0
+        self._intervals: deque[tuple[int, int]] = deque()
+
+    def add(self, begun_ns: int, ended_ns: int) -> None:
+        """The bus was busy; `ended_ns` may lie ahead."""
+        self._busy_ns += ended_ns - begun_ns
+        intervals = self._intervals
+        intervals.append((begun_ns, ended_ns))
+        while intervals[0][1] < begun_ns - self._history_ns:
+            intervals.popleft()
+
+    def share(self, now_ns: int, window_ns: int | None, since_ns: int | None) -> float:
+        """Busy share of time up to `now_ns`, 0 to 1, of the last `window_ns` or since start.
+
+        `since_ns` is when an interval began that is not over and not added. Raises `ValueError` for too long a window.
+        """
+        if window_ns is not None and window_ns > self._history_ns:
+            raise ValueError(f"window of {window_ns} ns; this wire remembers {self._history_ns} ns")
+        from_ns = self._start_ns if window_ns is None else max(self._start_ns, now_ns - window_ns)
+        if now_ns <= from_ns:
+            return 0.0
+        busy_ns = 0 if since_ns is None else now_ns - max(since_ns, from_ns)
+        if window_ns is None:
+            busy_ns += self._busy_ns
+            if self._intervals:
+                busy_ns -= max(0, self._intervals[-1][1] - now_ns)
+        else:
+            for begun_ns, ended_ns in reversed(self._intervals):
+                if ended_ns <= from_ns:
+                    break
+                busy_ns += min(ended_ns, now_ns) - max(begun_ns, from_ns)
+        return busy_ns / (now_ns - from_ns)

@@ -1,0 +1,252 @@
+"""Real processes: starting them, waiting for what they say, reading what they leave, and leaving none behind.
+
+Nothing sleeps blindly: every wait is for a line, an end or a condition, and has a deadline.
+"""
+
+import json
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+
+from canarm_protocol.cell_file import shipped_cells
+
+DEADLINE_S = 60.0
+"""Far longer than anything takes: a busy machine must not fail a test."""
+PATIENT = {
+    "heartbeat_timeout_ms = 100 ": "heartbeat_timeout_ms = 2000 ",
+    "missing_cycles = 8 ": "missing_cycles = 400 ",
+    "max_position_step_deg = 8.0 ": "max_position_step_deg = 200.0 ",
+}
+"""What is changed in konkuk1 for runs on the wall clock: a busy machine must not look like a broken robot."""
+MARKER = "PROCESS_OF_TEST"
+"""Environment variable by which the processes of one test, grandchildren included, are found again."""
+
+
+def wait_until(condition: Callable[[], Any], what: str, deadline_s: float = DEADLINE_S) -> Any:
+    """The first true value of `condition`."""
+    limit = time.monotonic() + deadline_s
+    pause = threading.Event()
+    while not (value := condition()):
+        assert time.monotonic() < limit, f"{what}: not within {deadline_s:g} s"
+        pause.wait(0.01)
+    return value
+
+
+class Process:
+    """A program that runs, the lines it has written so far, and the signals one can send it."""
+
+    def __init__(self, command: list[str], folder: Path, environment: dict[str, str], **options: Any) -> None:
+        self.command = shlex.join(command)
+        self._popen = subprocess.Popen(
+            command,
+            cwd=folder,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            **options,
+        )
+        self.stdout: list[str] = []
+        self.stderr: list[str] = []
+        self._news = threading.Condition()
+        self._readers = [
+            threading.Thread(target=self._read, args=(stream, lines), daemon=True)
+            for stream, lines in ((self._popen.stdout, self.stdout), (self._popen.stderr, self.stderr))
+        ]
+        for reader in self._readers:
+            reader.start()
+
+    def _read(self, stream: Any, lines: list[str]) -> None:
+        for line in stream:
+            with self._news:
+                lines.append(line.rstrip("\n"))
+                self._news.notify_all()
+        stream.close()
+        with self._news:
+            self._news.notify_all()
+
+    @property
+    def pid(self) -> int:
+        return self._popen.pid
+
+    @property
+    def is_running(self) -> bool:
+        return self._popen.poll() is None
+
+    def wait_for(self, pattern: str) -> re.Match[str]:
+        """The first match in a line of either output, past or to come."""
+        limit = time.monotonic() + DEADLINE_S
+        with self._news:
+            while True:
+                for line in (*self.stdout, *self.stderr):
+                    if found := re.search(pattern, line):
+                        return found
+                assert any(reader.is_alive() for reader in self._readers), f"{pattern!r} never came\n{self}"
+                assert self._news.wait(limit - time.monotonic()), f"{pattern!r} not within {DEADLINE_S} s\n{self}"
+
+    def wait(self) -> int:
+        """The exit status, once the process has ended and everything it wrote is read."""
+        try:
+            status = self._popen.wait(DEADLINE_S)
+        except subprocess.TimeoutExpired:
+            pytest.fail(f"still running after {DEADLINE_S:g} s\n{self}")
+        for reader in self._readers:
+            reader.join(DEADLINE_S)
+        return status
+
+    def send(self, number: signal.Signals) -> None:
+        os.kill(self._popen.pid, number)
+
+    @property
+    def json(self) -> dict[str, Any]:
+        """The last line of stdout."""
+        return dict(json.loads(self.stdout[-1]))
+
+    @property
+    def complaint(self) -> str:
+        """What stderr says, which must be no traceback."""
+        text = "\n".join(self.stderr)
+        assert "Traceback" not in text, text
+        return text
+
+    def __str__(self) -> str:
+        return "\n".join(["$ " + self.command, *self.stdout, "-- stderr", *self.stderr])
+
+
+class Commands:
+    """Starts `canarm …` in a folder of the test's own. Ports are free ones; no process outlives its test."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._processes: list[Process] = []
+        self._marker = uuid.uuid4().hex
+
+    def run(self, *command: str, env: dict[str, str] | None = None, **options: Any) -> Process:
+        """Any program, started."""
+        inherited = {name: value for name, value in os.environ.items() if not name.startswith("CANARM_")}
+        environment = {**inherited, "COLUMNS": "100", "PYTHONUNBUFFERED": "1", MARKER: self._marker, **(env or {})}
+        process = Process(list(command), self.folder, environment, **options)
+        self._processes.append(process)
+        return process
+
+    def __call__(self, *arguments: str, env: dict[str, str] | None = None, **options: Any) -> Process:
+        """`canarm …`, started."""
+        return self.run(sys.executable, "-m", "canarm", *arguments, env=env, **options)
+
+    def write_cell(self, name: str, changes: dict[str, str]) -> str:
+        """A cell file: konkuk1 with texts replaced. Returns its name."""
+        text = shipped_cells()["konkuk1"]
+        for old, new in changes.items():
+            assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in the cell"
+            text = text.replace(old, new)
+        (self.folder / name).write_text(text)
+        return name
+
+    def for_clock(self, clock: str) -> list[str]:
+        """`--clock`, and a cell that bears the delays of a busy machine where they can hurt."""
+        return ["--clock", clock, *(["--cell", self.write_cell("patient.toml", PATIENT)] if clock == "wall" else [])]
+
+    def emulator(self, clock: str, *arguments: str) -> Process:
+        """An emulator that offers its buses; its port is in `port`."""
+        process = self("emulator", "--serve", "127.0.0.1:0", *self.for_clock(clock), *arguments)
+        process.port = int(process.wait_for(r"^bench .*port=(\d+)$").group(1))  # type: ignore[attr-defined]
+        return process
+
+    def controller(self, emulator: Process, clock: str, *arguments: str) -> Process:
+        """A controller on the buses of `emulator`, which reports its progress."""
+        address = f"127.0.0.1:{emulator.port}"  # type: ignore[attr-defined]
+        return self("controller", "--connect", address, *self.for_clock(clock), "--progress", "--json", *arguments)
+
+    def remaining(self) -> list[int]:
+        """Process ids that carry this test's mark (Linux); elsewhere the processes that were started directly."""
+        if not Path("/proc/self/environ").exists():
+            return [process.pid for process in self._processes if process.is_running]
+        mark = f"{MARKER}={self._marker}".encode()
+        found = []
+        for path in Path("/proc").glob("[0-9]*/environ"):
+            try:
+                if mark in path.read_bytes():
+                    found.append(int(path.parent.name))
+            except OSError:
+                continue
+        return found
+
+    def close(self) -> None:
+        for pid in self.remaining():
+            try:
+                os.kill(pid, signal.SIGKILL)
+            except ProcessLookupError:
+                continue
+        for process in self._processes:
+            process.wait()
+        wait_until(lambda: not self.remaining(), "end of all processes")
+
+
+class RunFolder:
+    """A run folder, read with everybody's tools: json, python-can, numpy."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @property
+    def run(self) -> dict[str, Any]:
+        return dict(json.loads((self.path / "run.json").read_text()))
+
+    def frames(self) -> list[can.Message]:
+        """Every frame of can0.log."""
+        with can.LogReader(self.path / "can0.log") as reader:
+            return list(reader)
+
+    def signals(self, name: str) -> dict[str, Any]:
+        """The columns of a CSV file; every row has every column."""
+        header, *rows = (self.path / "signals" / f"{name}.csv").read_text().splitlines()
+        table = [[float(value) for value in row.split(",")] for row in rows]
+        columns = header.split(",")
+        assert {len(row) for row in table} <= {len(columns)}
+        return dict(zip(columns, np.array(table).reshape(-1, len(columns)).T, strict=True))
+
+    def events(self) -> list[dict[str, Any]]:
+        return [json.loads(line) for line in (self.path / "events.jsonl").read_text().splitlines()]
+
+    def check(self) -> "RunFolder":
+        """Everything that is there can be read."""
+        assert self.run
+        if (self.path / "can0.log").exists():
+            self.frames()
+            self.signals("robot")
+        if (self.path / "signals" / "controller.csv").exists():
+            self.signals("controller")
+        self.events()
+        return self
+
+
+@pytest.fixture
+def canarm(tmp_path) -> Iterator[Commands]:
+    commands = Commands(tmp_path)
+    yield commands
+    commands.close()
+
+
+@pytest.fixture
+def run_folder() -> type[RunFolder]:
+    return RunFolder
+
+
+@pytest.fixture
+def until() -> Callable[..., Any]:
+    return wait_until

@@ -1,0 +1,126 @@
+"""`canarm demo` as its users meet it: the summary, Ctrl-C, children that must not be left behind, a terminal."""
+
+import json
+import os
+import shlex
+import shutil
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+
+KEYS = {
+    "cell": "konkuk1",
+    "law": "mras",
+    "clock": "sync",
+    "seed": 3,
+    "state": "done",
+    "ticks": 400,
+    "missed": 0,
+}
+"""Of the summary's keys in the design, those whose value is known."""
+
+
+def test_the_last_line_is_the_summary_as_json(canarm, run_folder):
+    demo = canarm("demo", "--clock", "sync", "--no-tui", "--json", "--seconds", "1", "--seed", "3", "--out", "run")
+    assert demo.wait() == 0, demo
+    assert len(demo.stdout) == 1
+    assert {key: demo.json[key] for key in KEYS} == KEYS
+    assert demo.json["real_time_factor"] > 0.0
+    assert demo.json["out"] == "run"
+    for joint in ("joint2", "joint3"):
+        assert set(demo.json["joints"][joint]) >= {"rms_lsb", "max_lsb", "peak_current_a"}
+    folder = run_folder(canarm.folder / "run").check()
+    assert folder.run["summary"] == demo.json
+    assert folder.run["emulator"]["seed"] == 3
+    assert folder.run["controller"]["seconds"] == 1.0
+
+
+def test_without_json_it_ends_with_a_summary_for_people_and_records_below_runs(canarm, run_folder):
+    demo = canarm("demo", "--clock", "sync", "--seconds", "0.5")
+    assert demo.wait() == 0, demo
+    assert demo.stdout[0].startswith("DONE: konkuk1, mras on sine")
+    assert demo.stdout[-1].startswith("recorded in runs/")
+    assert "canarm: running" in demo.stderr
+    (folder,) = (canarm.folder / "runs").iterdir()
+    run_folder(folder).check()
+
+
+def test_options_reach_the_process_that_they_are_for(canarm, run_folder):
+    options = (
+        "--law pd --feedforward online --trajectory trapezoid --set control.damping_ratio=0.9 --truth joint3.mass=0.9"
+    )
+    demo = canarm(
+        *f"demo --clock sync --no-tui --out run {options}".split(),
+        env={"CANARM_SECONDS": "0.25", "CANARM_SYNC_TIMEOUT": "7"},
+    )
+    assert demo.wait() == 0, demo
+    run = run_folder(canarm.folder / "run").check().run
+    assert (run["summary"]["law"], run["summary"]["feedforward"], run["summary"]["ticks"]) == ("pd", "online", 100)
+    assert run["controller"]["trajectory"] == "trapezoid"
+    assert run["controller"]["cell"]["control"]["damping_ratio"] == 0.9
+    assert run["emulator"]["truth"] == {"joint3.mass": "0.9"}
+    assert run["emulator"]["sync_timeout_s"] == 2.0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_is_a_safe_stop_with_a_summary(canarm, run_folder, number):
+    demo = canarm("demo", "--clock", "sync", "--no-tui", "--json", "--seconds", "3600", "--out", "run")
+    demo.wait_for("1 of 3600 s")
+    demo.send(number)
+    assert demo.wait() == 1, demo
+    assert demo.json["state"] == "interrupted"
+    assert "canarm: stopping" in demo.complaint
+    assert canarm.remaining() == []
+    run_folder(canarm.folder / "run").check()
+
+
+def test_ctrl_c_before_the_run_ends_the_emulator_too(canarm):
+    demo = canarm("demo", "--clock", "sync", "--no-tui")
+    demo.wait_for("to attach to bench")
+    demo.send(signal.SIGINT)
+    assert demo.wait() == 1, demo
+    assert canarm.remaining() == []
+    assert demo.complaint
+
+
+def test_children_of_a_demo_that_was_killed_end_by_themselves(canarm, run_folder, until):
+    demo = canarm("demo", "--clock", "sync", "--no-tui", "--seconds", "3600", "--out", "run")
+    demo.wait_for("1 of 3600 s")
+    demo.send(signal.SIGKILL)
+    until(lambda: not canarm.remaining(), "end of emulator and controller")
+    run_folder(canarm.folder / "run").check()
+
+
+def test_an_emulator_that_cannot_start_is_explained(canarm):
+    (canarm.folder / "run" / "events.jsonl").mkdir(parents=True)
+    demo = canarm("demo", "--clock", "sync", "--no-tui", "--out", "run")
+    assert demo.wait() == 1
+    assert "canarm: run/events.jsonl: cannot be written: Is a directory" in demo.complaint
+    assert "canarm: the emulator has not offered its buses; it ended with status 2" in demo.complaint
+
+
+def test_an_emulator_that_is_killed_is_reported(canarm, run_folder):
+    demo = canarm("demo", "--clock", "sync", "--no-tui", "--json", "--seconds", "3600", "--out", "run")
+    demo.wait_for("1 of 3600 s")
+    (emulator,) = [pid for pid in canarm.remaining() if b"\0emulator\0" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    os.kill(emulator, signal.SIGKILL)
+    assert demo.wait() == 1, demo
+    assert demo.json["state"] == "failed"
+    assert "canarm: the emulator has ended with status -9" in demo.complaint
+    run_folder(canarm.folder / "run").check()
+
+
+@pytest.mark.skipif(shutil.which("script") is None, reason="script(1) of util-linux is not installed")
+def test_on_a_terminal_it_shows_the_dashboard_and_then_the_summary(canarm):
+    demo = shlex.join(
+        [sys.executable, "-m", "canarm", "demo", *canarm.for_clock("wall"), "--seconds", "1", "--out", "run"]
+    )
+    terminal = canarm.run(
+        "script", "--quiet", "--return", "--command", demo, "/dev/null", env={"TERM": "xterm-256color"}
+    )
+    terminal.wait_for("recorded in run")
+    assert terminal.wait() == 0, terminal
+    assert any("joint3" in line and "\x1b[" in line for line in terminal.stdout)
+    assert json.loads((canarm.folder / "run" / "run.json").read_text())["summary"]["clock"] == "wall"

@@ -1,0 +1,317 @@
+"""The emulator's runner over the real hub: who is served, when lockstep runs on, who gets telemetry, what is kept."""
+
+import contextlib
+import csv
+import json
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from canarm_emulator import runner as runner_module
+from canarm_emulator.bench import Bench
+from canarm_emulator.hub import Hub
+from canarm_emulator.recording import Recorder
+from canarm_emulator.runner import EmulatorRunner
+from canarm_emulator.truth import Truth
+from canarm_protocol.bench_objects import bench_pdos, sdo_channel
+from canarm_protocol.cell_file import load_cell
+from canarm_protocol.clock import Clock
+from canarm_protocol.frames import Frame, NmtCommand, NmtState, heartbeat_frame, nmt_frame, sync_frame
+from canarm_protocol.port import BusPort, Discarded, open_port
+from canarm_protocol.run_folder import create_run_folder
+from canarm_protocol.sdo import download, upload
+from canarm_protocol.sdo_session import SdoSession
+
+CELL = load_cell("konkuk1")
+DEADLINE_S = 60.0
+TIME = 0x100
+NOBODY_WAITS_S = 3600.0
+HEARTBEAT = heartbeat_frame(CELL.bus.controller_node_id, NmtState.OPERATIONAL)
+LISTENER = heartbeat_frame(0x71, NmtState.OPERATIONAL)
+TELEMETRY = {layout.cob_id for pdos in (bench_pdos(CELL),) for layout in (pdos.status, *pdos.truth, *pdos.drive)}
+
+
+class Emulator:
+    """A runner in a thread of its own, and clients of its hub."""
+
+    def __init__(
+        self, clock: Clock, folder: Path | None, sync_timeout_s: float, ports: dict[str, list[BusPort]] | None
+    ) -> None:
+        self.bench = Bench(CELL, Truth.from_settings(CELL, {}), clock, seed=0)
+        self.hub = Hub(port=0)
+        self.recorder = Recorder(folder, CELL) if folder else None
+        self.told: list[str] = []
+        self.is_over = threading.Event()
+        self.runner = EmulatorRunner(
+            self.bench, self.hub, ports, self.recorder, sync_timeout_s, self.is_over.is_set, self.told.append
+        )
+        self.thread = threading.Thread(target=self.runner.run)
+        self.clients: list[BusPort] = []
+
+    def client(self, channel: str = "can0") -> BusPort:
+        host, port = self.hub.address
+        self.clients.append(open_port("canarm", channel, host=host, port=port))
+        return self.clients[-1]
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        """Waits for what the runner's thread does by itself."""
+        deadline_s = time.monotonic() + DEADLINE_S
+        while not condition():
+            assert time.monotonic() < deadline_s
+            assert self.thread.is_alive()
+            self.is_over.wait(0.002)
+
+
+@contextlib.contextmanager
+def serving(
+    clock: Clock = Clock.SYNC,
+    folder: Path | None = None,
+    sync_timeout_s: float = NOBODY_WAITS_S,
+    ports: dict[str, list[BusPort]] | None = None,
+) -> Iterator[Emulator]:
+    emulator = Emulator(clock, folder, sync_timeout_s, ports)
+    emulator.thread.start()
+    try:
+        yield emulator
+    finally:
+        for client in emulator.clients:
+            client.close()
+        emulator.is_over.set()
+        emulator.thread.join(DEADLINE_S)
+        emulator.hub.close()
+        if emulator.recorder:
+            emulator.recorder.close()
+        assert not emulator.thread.is_alive()
+
+
+def hear(client: BusPort, until: Callable[[Frame], bool]) -> list[Frame]:
+    """Frames up to the one that `until` waits for."""
+    deadline_s, heard = time.monotonic() + DEADLINE_S, []
+    while time.monotonic() < deadline_s:
+        heard += [frame for _, frame in client.receive(1.0)]
+        if any(until(frame) for frame in heard):
+            return heard
+    raise AssertionError(f"heard only {heard}")
+
+
+def cycle(client: BusPort, *frames: Frame) -> list[Frame]:
+    """One lockstep cycle of a controller: outputs and SYNC out, everything up to TIME in."""
+    client.send([*frames, sync_frame(None)])
+    return hear(client, lambda frame: frame.can_id == TIME)
+
+
+def start_watched(client: BusPort) -> None:
+    """All cards watch the controller's heartbeat for 100 ms of virtual time, then start."""
+    for node_id in (0x12, 0x13, 0x14):
+        session = SdoSession(client, 0x600 + node_id, 0x580 + node_id, DEADLINE_S)
+        session.download(0x1016, 1, struct.pack("<I", 1 << 16 | 100))
+    client.send([HEARTBEAT, nmt_frame(NmtCommand.START)])
+
+
+def outputs(code: int) -> list[Frame]:
+    return [Frame(0x312, struct.pack("<4h", code << 7, code << 7, 0, 0)), Frame(0x213, b"\x06")]
+
+
+def swing(client: BusPort, cycles: int) -> None:
+    for k in range(cycles):
+        cycle(client, HEARTBEAT, *outputs(40 + k % 16))
+
+
+def is_emcy(frame: Frame) -> bool:
+    return frame.can_id == 0x94 and frame.data[:2] == b"\x30\x81"
+
+
+def test_a_lockstep_cycle_over_the_hub_gives_the_sender_everything_but_its_own_frames() -> None:
+    with serving() as emulator:
+        controller = emulator.client()
+        controller.send([nmt_frame(NmtCommand.START)])
+        assert [frame.can_id for frame in cycle(controller)] == [0x294, 0x394, TIME]
+
+
+def test_another_client_sees_the_whole_bus_in_its_order() -> None:
+    with serving() as emulator:
+        controller, observer = emulator.client(), emulator.client()
+        controller.send([nmt_frame(NmtCommand.START)])
+        cycle(controller, *outputs(1))
+        heard = hear(observer, lambda frame: frame.can_id == TIME)
+        assert [frame.can_id for frame in heard] == [0x000, 0x312, 0x213, 0x080, 0x294, 0x394, TIME]
+
+
+def test_when_the_sender_of_sync_leaves_the_world_runs_on_and_the_cards_protect_themselves(tmp_path) -> None:
+    folder = create_run_folder(tmp_path / "run")
+    with serving(folder=folder) as emulator:
+        observer, controller = emulator.client(), emulator.client()
+        start_watched(controller)
+        swing(controller, 10)
+        controller.close()
+        hear(observer, is_emcy)
+        emulator.until(lambda: bool(emulator.told))
+        assert emulator.runner.run_ons == 1
+        assert emulator.told == ["the sender of SYNC has left the bus: virtual time ran on by 600 ms"]
+        assert not emulator.bench.is_operational
+        assert [joint.command_a for joint in emulator.bench.world.state()] == [0.0, 0.0]
+    events = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+    (ran_on,) = [event for event in events if event["event"] == "ran-on"]
+    assert ran_on["time_ns"] - ran_on["from_ns"] == 600_000_000
+    assert ran_on["why"] == "the sender of SYNC has left the bus"
+    assert [event["event"] for event in events].count("attached") == 2
+
+
+def test_a_client_that_sends_no_sync_may_leave() -> None:
+    with serving() as emulator:
+        controller, other = emulator.client(), emulator.client()
+        start_watched(controller)
+        swing(controller, 2)
+        other.send([Frame(0x80, b"\1", is_extended=True)])
+        other.close()
+        emulator.until(lambda: len(emulator.hub.clients) == 1)
+        swing(controller, 2)
+        assert emulator.runner.run_ons == 0
+        assert emulator.bench.is_operational
+
+
+def test_when_the_sender_of_sync_falls_silent_the_world_runs_on_once() -> None:
+    with serving(sync_timeout_s=0.2) as emulator:
+        controller = emulator.client()
+        start_watched(controller)
+        controller.send([*outputs(40), sync_frame(None)])
+        hear(controller, is_emcy)
+        emulator.until(lambda: bool(emulator.told))
+        assert emulator.told == ["no SYNC for 0.2 s: virtual time ran on by 600 ms"]
+        assert emulator.runner.run_ons == 1
+        cycle(controller)  # and time moves again with the next SYNC
+
+
+def test_before_nmt_start_a_silent_bus_stands_still() -> None:
+    with serving(sync_timeout_s=0.0) as emulator:
+        controller = emulator.client()
+        for _ in range(3):
+            cycle(controller)
+        emulator.until(lambda: emulator.runner._sync_sender is None)
+        assert emulator.runner.run_ons == 0
+        assert emulator.bench.time_ns == 2 * CELL.bus.cycle_ns
+
+
+def ask_bench(client: BusPort) -> list[int]:
+    """COB-IDs heard on the bench bus up to the answer to a question."""
+    request_id, answer_id = sdo_channel(0x70, 3)
+    client.send([Frame(request_id, next(upload(0x2100, 1)))])
+    return [frame.can_id for frame in hear(client, lambda frame: frame.can_id == answer_id)]
+
+
+def test_telemetry_is_sent_while_a_listener_shows_itself() -> None:
+    with serving() as emulator:
+        controller, dashboard = emulator.client(), emulator.client("bench")
+        controller.send([nmt_frame(NmtCommand.START)])
+        swing(controller, 12)
+        assert not TELEMETRY & set(ask_bench(dashboard))
+        dashboard.send([LISTENER])
+        hear(dashboard, lambda frame: frame.can_id in TELEMETRY)
+        swing(controller, 12)
+        heard = ask_bench(dashboard)
+        assert set(heard) >= TELEMETRY
+        assert heard.count(0x1F0) >= 2  # at least two of every fourth cycle of twelve
+
+
+def test_telemetry_ends_with_the_listeners_heartbeat(monkeypatch) -> None:
+    monkeypatch.setattr(runner_module, "LISTENER_NS", 0)
+    with serving() as emulator:
+        controller, dashboard = emulator.client(), emulator.client("bench")
+        controller.send([nmt_frame(NmtCommand.START)])
+        dashboard.send([LISTENER])
+        ask_bench(dashboard)
+        swing(controller, 12)
+        assert not TELEMETRY & set(ask_bench(dashboard))
+
+
+def test_a_listener_that_says_goodbye_gets_no_telemetry() -> None:
+    with serving() as emulator:
+        dashboard = emulator.client("bench")
+        dashboard.send([heartbeat_frame(0x71, NmtState.STOPPED)])
+        ask_bench(dashboard)
+        assert not TELEMETRY & set(ask_bench(dashboard))
+
+
+def recorded(folder: Path, is_busy: bool) -> dict[str, bytes]:
+    """Files of a run, during which somebody on the bench bus asks and writes all the time, or nobody does."""
+    create_run_folder(folder)
+    with serving(folder=folder) as emulator:
+        controller, dashboard = emulator.client(), emulator.client("bench") if is_busy else None
+        start_watched(controller)
+        for k in range(60):
+            cycle(controller, HEARTBEAT, *outputs(40 + k % 16))
+            if dashboard:
+                dashboard.send([LISTENER, sync_frame(None), Frame(0x670, next(download(0x1017, 0, b"\x01\x00")))])
+                ask_bench(dashboard)
+        cycle(controller, nmt_frame(NmtCommand.PRE_OPERATIONAL))  # or the world would run on when the controller leaves
+    return {name: (folder / name).read_bytes() for name in ("can0.log", "signals/robot.csv")}
+
+
+def test_a_client_on_bench_does_not_change_a_byte_of_the_robots_records(tmp_path) -> None:
+    quiet, busy = recorded(tmp_path / "quiet", False), recorded(tmp_path / "busy", True)
+    assert quiet == busy
+    assert quiet["can0.log"].count(b" 080#\n") == 61
+
+
+def test_the_recorder_leaves_a_row_of_truth_a_cycle(tmp_path) -> None:
+    recorded(tmp_path / "run", False)
+    with (tmp_path / "run" / "signals" / "robot.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["tick"]) for row in rows] == list(range(60))
+    assert [float(row["time_s"]) for row in rows] == pytest.approx([k * 0.0025 for k in range(60)])
+    assert float(rows[0]["joint2.true_angle_rad"]) == pytest.approx(0.349066)
+    assert float(rows[1]["joint3.command_a"]) == pytest.approx(-41 / 255 * 1.5)
+
+
+def test_on_the_wall_clock_the_world_moves_by_itself() -> None:
+    with serving(Clock.WALL) as emulator:
+        client = emulator.client()
+        session = SdoSession(client, 0x612, 0x592, DEADLINE_S)
+        assert session.upload(0x2000) == bytes((Clock.WALL.value,))
+        session.download(0x1017, 0, struct.pack("<H", 10))
+        beats: list[Frame] = []
+        while len(beats) < 3:
+            beats += [frame for frame in hear(client, lambda frame: frame.can_id == 0x712) if frame.can_id == 0x712]
+        assert set(beats) == {heartbeat_frame(0x12, NmtState.PRE_OPERATIONAL)}
+        client.send([nmt_frame(NmtCommand.START), sync_frame(1)])
+        hear(client, lambda frame: frame.can_id == 0x394)
+
+
+class ListPort(BusPort):
+    """A bus that is two lists, without anything that `select` could wait for."""
+
+    description = "list"
+
+    def __init__(self, *frames: Frame) -> None:
+        self.discarded = Discarded()
+        self._incoming = list(frames)
+        self.sent: list[Frame] = []
+
+    def send(self, frames) -> None:
+        self.sent += frames
+
+    def receive(self, timeout_s: float) -> list[tuple[int, Frame]]:
+        frames, self._incoming = self._incoming, []
+        return [(0, frame) for frame in frames]
+
+    def fileno(self) -> None:
+        return None
+
+    def close(self) -> None:
+        pass
+
+
+def test_further_ports_are_part_of_their_bus() -> None:
+    port, bench_port = ListPort(nmt_frame(NmtCommand.START), sync_frame(1)), ListPort(LISTENER)
+    with serving(ports={"can0": [port], "bench": [bench_port]}) as emulator:
+        emulator.until(lambda: bool(port.sent) and port.sent[-1].can_id == TIME)
+        assert [frame.can_id for frame in port.sent] == [0x712, 0x713, 0x714, 0x294, 0x394, TIME]
+        emulator.until(lambda: {frame.can_id for frame in bench_port.sent} >= TELEMETRY)
+        assert LISTENER not in bench_port.sent
+        client = emulator.client()
+        cycle(client, Frame(0x123, b"\1"))
+        emulator.until(lambda: port.sent[-1].can_id == TIME and Frame(0x123, b"\1") in port.sent)
