@@ -86,7 +86,11 @@ class ControlOptions:
     """What the controller is to do."""
 
     law: Annotated[
-        str, Parameter(metavar="NAME|FILE.py:CLASS", help="Control law: pd, mras, or a class of your own.")
+        str,
+        Parameter(
+            metavar="NAME|FILE.py:CLASS",
+            help="Control law: pd, computed-torque, mras, mras-lyapunov, slotine-li, or a class of your own.",
+        ),
     ] = DEFAULT_LAW
     feedforward: Annotated[
         Literal["none", "table", "online"] | None,

@@ -15,6 +15,7 @@ from canarm_emulator.errors import EmulatorError, TruthError
 from canarm_emulator.hub import Hub
 from canarm_emulator.recording import Recorder
 from canarm_emulator.runner import EmulatorRunner
+from canarm_emulator.slcan_port import SOCKET_URL, SlcanPort, SlcanSocket, SlcanTerminal
 from canarm_protocol.cell import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError
@@ -68,6 +69,16 @@ def emulator(
     allow_remote: Annotated[
         Flag, Parameter(help="Serve other machines too: whoever reaches the port can drive the robot.")
     ] = False,
+    slcan: Annotated[
+        bool | str,
+        Parameter(
+            negative=(),
+            metavar="[PATH|socket://HOST:PORT]",
+            show_default=False,
+            help="Offer the robot's bus as a serial CAN adapter too, on a pseudo-terminal that PATH will link to, "
+            "or on a TCP port.",
+        ),
+    ] = False,
     bus: BusOptions = BusOptions(),
     bench_bus: BenchBusOptions = BenchBusOptions(),
     output: OutputOptions = OutputOptions(),
@@ -93,6 +104,9 @@ def emulator(
     with _recording(output.out), contextlib.ExitStack() as stack:
         hub = stack.enter_context(contextlib.closing(_serve(host, port, allow_remote)))
         ports = {name: [] if named is None else [stack.enter_context(named.open())] for name, named in buses.items()}
+        adapter = stack.enter_context(_offer_slcan(slcan, allow_remote)) if slcan else None
+        if adapter is not None:
+            ports[ROBOT_BUS].append(adapter)
         recorder = None
         if output.out is not None:
             given = {"clock": world.clock, "seed": world.seed, "truth": settings, "sync_timeout_s": world.sync_timeout}
@@ -111,6 +125,7 @@ def emulator(
             "seed": world.seed,
             "state": "done",
             **_figures(bench, runner),
+            "dropped_frames": sum(hub.dropped.values()) + (0 if adapter is None else adapter.dropped),
             "out": None if output.out is None else str(output.out),
         }
         if output.out is not None:
@@ -124,8 +139,23 @@ def _serve(host: str, port: int, allow_remote: bool) -> Hub:
     try:
         return Hub(host, port, (ROBOT_BUS, BENCH_BUS), allow_remote=allow_remote)
     except EmulatorError as error:
-        # What the machine refuses has the machine's error as its cause; the rest is a wrong address.
-        raise (UsageError if error.__cause__ is None else BusError)(str(error)) from None
+        raise _refusal(error) from None
+
+
+def _offer_slcan(where: bool | str, allow_remote: bool) -> SlcanPort:
+    """An adapter at a path or `socket://HOST:PORT`; with `True`, on a terminal with the usual name."""
+    try:
+        if isinstance(where, str) and where.startswith(SOCKET_URL):
+            host, port = parse_address("--slcan", where.removeprefix(SOCKET_URL), any_port=True)
+            return SlcanSocket(host, port, allow_remote=allow_remote)
+        return SlcanTerminal(Path(where) if isinstance(where, str) else None)
+    except EmulatorError as error:
+        raise _refusal(error) from None
+
+
+def _refusal(error: EmulatorError) -> Exception:
+    """What the machine refuses has the machine's error as its cause; the rest is a wrong address."""
+    return (UsageError if error.__cause__ is None else BusError)(str(error))
 
 
 @contextlib.contextmanager

@@ -4,6 +4,7 @@ The robot needs none of it; it travels on the bench bus, in batches, and is judg
 """
 
 import math
+from collections.abc import Callable
 
 from canarm_protocol.bench_objects import INTERNALS, bench_pdos
 from canarm_protocol.cell import Cell
@@ -21,9 +22,13 @@ LARGEST = (2 - 2**-24) * 2.0**127
 
 
 class BenchReport:
-    """Gathers the frames of a run; `take` hands them over when a batch is full."""
+    """Gathers the frames of a run; `take` hands them over when a batch is full.
 
-    def __init__(self, cell: Cell, controller: Controller) -> None:
+    `paced_late()` gives the cycles that whoever paces the controller began late; the bench shows them with the missed ones.
+    """
+
+    def __init__(self, cell: Cell, controller: Controller, paced_late: Callable[[], int] = lambda: 0) -> None:
+        self._paced_late = paced_late
         self._controller = controller
         self._pdos = bench_pdos(cell)
         self._frames: list[Frame] = []
@@ -66,7 +71,7 @@ class BenchReport:
 
     def _state(self) -> None:
         controller, layout = self._controller, self._pdos.controller
-        late = min(controller.missed, U16)
+        late = min(controller.missed + self._paced_late(), U16)
         self._frames.append(Frame(layout.cob_id, layout.pack(max(controller.tick, 0) & U32, late, controller.state)))
 
 

@@ -59,10 +59,12 @@ class Runner:
     ) -> None:
         self._controller, self._port, self._bench = controller, port, bench
         self._on_state, self._should_stop, self._clock = on_state, should_stop, clock
-        self._report = BenchReport(controller.cell, controller) if bench is not None else None
+        self._report = BenchReport(controller.cell, controller, self._late) if bench is not None else None
         self._state = State.IDLE
         self._note: str | None = None if bench is not None else "no bench bus: the true error is not known here"
         self._pacer: Pacer | None = None
+        self._owns_the_bus = False
+        """Whether the cards are ours: until then another controller's report must not be disturbed."""
         self._started_ns = self._ended_ns = 0
 
     def run(self) -> RunResult:
@@ -79,7 +81,6 @@ class Runner:
 
             controller.on_tick = tick
         try:
-            self._name_internals()
             self._bring_up()
             self._started_ns = self._clock()
             if not controller.is_finished:
@@ -106,6 +107,9 @@ class Runner:
             else:
                 self._take(self._port.receive(min(left_s, POLL_S)))
             self._ask_to_stop()
+        if not controller.is_finished:
+            self._owns_the_bus = True
+            self._name_internals()
         self._watch_state()
         self._flush()
 
@@ -158,7 +162,7 @@ class Runner:
             self._port.send(frames)
 
     def _publish(self, everything: bool = False) -> None:
-        if self._report is None or self._bench is None:
+        if self._report is None or self._bench is None or not self._owns_the_bus:
             return
         frames = self._report.take(everything)
         if frames:
@@ -207,6 +211,10 @@ class Runner:
             self._note = f"no assessment: {error}"
             return {}
 
+    def _late(self) -> int:
+        pacer = self._pacer
+        return pacer.late if pacer else 0
+
     def _result(self, joints: dict[str, JointAssessment]) -> RunResult:
         controller, pacer = self._controller, self._pacer
         wall_s = (self._ended_ns - self._started_ns) * 1e-9
@@ -216,7 +224,7 @@ class Runner:
             reason=controller.reason,
             ticks=controller.controlled_ticks,
             missed=controller.missed + (pacer.missed if pacer else 0),
-            late=pacer.late if pacer else 0,
+            late=self._late(),
             real_time_factor=virtual_s / wall_s if controller.tick >= 0 and wall_s > 0.0 else 0.0,
             lateness=pacer.lateness if pacer else None,
             joints=joints,

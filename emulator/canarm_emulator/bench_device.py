@@ -59,7 +59,7 @@ class BenchDevice:
         if (index, subindex) in self.report:
             return lambda: self.report[index, subindex]
         if index == objects.CYCLE:
-            return lambda: max(self.cycle, 0)
+            return lambda: self.cycle
         if index == objects.TICK:
             return lambda: self.tick
         if index == objects.ASSESSED_CYCLES:

@@ -172,9 +172,9 @@ class EmulatorRunner:
 
     def _send_to_ports(self, bus: str, records: Sequence[tuple[int, Frame, object]]) -> None:
         for port in self._ports[bus]:
-            frames = [frame for _, frame, origin in records if origin is not port]
+            frames = [(time_ns, frame) for time_ns, frame, origin in records if origin is not port]
             if frames:
-                port.send(frames)
+                port.send_stamped(frames)
 
     def _record_cycle(self, truth: CycleTruth) -> None:
         assert self._recorder is not None

@@ -70,6 +70,11 @@ class SlcanPort(BusPort):
         self._awaited = 0
 
     @property
+    def is_open(self) -> bool:
+        """A client has its channel open."""
+        return self._adapter.is_open
+
+    @property
     def refused(self) -> int:
         """Lines so far that made no sense, or none in the adapter's state."""
         return self._adapter.refused
@@ -80,7 +85,7 @@ class SlcanPort(BusPort):
 
     def send_stamped(self, frames: Sequence[tuple[int, Frame]]) -> None:
         """Queue (time in ns, frame) for the client; those that do not fit are dropped whole. Never waits or raises."""
-        if not self._adapter.is_open:
+        if not self.is_open:
             return
         for time_ns, frame in frames:
             line = self._adapter.line(frame, time_ns)
@@ -206,7 +211,7 @@ class SlcanSocket(SlcanPort):
             connection, _ = self._listener.accept()
         except OSError:  # gone before it was accepted
             return
-        if self._adapter.is_open:
+        if self.is_open:
             connection.close()
             return
         self._detach()

@@ -231,7 +231,7 @@ class ObserverGains(Table):
 
 
 class Control(Table):
-    """Gains of the control laws. A law without its table cannot be used; without `observer` laws see what is measured."""
+    """Gains of the control laws. A law without its table cannot be used; without `observer` laws see raw values."""
 
     natural_frequency_rad_s: Positive
     damping_ratio: Positive

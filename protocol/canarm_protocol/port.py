@@ -5,6 +5,7 @@ What python-can and its drivers raise becomes `BusError` here and nowhere else.
 """
 
 import errno
+import select
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
@@ -78,6 +79,8 @@ def open_port(interface: str, channel: str | None = None, **options: Any) -> Bus
     """
     if interface == "canarm":
         return _HubPort(channel, options)
+    if interface == "slcan":
+        return _SlcanPort(interface, channel, options)
     return _PythonCanPort(interface, channel, options)
 
 
@@ -183,7 +186,10 @@ class _PythonCanPort(BusPort):
                 self.discarded.fd_frames += 1
             else:
                 frames.append(_stamped_frame(message))
-            message = self._bus.recv(0) if remaining else None
+            message = self._receive_at_once() if remaining else None
+
+    def _receive_at_once(self) -> can.Message | None:
+        return self._bus.recv(0)
 
     def fileno(self) -> int | None:
         try:
@@ -197,6 +203,24 @@ class _PythonCanPort(BusPort):
             self._bus.shutdown()
         except Exception as error:
             raise BusError(f"{self.description}: cannot close: {_one_line(error)}") from error
+
+
+class _SlcanPort(_PythonCanPort):
+    """python-can's slcan driver keeps nothing back, so the serial line itself tells whether there is more.
+
+    Its `recv(0)` waits 1 ms where there is nothing, and returns `None` for an acknowledgement with frames behind it.
+    """
+
+    def _receive_at_once(self) -> can.Message | None:
+        descriptor = self.fileno()
+        if descriptor is None:  # Windows
+            return self._bus.recv(0)
+        for _ in range(MAX_FRAMES_PER_RECEIVE):
+            if not select.select((descriptor,), (), (), 0)[0]:
+                break
+            if (message := self._bus.recv(0)) is not None:
+                return message
+        return None
 
 
 def _message(frame: Frame) -> can.Message:

@@ -1,4 +1,4 @@
-"""The command line as its users meet it: help, wrong input, the environment. Every process here is a real one."""
+"""The command line as its users meet it: help, wrong input, the environment."""
 
 import os
 import shlex
@@ -19,6 +19,30 @@ OPTIONS = {
     "tui": "--connect --cell --set --bench-interface --bench-channel --bench-bus-kwargs",
     "check": "--cell --set --keys",
 }
+
+
+class InProcess:
+    """`canarm …` without a process: many wrong command lines in little time."""
+
+    def __init__(self, capsys) -> None:
+        self._capsys = capsys
+
+    def __call__(self, arguments: list[str]) -> int:
+        return cli.run(arguments)
+
+    def printed(self) -> tuple[str, str]:
+        """What went to stdout and to stderr."""
+        return tuple(self._capsys.readouterr())
+
+
+@pytest.fixture
+def in_process(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    handlers = [signal.getsignal(number) for number in numbers]
+    yield InProcess(capsys)
+    for number, handler in zip(numbers, handlers, strict=True):
+        signal.signal(number, handler)
 
 
 def words_of(process) -> list[str]:
@@ -100,14 +124,35 @@ def test_version_is_the_distributions(canarm):
         ("check --cell konkuk2", "konkuk2", "konkuk1"),
     ],
 )
-def test_a_wrong_command_line_is_one_line_and_status_2(canarm, arguments, what, right):
+def test_a_wrong_command_line_is_one_line_and_status_2(in_process, arguments, what, right):
+    assert in_process(arguments.split()) == 2
+    printed, complaint = in_process.printed()
+    assert printed == ""
+    assert complaint.startswith("canarm: ")
+    assert len(complaint.splitlines()) == 1
+    assert what in complaint
+    assert right in complaint
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "emulate",
+        "emulator --sed 1",
+        "demo --law pid",
+        "demo --trajectory circle",
+        "demo --truth joint3.weight=1",
+        "controller --set control.mras.gama_bias=1",
+        "controller -i sockecan",
+        "emulator --serve 29536",
+    ],
+)
+def test_it_is_so_in_a_process_too(canarm, arguments):
     process = canarm(*arguments.split())
     assert process.wait() == 2
+    assert process.stdout == []
     assert len(process.stderr) == 1
     assert process.complaint.startswith("canarm: ")
-    assert what in process.complaint
-    assert right in process.complaint
-    assert process.stdout == []
 
 
 @pytest.mark.parametrize(
@@ -219,14 +264,6 @@ def test_a_reader_of_the_first_line_does_not_end_the_emulator(canarm):
     assert process.complaint == ""
 
 
-@pytest.fixture
-def _same_signals():
-    handler = signal.getsignal(signal.SIGTERM)
-    yield
-    signal.signal(signal.SIGTERM, handler)
-
-
-@pytest.mark.usefixtures("_same_signals")
 @pytest.mark.parametrize(
     ("error", "said"),
     [
@@ -235,12 +272,12 @@ def _same_signals():
         (KeyboardInterrupt(), "interrupted"),
     ],
 )
-def test_what_nobody_foresaw_is_a_line_and_status_1(monkeypatch, capsys, error, said):
+def test_what_nobody_foresaw_is_a_line_and_status_1(monkeypatch, in_process, error, said):
     def fail(*arguments, **options):
         raise error
 
     monkeypatch.setattr(cli, "app", fail)
-    assert cli.run([]) == 1
-    printed = capsys.readouterr().err
-    assert printed.startswith(f"canarm: {said}")
-    assert len(printed.splitlines()) == 1
+    assert in_process([]) == 1
+    _, complaint = in_process.printed()
+    assert complaint.startswith(f"canarm: {said}")
+    assert len(complaint.splitlines()) == 1

@@ -123,13 +123,15 @@ def test_ripple_of_one_stretch_is_standard_deviation_over_mean() -> None:
 
 def test_ripple_of_going_there_and_back_pools_the_stretches_about_their_own_means() -> None:
     rng = np.random.default_rng(2)
-    there, back = rng.normal(0.5, 0.02, 400), rng.normal(-0.4, 0.03, 300)
-    references = np.concatenate([ramp(400, 0.5), ramp(300, -0.4, ramp(400, 0.5)[-1])])
-    there, back_used = there[2:], back[2:]  # the first sample of the second ramp repeats the corner's angle
-    pooled = np.sqrt((there.var() * there.size + back_used.var() * back_used.size) / (there.size + back_used.size))
-    mean = (abs(there.sum()) + abs(back_used.sum())) / (there.size + back_used.size)
-    measured = ripple(references, np.concatenate([np.zeros(2), there, back]))
-    assert measured == pytest.approx(pooled / mean)
+    stretches = [rng.normal(mean, 0.03, count) for mean, count in ((0.5, 400), (-0.4, 300), (0.5, 200))]
+    references = [np.zeros(1)]
+    for mean, speeds in zip((0.5, -0.4, 0.5), stretches, strict=True):
+        references.append(ramp(speeds.size, mean, references[-1][-1]))
+    used = [speeds[2:] for speeds in stretches]  # a corner's angle comes twice, and the step after it is new
+    count = sum(speeds.size for speeds in used)
+    deviation = math.sqrt(sum(speeds.var() * speeds.size for speeds in used) / count)
+    mean = sum(abs(speeds.sum()) for speeds in used) / count
+    assert ripple(np.concatenate(references[1:]), np.concatenate(stretches)) == pytest.approx(deviation / mean)
 
 
 def test_there_is_no_ripple_without_a_stretch_of_constant_speed() -> None:

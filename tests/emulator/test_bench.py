@@ -285,6 +285,16 @@ def test_cards_hear_each_others_heartbeats() -> None:
     assert lost_at(bench) == {0x92: 150 * MS}
 
 
+def test_a_card_does_not_hear_itself() -> None:
+    bench = new_bench()
+    watch(bench, DAC, DAC, 100)
+    write(bench, DAC, 0x1017, 0, struct.pack("<H", 50))
+    bench.advance(60 * MS)
+    write(bench, DAC, 0x1017, 0, bytes(2))
+    bench.advance(1_000 * MS)
+    assert lost_at(bench) == {}
+
+
 # PDOs of several nodes
 
 
@@ -374,6 +384,24 @@ def test_on_the_wall_clock_outputs_by_sdo_act_when_they_come() -> None:
     write(bench, DAC, 0x6411, 1, struct.pack("<h", 0x7F80))
     assert bench.world.time_ns == 2 * MS
     assert bench.world.state()[0].command_a == pytest.approx(1.5)
+
+
+def test_on_the_wall_clock_an_event_driven_rpdo_acts_when_it_comes() -> None:
+    bench = new_bench(Clock.WALL)
+    write(bench, LATCH, 0x1400, 2, b"\xff")
+    bench.receive(START)
+    bench.advance(2 * MS)
+    bench.receive(Frame(0x213, bytes((COUNTER_CLOCKWISE,))))
+    assert bench.world.time_ns == 2 * MS
+
+
+def test_on_the_wall_clock_error_values_act_when_the_heartbeat_is_lost() -> None:
+    bench = new_bench(Clock.WALL)
+    watch(bench, DAC, MASTER, 100)
+    bench.receive(heartbeat_frame(MASTER, State.OPERATIONAL))
+    bench.advance(99 * MS)
+    bench.advance(102 * MS)
+    assert bench.world.time_ns == 100 * MS
 
 
 def test_the_heartbeats_of_a_late_look_still_have_their_times() -> None:

@@ -43,8 +43,8 @@ def test_dac_follows_each_4_bit_latch_at_once_so_a_code_passes_through_an_interm
 def test_dac_tells_of_changes_only_and_takes_four_bits_a_latch() -> None:
     outputs = Outputs()
     card = Dac0808Card(outputs)
-    card.write(0, 0xF5, 0)
-    card.write(0, 0x05, 0)
+    for value in (0xF5, 0xF5, 0x05):
+        card.write(0, value, 0)
     assert outputs == [(0, 5 / 256)]
 
 

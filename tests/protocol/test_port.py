@@ -1,6 +1,7 @@
 """Opening a bus by python-can's flags: the same promises on a `canarm` bus and on any other, one error class."""
 
 import contextlib
+import os
 import socket
 import threading
 import uuid
@@ -209,3 +210,18 @@ def test_options_get_the_types_that_python_can_gives_them():
 def test_wrong_options_say_what_would_be_right(words, message):
     with pytest.raises(BusError, match=message):
         parse_bus_options(words)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="this system has no pseudo-terminals")
+def test_acknowledgements_of_a_serial_adapter_hide_no_frames():
+    ours, theirs = os.openpty()
+    try:
+        with open_port("slcan", os.ttyname(theirs), sleep_after_open=0) as port:
+            os.write(ours, b"\rz\rt08011A\rz\rZ\rt0810\r\a")
+            assert [frame for _, frame in port.receive(DEADLINE_S)] == [Frame(0x080, b"\x1a"), Frame(0x081)]
+            assert port.receive(0.0) == []
+            port.send([Frame(0x123, b"\xab")])
+            assert os.read(ours, 256) == b"O\rt1231AB\r"
+    finally:
+        os.close(ours)
+        os.close(theirs)
