@@ -198,9 +198,7 @@ class Parser:
         return names.index(words[0]), words[1]
 
     def _node(self, text: str) -> CardNode:
-        number = int(text, 0) if _INTEGER.fullmatch(text) and not text.lstrip("+-").startswith("0") else None
-        if _INTEGER.fullmatch(text) and number is None:
-            number = int(text, 16) if "x" in text.lower() else int(text)
+        number = _number(text)
         for node in self._nodes:
             if text == node.card.name or number == node.card.node_id:
                 return node
@@ -251,8 +249,12 @@ def _wrong(command: str) -> UsageError:
     return UsageError(f"{command}: write {USAGE[command][0]}")
 
 
+def _number(text: str) -> int | None:
+    return int(text, 16 if "x" in text.lower() else 10) if _INTEGER.fullmatch(text) else None
+
+
 def _integer(command: str, what: str, text: str, low: int, high: int) -> int:
-    value = int(text, 16 if "x" in text.lower() else 10) if _INTEGER.fullmatch(text) else None
+    value = _number(text)
     if value is None or not low <= value <= high:
         raise UsageError(f"{command} {text}: {what} must be a whole number from {low} to {high} (0x.. is hexadecimal)")
     return value

@@ -3,6 +3,7 @@
 import ast
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,6 +11,7 @@ from canarm import Rig
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "my_law.py"
+PAGE = ROOT / "docs" / "your-own-law.md"
 
 
 def rms_lsb(mass3_kg: float) -> float:
@@ -23,11 +25,20 @@ def test_example_follows_as_well_as_its_page_says(mass3_kg: float, documented_ls
     assert rms_lsb(mass3_kg) == pytest.approx(documented_lsb, rel=0.05)
 
 
+def blocks() -> list[str]:
+    """The page's Python: `update`, and a test."""
+    return re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+
+
 def test_page_shows_the_update_of_the_example() -> None:
-    page = (ROOT / "docs" / "your-own-law.md").read_text(encoding="utf-8")
-    first, test = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    compile(test, "docs/your-own-law.md", "exec")
-    assert shape_of_update(first) == shape_of_update(EXAMPLE.read_text(encoding="utf-8"))
+    assert shape_of_update(blocks()[0]) == shape_of_update(EXAMPLE.read_text(encoding="utf-8"))
+
+
+def test_the_test_on_the_page_passes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    names: dict[str, Any] = {}
+    exec(compile(blocks()[1], str(PAGE), "exec"), names)
+    names["test_my_law_holds_the_arm"]()
 
 
 def shape_of_update(text: str) -> list[str]:

@@ -231,8 +231,7 @@ def test_an_slcan_adapter_serves_the_next_client_whatever_the_last_one_said(kind
                     nonlocal answers
                     with contextlib.suppress(BlockingIOError):
                         answers += hear(1 << 12)
-                    return answers.endswith(b"NCARM\r")
+                    return frames[-1:] == [Frame(number)] and answers.endswith(b"NCARM\r")  # noqa: B023
 
                 say(b"\rC\rO\rt%03X0\rN\r" % number)
                 until(is_served, lambda: frames.extend(frame for _, frame in port.receive(0.01)))  # noqa: B023
-                assert frames[-1] == Frame(number)
