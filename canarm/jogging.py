@@ -5,11 +5,402 @@ last; the bus, the wall clock and the prompt belong to `canarm.commands.jog`.
 """
 
 import contextlib
-from collections.abc import Generator, Sequence
+import math
+from collections.abc import Generator
 
-from canarm_controller.controller import STANDSTILL_RAD_S  # noqa: F401
 from canarm_controller.errors import ControllerError
-from canarm_controller.master import Ask, Conversation, Silence, bring_up, read_input, start_frames, stop_frames
+from canarm_controller.master import Ask, Silence, bring_up, read_input, start_frames, stop_frames
 from canarm_controller.pacing import Pacer
 from canarm_controller.supervisor import Supervisor, Verdict
 from canarm_protocol.cell import Cell, Quantity
+from canarm_protocol.clock import Clock
+from canarm_protocol.dictionary import (
+    ANALOGUE_OUTPUT,
+    CODE_SHIFT,
+    DIGITAL_OUTPUT,
+    ERROR_REGISTER,
+    SYNC_OVERFLOW,
+    default_value,
+    variable_at,
+)
+from canarm_protocol.frames import Cob, ErrorCode, Frame, NmtState, heartbeat_frame, sync_frame
+from canarm_protocol.pdo import PdoLayout
+from canarm_protocol.sdo import SdoAborted, Transfer, abort_request, download, upload
+from canarm_protocol.wiring import (
+    BITS_A_JOINT,
+    CardNode,
+    DirectionBits,
+    InputSlot,
+    OutputFrames,
+    current_scale,
+    input_slots,
+    sensor_scale,
+)
+
+from .jog_commands import (
+    DIRECTION_NAMES,
+    AllOff,
+    Command,
+    Drive,
+    PreOperational,
+    Read,
+    Reset,
+    SdoRead,
+    SdoWrite,
+    ShowState,
+    Start,
+    Step,
+    Stop,
+    help_lines,
+)
+
+Work = Generator[Ask, Frame, list[str]]
+"""A command on its way: yields what to send and what to wait for, returns what to show. See `master` for `Ask`."""
+
+TIME_NS = 2_000_000_000
+"""How long lockstep may wait for TIME."""
+IDLE_HEARTBEAT_NS = 100_000_000
+"""In lockstep, where no card's time passes between commands: often enough that another controller hears us."""
+UNITS = {Quantity.POTENTIOMETER: "deg", Quantity.TACHOMETER: "rad/s", Quantity.CURRENT_SENSE: "A"}
+
+
+class JogError(ControllerError):
+    """A command could not be carried out; the outputs are as they were, or off where the message says so."""
+
+
+class Jog:
+    """The master. Whoever drives it sets `now_ns`, hands in every frame, and sends what gathers in `outbox`.
+
+    `is_driving` says whether the cards are in OPERATIONAL by our doing. `is_over` says that the bus has another master.
+    """
+
+    def __init__(self, cell: Cell, nodes: tuple[CardNode, ...], clock: Clock) -> None:
+        self.cell, self.clock = cell, clock
+        self.now_ns = 0
+        self.outbox: list[Frame] = []
+        self.is_driving = self.is_over = False
+        self.cycle = -1
+        """The last SYNC's number since start; -1 before the first."""
+        self.codes = [0] * len(cell.joints)
+        self.directions = [DirectionBits.OFF] * len(cell.joints)
+        self._nodes = nodes
+        self._slots = input_slots(cell, nodes)
+        self._inputs: dict[InputSlot, int] = {}
+        self._layouts = {layout.cob_id: layout for node in nodes for layout in node.tpdos}
+        self._outputs = OutputFrames(cell, nodes)
+        self._are_sent = False
+        self._awaited: set[int] = set()
+        self._states: dict[int, NmtState] = {}
+        self._supervisor = Supervisor(cell, nodes)
+        self._alarm: str | None = None
+        self._has_cards = False
+        self._node_id = cell.bus.controller_node_id
+        self._heartbeat_ns = cell.bus.heartbeat_ms * 1_000_000
+        self._heartbeat_cycles = max(1, cell.bus.heartbeat_ms * 1000 // cell.bus.cycle_us)
+        self._next_heartbeat_ns: int | None = None
+        self._overflow = default_value(nodes[0].dictionary, SYNC_OVERFLOW)
+
+    def begin(self, listen_ns: int) -> Work:
+        """Listen for another controller, then find, check, configure and start the cards. Raises `ControllerError`."""
+        yield from bring_up(self._nodes, self.cell.bus, self.clock.value, listen_ns)
+        self._has_cards = True
+        self._enter(NmtState.PRE_OPERATIONAL)
+        yield from self._read_inputs()
+        return self._start()
+
+    def end(self) -> list[Frame]:
+        """What leaves the cards safe; nothing while they are not ours."""
+        if not self._has_cards:
+            return []
+        self._drop_outputs()
+        return stop_frames(self._nodes)
+
+    def receive(self, frame: Frame, now_ns: int) -> None:
+        """Take one frame from the bus. An alarm puts the outputs off and is raised by the next command."""
+        self.now_ns = now_ns
+        can_id, data, is_extended, is_remote = frame
+        if is_extended or is_remote or not self._has_cards:
+            return
+        layout = self._layouts.get(can_id)
+        if layout is not None:
+            self._take_inputs(layout, data)
+            return
+        if can_id in (Cob.SYNC, Cob.HEARTBEAT + self._node_id):
+            self.is_over = True
+            self._raise_alarm("another controller is on the bus; it drives the cards now")
+        elif can_id - Cob.HEARTBEAT in self._states and len(data) == 1 and data[0] in set(NmtState):
+            self._states[can_id - Cob.HEARTBEAT] = NmtState(data[0])
+        if self.is_driving:
+            self._judge(self._supervisor.message(frame, self.cycle), frame)
+
+    def heartbeat_if_due(self) -> list[Frame]:
+        """Our heartbeat when it is time for one: from the first start to the end."""
+        if self._next_heartbeat_ns is None or self.now_ns < self._next_heartbeat_ns:
+            return []
+        return [self._heartbeat()]
+
+    def run(self, command: Command) -> Work:
+        """Carry out one command, `Quit` excepted. Raises `JogError`, or another `ControllerError` of the master's."""
+        self._check()
+        match command:
+            case Drive() | AllOff():
+                return self._drive(command)
+            case Step(cycles):
+                return (yield from self._step(cycles))
+            case Read():
+                return (yield from self._read())
+            case ShowState():
+                return (yield from self._show_state())
+            case SdoRead() | SdoWrite():
+                return (yield from self._sdo(command))
+            case Start():
+                return self._start()
+            case Stop():
+                return self._leave(NmtState.STOPPED)
+            case PreOperational():
+                return self._leave(NmtState.PRE_OPERATIONAL)
+            case Reset():
+                self._drop_outputs()
+                yield from bring_up(self._nodes, self.cell.bus, self.clock.value, 0)
+                self._enter(NmtState.PRE_OPERATIONAL)
+                return ["cards are reset and configured, in PRE-OPERATIONAL"]
+            case _:
+                return help_lines()
+
+    def _drive(self, command: Drive | AllOff) -> list[str]:
+        if not self.is_driving:
+            raise JogError("the cards are not in OPERATIONAL, nothing is set; type: start")
+        self._are_sent = False
+        if isinstance(command, AllOff):
+            self.codes = [0] * len(self.codes)
+            self.directions = [DirectionBits.OFF] * len(self.codes)
+            return ["all outputs are off from the next step"]
+        joint = command.joint
+        if command.code is not None:
+            self.codes[joint] = command.code
+        if command.direction is not None:
+            self.directions[joint] = command.direction
+        return [f"{self._output_text(joint, self.codes[joint], self.directions[joint])} from the next step"]
+
+    def _start(self) -> list[str]:
+        if self.is_driving:
+            raise JogError("the cards are in OPERATIONAL already")
+        self._drop_outputs()
+        self.cycle = -1
+        self._supervisor = Supervisor(self.cell, self._nodes)
+        self.outbox += start_frames(self._nodes, self._node_id)
+        self._next_heartbeat_ns = self.now_ns + self._heartbeat_ns
+        self._enter(NmtState.OPERATIONAL)
+        self.is_driving = True
+        return ["cards are in OPERATIONAL, outputs off"]
+
+    def _leave(self, state: NmtState) -> list[str]:
+        frames = stop_frames(self._nodes)
+        self.outbox += frames[: len(self._nodes)] if state is NmtState.STOPPED else frames
+        self._drop_outputs()
+        self._enter(state)
+        return [f"cards are in {_spell(state)}, outputs off"]
+
+    def _step(self, cycles: int) -> Work:
+        pacer = Pacer(self.cell.bus.cycle_ns, lambda: self.now_ns)
+        watch = Supervisor(self.cell, self._nodes)
+        silent = 0
+        for _ in range(cycles):
+            yield from self._one_cycle(pacer, with_outputs=self.is_driving)
+            if self.is_driving:
+                silent += bool(self._awaited)
+                late = " and ".join(f"TPDO 0x{cob_id:03X}" for cob_id in sorted(self._awaited))
+                self._judge(watch.missing(late) if late else watch.measurement(self._positions_rad()))
+            self._check()
+        text = f"cycle {self.cycle}, {(self.cycle + 1) * self.cell.bus.cycle_s * 1e3:g} ms"
+        if self.is_driving:
+            angles = zip(self.cell.joint_names, self._positions_rad(), strict=True)
+            text += ": " + ", ".join(f"{name} {math.degrees(angle):.1f} deg" for name, angle in angles)
+        if silent:
+            text += f"; {silent} cycles without all inputs"
+        if pacer.late:
+            text += f"; {pacer.late} cycles late, {pacer.missed} left out"
+        return [text]
+
+    def _one_cycle(self, pacer: Pacer, with_outputs: bool) -> Generator[Ask, Frame, None]:
+        """One SYNC and what follows it: to TIME in lockstep, to the end of the period on the wall clock."""
+        frames = []
+        self.cycle += 1
+        if self.clock is Clock.SYNC and self._next_heartbeat_ns is not None:
+            if self.cycle % self._heartbeat_cycles == 0:
+                frames.append(self._heartbeat())
+        if with_outputs and not self._are_sent:
+            frames += [Frame(cob_id, data) for cob_id, data in self._outputs.pack(self.codes, self.directions)]
+            self._are_sent = True
+        frames.append(sync_frame(self.cycle % self._overflow + 1 if self._overflow else None))
+        self._awaited = set(self._layouts) if self.is_driving else set()
+        if self.clock is Clock.SYNC:
+            try:
+                yield Ask(tuple(frames), lambda frame: frame.can_id == Cob.TIME, TIME_NS)
+            except Silence:
+                text = f"no TIME within {TIME_NS / 1e9:g} s of SYNC: does the emulator still run?"
+                raise JogError(self._raise_alarm(text)) from None
+        else:
+            pacer.begin()
+            with contextlib.suppress(Silence):
+                yield Ask(tuple(frames), lambda frame: False, max(pacer.next_ns - self.now_ns, 0))
+
+    def _read(self) -> Work:
+        """On the wall clock a cycle of its own, without outputs: in OPERATIONAL the inputs are converted at SYNC alone."""
+        if self.is_driving and self.clock is Clock.WALL:
+            yield from self._one_cycle(Pacer(self.cell.bus.cycle_ns, lambda: self.now_ns), with_outputs=False)
+            self._check()
+            if self._awaited:
+                raise JogError("inputs did not come within a cycle: " + ", ".join(map(hex, sorted(self._awaited))))
+        else:
+            yield from self._read_inputs()
+        return [self._input_text(slot) for slot in sorted(self._slots, key=lambda slot: slot.joint)]
+
+    def _read_inputs(self) -> Generator[Ask, Frame, None]:
+        """All inputs by SDO."""
+        self._refuse_if_stopped()
+        for slot in self._slots:
+            node = next(node for node in self._nodes if node.card.node_id == slot.node_id)
+            layout = self._layouts[slot.cob_id]
+            self._inputs[slot] = yield from read_input(node, layout.objects[slot.position].subindex)
+
+    def _show_state(self) -> Work:
+        lines = [f"clock {self.clock.name.lower()}, cycle {self.cycle}"]
+        is_stopped = NmtState.STOPPED in self._states.values()
+        codes, directions = list(self.codes), list(self.directions)
+        for node in self._nodes:
+            name, node_id = node.card.name, node.card.node_id
+            text = f"card {name} (0x{node_id:02X}): {_spell(self._states[node_id])}"
+            if not is_stopped:
+                register = yield from self._transfer(node, upload(ERROR_REGISTER, 0))
+                text += f", error register 0x{register[0]:02X}"
+                yield from self._read_outputs(node, codes, directions)
+            lines.append(text)
+        for joint in range(len(codes)):
+            text = self._output_text(joint, codes[joint], directions[joint])
+            wanted = self._output_text(joint, self.codes[joint], self.directions[joint])
+            lines.append(text if text == wanted or not self.is_driving else f"{text}; from the next step {wanted}")
+        return lines
+
+    def _read_outputs(
+        self, node: CardNode, codes: list[int], directions: list[DirectionBits]
+    ) -> Generator[Ask, Frame, None]:
+        """What the card's outputs hold now, into `codes` or `directions`."""
+        for channel in node.card.channel:
+            joint = self.cell.joint_names.index(channel.joint)
+            if channel.quantity == Quantity.CURRENT_COMMAND:
+                data = yield from self._transfer(node, upload(ANALOGUE_OUTPUT, channel.number))
+                codes[joint] = int.from_bytes(data, "little") >> CODE_SHIFT
+            elif channel.quantity == Quantity.DIRECTION:
+                data = yield from self._transfer(node, upload(DIGITAL_OUTPUT, 1))
+                directions[joint] = DirectionBits(data[0] >> BITS_A_JOINT * (channel.number - 1) & 0b11)
+
+    def _sdo(self, command: SdoRead | SdoWrite) -> Work:
+        self._refuse_if_stopped()
+        node, index, subindex = command.node, command.index, command.subindex
+        variable = variable_at(node.dictionary, index, subindex)
+        name = "" if variable is None else f" {variable.name}"
+        where = f"{node.card.name} 0x{index:04X}:{subindex:02X}{name}"
+        if isinstance(command, SdoWrite):
+            yield from self._transfer(node, download(index, subindex, command.value))
+            return [f"{where}: written"]
+        data = yield from self._transfer(node, upload(index, subindex))
+        text = data.hex(" ")
+        if variable is not None and variable.fixed_size and len(data) * 8 == len(variable):
+            text = f"{variable.decode_raw(data)} (0x{int.from_bytes(data, 'little'):0{2 * len(data)}X})"
+        elif variable is not None and not variable.fixed_size:
+            text = data.decode("ascii", "replace")
+        return [f"{where} = {text}"]
+
+    def _transfer(self, node: CardNode, transfer: Transfer) -> Generator[Ask, Frame, bytes]:
+        """One SDO transfer with a card. Raises `JogError`."""
+        card = f"card {node.card.name!r} (node 0x{node.card.node_id:02X})"
+        request_id, answer_id = Cob.SDO_TO_SERVER + node.card.node_id, Cob.SDO_TO_CLIENT + node.card.node_id
+        request = next(transfer)
+        while True:
+            try:
+                answer = yield Ask((Frame(request_id, request),), lambda frame: frame.can_id == answer_id)
+                request = transfer.send(answer.data)
+            except StopIteration as done:
+                return bytes(done.value)
+            except SdoAborted as error:
+                if not error.by_server:
+                    self.outbox.append(Frame(request_id, abort_request(error.index, error.subindex, error.code)))
+                raise JogError(f"{card}: {error}") from None
+            except Silence:
+                raise JogError(f"{card} does not answer SDO") from None
+
+    def _refuse_if_stopped(self) -> None:
+        if NmtState.STOPPED in self._states.values():
+            raise JogError("the cards are STOPPED and answer no SDO; type: preop")
+
+    def _take_inputs(self, layout: PdoLayout, data: bytes) -> None:
+        values = layout.unpack(data[: layout.size]) if len(data) >= layout.size else (-1,)
+        if min(values) < 0:  # too short, or no code of a unipolar converter
+            return
+        for slot in self._slots:
+            if slot.cob_id == layout.cob_id:
+                self._inputs[slot] = values[slot.position] >> CODE_SHIFT
+        self._awaited.discard(layout.cob_id)
+
+    def _positions_rad(self) -> list[float]:
+        angles = [0.0] * len(self.cell.joints)
+        for slot in self._slots:
+            if slot.quantity is Quantity.POTENTIOMETER:
+                angles[slot.joint] = sensor_scale(self.cell.joints[slot.joint], slot.quantity)(self._inputs[slot])
+        return angles
+
+    def _input_text(self, slot: InputSlot) -> str:
+        code = self._inputs[slot]
+        value = sensor_scale(self.cell.joints[slot.joint], slot.quantity)(code)
+        if slot.quantity is Quantity.POTENTIOMETER:
+            value = math.degrees(value)
+        signal = f"{self.cell.joint_names[slot.joint]}.{slot.quantity}"
+        return f"{signal:<24} {code:>3}  {value:8.3f} {UNITS[slot.quantity]}"
+
+    def _output_text(self, joint: int, code: int, direction: DirectionBits) -> str:
+        sign = {DirectionBits.CLOCKWISE: -1.0, DirectionBits.COUNTER_CLOCKWISE: 1.0}.get(direction, 0.0)
+        current_a = sign * current_scale(self.cell.joints[joint])(code)
+        name = DIRECTION_NAMES.get(direction, "illegal")
+        return f"{self.cell.joint_names[joint]}: code {code}, {name}, {current_a:.3f} A"
+
+    def _heartbeat(self) -> Frame:
+        self._next_heartbeat_ns = self.now_ns + (
+            self._heartbeat_ns if self.clock is Clock.WALL else IDLE_HEARTBEAT_NS
+        )
+        return heartbeat_frame(self._node_id, NmtState.OPERATIONAL)
+
+    def _enter(self, state: NmtState) -> None:
+        self._states = {node.card.node_id: state for node in self._nodes}
+
+    def _drop_outputs(self) -> None:
+        self.is_driving = self._are_sent = False
+        self.codes = [0] * len(self.codes)
+        self.directions = [DirectionBits.OFF] * len(self.directions)
+
+    def _judge(self, verdict: Verdict | None, frame: Frame | None = None) -> None:
+        if verdict is None or self._alarm is not None:
+            return
+        text = verdict.detail
+        is_lost = frame is not None and frame.data[:2] == ErrorCode.LIFE_GUARD_OR_HEARTBEAT.to_bytes(2, "little")
+        if is_lost and self.clock is Clock.SYNC:
+            text += " (no step came for the emulator's --sync-timeout; for work by hand: --sync-timeout 3600)"
+        self._raise_alarm(text)
+
+    def _raise_alarm(self, text: str) -> str:
+        """Outputs off, cards in PRE-OPERATIONAL; `text` is told when the next command, or the present one, looks."""
+        if self._alarm is None:
+            self._alarm = f"{text}; outputs are off"
+            self.outbox += stop_frames(self._nodes)
+            self._drop_outputs()
+            self._enter(NmtState.PRE_OPERATIONAL)
+        return self._alarm
+
+    def _check(self) -> None:
+        alarm, self._alarm = self._alarm, None
+        if alarm is not None:
+            raise JogError(alarm)
+
+
+def _spell(state: NmtState) -> str:
+    return state.name.replace("_", "-")

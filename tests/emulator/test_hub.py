@@ -389,3 +389,25 @@ def test_an_address_that_cannot_be_served_says_why(host, port, message):
 def test_a_channel_that_is_not_served_is_refused(hub):
     with pytest.raises(HubError, match="'can7' is not served; served are can0, bench"):
         hub.send("can7", 0, Frame(1))
+
+
+def test_a_client_may_come_back_as_often_as_it_likes(hub):
+    for number in range(1, 101):
+        with socket.create_connection(hub.address) as client:
+            client.send(b"< open can0 >< rawmode >< send 123 0 >")
+            assert poll_until(hub, lambda events: len(events) == 2)[1] == Received("can0", number, Frame(0x123))
+            hub.send("can0", 10**9, Frame(1))  # never read
+        assert poll_until(hub, bool) == [Detached("can0", number)]
+    assert hub.clients == ()
+    assert hub.dropped == {}
+
+
+def test_a_client_that_asks_much_and_reads_nothing_is_not_answered_for_ever(hub, connect):
+    client = connect()
+    asked = 0
+    while asked < 20_000_000:  # more than the kernel's buffers, some MB, and the queue
+        with contextlib.suppress(BlockingIOError):
+            asked += client.send(b"< echo >" * 512)
+        hub.poll(0)
+    hub.send("can0", 10**9, Frame(1))
+    assert hub.dropped == {1: 1}
