@@ -38,7 +38,9 @@ for _name, _help in {
     "emulator": "Emulate the robot: cards, electrics, arm and both buses.",
     "controller": "Control the robot: find the cards, run the law, stop safely.",
     "tui": "Watch a running bench in a dashboard.",
+    "jog": "Drive the cards by hand, where no controller runs.",
     "check": "Validate a cell file and show what it describes.",
+    "export": "Describe a cell to other tools: EDS and DCF for CANopen masters, DBC for decoders.",
 }.items():
     app.command(f"canarm.commands.{_name}:{_name}", name=_name, help=_help)
 app.register_install_completion_command(add_to_startup=False)

@@ -36,6 +36,9 @@ def _not_negative(type_: object, value: int) -> None:
 
 
 Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
+Wire = Annotated[
+    Flag, Parameter(help="Wire model: frames queue, arbitrate and take their time at the cell's bit rate.")
+]
 Seconds = Annotated[float, Parameter(metavar="SECONDS", validator=_positive, show_default=lambda value: f"{value:g} s")]
 Address = Annotated[str, Parameter(metavar="HOST:PORT")]
 Seed = Annotated[int, Parameter(validator=_not_negative, help="Seed of the sensor noise.")]

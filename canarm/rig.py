@@ -145,7 +145,7 @@ class Rig:
     """A cell with its controller, ready to run in virtual time; use it in a `with` statement.
 
     `cell` is a name, a file or a `Cell`; `law`, `trajectory` and `feedforward` are as on the command line; `truth` and
-    `settings` are what `--truth` and `--set` take. `history_s` bounds the histories (older cycles are forgotten). `out`
+    `settings` are what `--truth` and `--set` take, `wire` is `--wire`. `history_s` bounds the histories (older cycles are forgotten). `out`
     names a run folder.
 
     Raises `CellError`, `TruthError`, `ControllerError` (`LawError`, `TrajectoryError`), `RunFolderError` or
@@ -161,6 +161,7 @@ class Rig:
         *,
         feedforward: str | None = None,
         seed: int = 0,
+        wire: bool = False,
         truth: Mapping[str, object] | None = None,
         settings: Mapping[str, object] | None = None,
         history_s: float = 60.0,
@@ -174,7 +175,7 @@ class Rig:
         self.cell = cell if isinstance(cell, Cell) else load_cell(str(cell), as_text)
         self._law, self._trajectory, self._seed = law, trajectory, seed
         self._true_settings = {key: _truth_text(value) for key, value in (truth or {}).items()}
-        self._bench = make_bench(self.cell, self._true_settings, Clock.SYNC, seed)
+        self._bench = make_bench(self.cell, self._true_settings, Clock.SYNC, seed, wire)
         self._controller = make_controller(self.cell, law, trajectory, feedforward, Clock.SYNC)
         self._assessor: Assessor = self._bench.assessor
         size = tick_count(self.cell, history_s, "history_s")
@@ -254,6 +255,8 @@ class Rig:
         controller.end()
         while not controller.is_finished:
             self._exchange()
+        self._exchange()
+        self._bench.settle()
         self._exchange()
         self._note_state()
         summary = self.summary()

@@ -31,9 +31,9 @@ __all__ = [
 ]
 
 
-def make_bench(cell: Cell, truth: Mapping[str, str], clock: Clock, seed: int) -> Bench:
+def make_bench(cell: Cell, truth: Mapping[str, str], clock: Clock, seed: int, with_wire: bool = False) -> Bench:
     """The emulated bench. Raises `TruthError`."""
-    return Bench(cell, Truth.from_settings(cell, truth), clock, seed)
+    return Bench(cell, Truth.from_settings(cell, truth), clock, seed, with_wire)
 
 
 def make_controller(

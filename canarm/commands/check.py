@@ -9,9 +9,11 @@ from canarm_controller.errors import ControllerError
 from canarm_emulator.truth import truth_keys
 from canarm_protocol.cell import Cell
 from canarm_protocol.cell_file import setting_keys
+from canarm_protocol.schedulability import cell_verdict
 from canarm_protocol.wiring import card_nodes
 
 from ..options import CellOptions, Flag
+from ..usage import UsageError
 
 
 def check(
@@ -23,8 +25,13 @@ def check(
     nominal = cell.load()
     if keys:
         _print_keys(nominal)
-    else:
-        _print_cell(nominal)
+        return 0
+    _print_cell(nominal)
+    verdict = cell_verdict(nominal)
+    if not verdict.fits:
+        raise UsageError("\n".join((f"{cell.cell}: the cyclic traffic does not fit the bus", *verdict.lines)))
+    print("\n".join(verdict.lines))
+    print("ok")
     return 0
 
 
@@ -54,7 +61,6 @@ def _print_cell(cell: Cell) -> None:
                 f"joint {joint.name}: {joint.limits_deg[0]:g} to {joint.limits_deg[1]:g} deg, "
                 f"{inertia:.4f} kg m2, {per_ampere:.3g} N m/A, at most {joint.amplifier.max_current_a:g} A"
             )
-    print("ok")
 
 
 def _print_keys(cell: Cell) -> None:

@@ -29,6 +29,7 @@ from ..options import (
     Seconds,
     Seed,
     Truth,
+    Wire,
 )
 from ..session import make_controller, tick_count
 from ..summary import JointFigures, Summary
@@ -51,6 +52,7 @@ def demo(
     seconds: Annotated[Seconds, Parameter(help="Length of the run in robot time.")] = 10.24,
     seed: Seed = 0,
     truth: Truth | None = None,
+    wire: Wire = False,
     output: OutputOptions = OutputOptions(),
     no_tui: Annotated[Flag, Parameter(help="No dashboard, even on a terminal.")] = False,
 ) -> int:
@@ -66,6 +68,8 @@ def demo(
     common = ["--cell", cell.cell, "--clock", clock, "--out", str(folder), "--json"]
     common += _each("--set", cell.settings)
     robot = ["--serve", f"{DEFAULT_HOST}:0", "--seed", str(seed), *_each("--truth", settings)]
+    if wire:
+        robot.append("--wire")
     with Child("emulator", [*common, *robot], quiet=with_dashboard) as emulator:
         port = _port_of(emulator)
         arguments = [*common, *_controller_arguments(control, port, seconds)]

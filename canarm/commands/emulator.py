@@ -16,6 +16,7 @@ from canarm_emulator.hub import Hub
 from canarm_emulator.recording import Recorder
 from canarm_emulator.runner import EmulatorRunner
 from canarm_emulator.slcan_port import SOCKET_URL, SlcanPort, SlcanSocket, SlcanTerminal
+from canarm_emulator.wire import Wire as WireModel
 from canarm_protocol.cell import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError
@@ -37,6 +38,7 @@ from ..options import (
     Seconds,
     Seed,
     Truth,
+    Wire,
     WithParent,
     check_clock,
     parse_address,
@@ -57,6 +59,7 @@ class WorldOptions:
     ] = 2.0
     seed: Seed = 0
     truth: Truth = field(default_factory=list)
+    wire: Wire = False
 
 
 def emulator(
@@ -97,7 +100,7 @@ def emulator(
     host, port = parse_address("--serve", serve, any_port=True)
     settings = parse_settings("--truth", world.truth)
     try:
-        bench = make_bench(nominal, settings, Clock[world.clock.upper()], world.seed)
+        bench = make_bench(nominal, settings, Clock[world.clock.upper()], world.seed, world.wire)
     except TruthError as error:
         raise UsageError(str(error)) from None
     stop = StopRequest(seconds, with_parent)
@@ -194,6 +197,12 @@ def _tell(text: str) -> None:
     print(f"canarm: {text}", file=sys.stderr, flush=True)
 
 
+def _wire_figures(wire: WireModel) -> dict[str, Any]:
+    """Share of the time that the bus was busy, and the longest that a frame of each identifier had to wait and travel."""
+    worst = {f"0x{can_id:03X}": round(ns / 1000, 1) for (can_id, _), ns in sorted(wire.worst_response_ns.items())}
+    return {"load": round(wire.load(), 4), "worst_response_us": worst}
+
+
 def _figures(bench: Bench, runner: EmulatorRunner) -> dict[str, Any]:
     steps = bench.world.saturated_steps
     return {
@@ -203,6 +212,7 @@ def _figures(bench: Bench, runner: EmulatorRunner) -> dict[str, Any]:
         "overruns": bench.overruns,
         "stalls": runner.stalls,
         "run_ons": runner.run_ons,
+        **({} if bench.wire is None else {"wire": _wire_figures(bench.wire)}),
         "current_limited_steps": {
             name: {"d669": limited.d669, "supply": limited.supply}
             for name, limited in zip(bench.cell.joint_names, steps, strict=True)

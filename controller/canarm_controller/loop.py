@@ -10,7 +10,7 @@ from canarm_protocol.cell import Cell, Quantity
 from canarm_protocol.wiring import FULL_SCALE_CODE, InputSlot, sensor_scale
 
 from .dynamics import NominalArm
-from .errors import LawError, TrajectoryError
+from .errors import ControllerError, LawError, TrajectoryError
 from .feedforward import make_feedforward
 from .laws.base import ControlLaw, Cycle
 from .laws.failure import law_failure
@@ -52,6 +52,11 @@ class ControlLoop:
             raise law_failure(law, "__init__ or internals", error) from error
         self.trajectory = trajectory
         self.feedforward_kind = feedforward or law.default_feedforward
+        if self.feedforward_kind != "none" and not law.takes_feedforward:
+            raise ControllerError(
+                f"law {law.name!r} supplies the torque of the model itself; use --feedforward none, "
+                f"not {self.feedforward_kind}"
+            )
         limits_a = [joint.amplifier.max_current_a for joint in cell.joints]
         self.memory = MemoryImage(len(cell.joints), limits_a)
         self._feedforward = make_feedforward(

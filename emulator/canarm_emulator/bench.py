@@ -4,7 +4,7 @@ Owns virtual time, the order of events on the robot's bus and what a SYNC does. 
 the runner. The same object runs in a process of its own or inside a test.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -25,6 +25,7 @@ from .device import AdcDevice, DacDevice, IoDevice, LatchDevice
 from .pdo_rules import SYNCHRONOUS_TYPES
 from .slave import NEVER, Slave
 from .truth import Truth
+from .wire import Wire
 from .world import JointState, Source, World
 
 RUN_ON_NS = 500_000_000
@@ -73,9 +74,12 @@ class Bench:
     `on_cycle` is called with the truth at every SYNC after NMT start, and for a while after SYNCs have ended. Frames on
     the robot's bus, those received included, gather in order in `records`; those on the bench bus in `bench_records`.
     Whoever drives it empties both.
+
+    `with_wire` lets the frames of a running cycle take the time that the wire needs, one after the other by arbitration,
+    stamped with the end of the frame. SYNC and TIME stay outside in lockstep, for they carry time itself.
     """
 
-    def __init__(self, cell: Cell, truth: Truth, clock: Clock, seed: int) -> None:
+    def __init__(self, cell: Cell, truth: Truth, clock: Clock, seed: int, with_wire: bool = False) -> None:
         self.cell, self.clock = cell, clock
         self.time_ns = 0
         self.cycle = -1
@@ -96,6 +100,8 @@ class Bench:
         self._next_sync_ns = 0
         self._last_cycle_ns = 0
         self._scan: _Scan | None = None
+        self.wire = Wire(cell.bus.bitrate, [slave.node_id for slave in self.slaves]) if with_wire else None
+        """The wire model, where one was asked for."""
         self.device = BenchDevice(cell, self.assessor)
         self.device.truth = self.world.state()
         self.node = Slave(
@@ -107,6 +113,9 @@ class Bench:
         node_id = card.node_id
 
         def emit(time_ns: int, frame: Frame) -> None:
+            if self.wire is not None and self._is_cycling:
+                self.wire.offer(max(time_ns, self.wire.time_ns), frame, node_id)
+                return
             self.records.append(Record(time_ns, frame))
             for taker in self._takers.get(frame.can_id, ()):
                 if taker.node_id != node_id:
@@ -168,7 +177,8 @@ class Bench:
     @property
     def next_due_ns(self) -> int:
         """When `advance` has something to send."""
-        return self._next_due_ns if self._scan is None else min(self._next_due_ns, self._scan.due_ns)
+        due_ns = self._next_due_ns if self._scan is None else min(self._next_due_ns, self._scan.due_ns)
+        return due_ns if self.wire is None else min(due_ns, self.wire.next_due_ns)
 
     @property
     def is_operational(self) -> bool:
@@ -196,19 +206,64 @@ class Bench:
             self._tell_idle_truth()
         self._next_sync_ns = self.time_ns
 
+    def settle(self) -> None:
+        """Let the wire carry what still waits on it, at the end of a run."""
+        wire = self.wire
+        while wire is not None and (due_ns := wire.next_due_ns) < NEVER:
+            self.advance(due_ns)
+
+    def leave(self, origin: object) -> None:
+        """A client has left the robot's bus; what it sent before is still carried."""
+        wire = self.wire
+        if wire is None or origin not in wire.nodes:
+            return
+        if self.clock is Clock.SYNC:
+            self.settle()
+        if not wire.nodes[origin].queue:
+            wire.detach(origin)
+
     def receive(self, frame: Frame, origin: object = None) -> None:
         """A frame arrives on the robot's bus at `time_ns`."""
         if frame.can_id == Cob.SYNC and not frame.is_extended and not frame.is_remote:
             self._sync(frame, origin)
-            return
-        self.records.append(Record(self.time_ns, frame, origin))
+        elif self.wire is not None and self._is_cycling:
+            self._queue(self.wire, frame, origin)
+        else:
+            self._arrive(Record(self.time_ns, frame, origin))
+
+    def _arrive(self, record: Record, missed_by: Container[object] = ()) -> None:
+        """A frame is on the bus as a whole: it is logged, and who is to take it takes it."""
+        self.records.append(record)
+        frame = record.frame
         takers = self._takers.get(frame.can_id)
         if takers is None or frame.is_extended or frame.is_remote:
             self.ignored_frames += 1
             return
         data = frame.data
         for taker in takers:
-            taker.take(data)
+            if taker.node_id not in missed_by:
+                taker.take(data)
+
+    @property
+    def _is_cycling(self) -> bool:
+        """Whether SYNCs drive a run. Before, time stands still in lockstep, and a master's questions are answered at once."""
+        return self.cycle >= 0 and self.is_operational
+
+    def _queue(self, wire: Wire, frame: Frame, origin: object) -> None:
+        """A client has a frame to send; in lockstep it took the controller a while to compute it."""
+        if origin not in wire.nodes:
+            wire.attach(origin)
+        delay_ns = self.cell.bus.compute_delay_us * 1000 if self.clock is Clock.SYNC else 0
+        wire.offer(max(self.time_ns + delay_ns, wire.time_ns), frame, origin)
+
+    def _carry(self, wire: Wire, until_ns: int) -> None:
+        """What the wire has carried by `until_ns` arrives, each frame at its end."""
+        for delivery in wire.advance(until_ns):
+            self.time_ns = max(self.time_ns, delivery.end_ns)
+            is_card = delivery.sender in self._conversion_ns
+            missed_by = {*delivery.missed_by, delivery.sender} if is_card else delivery.missed_by
+            origin = None if is_card else delivery.sender
+            self._arrive(Record(delivery.end_ns, delivery.frame, origin), missed_by)
 
     def receive_bench(self, frame: Frame, origin: object = None) -> None:
         """A frame arrives on the bench bus. It never touches the robot's bus."""
@@ -249,7 +304,14 @@ class Bench:
                 self._scan = _Scan(max(world.time_ns, now_ns), pdos)
         if lockstep:
             self.advance(max(world.time_ns, now_ns))
+            if self.wire is not None:
+                self._finish_transmissions(self.wire)
             self.records.append(Record(self.time_ns, time_frame(self.time_ns)))
+
+    def _finish_transmissions(self, wire: Wire) -> None:
+        """The cycle's inputs reach the controller when the wire has carried them, or never if it is too slow."""
+        while (due_ns := wire.next_due_ns) < self._next_sync_ns:
+            self.advance(due_ns)
 
     def _count_cycle(self, now_ns: int) -> None:
         self.cycle += 1
@@ -286,6 +348,9 @@ class Bench:
                 device.store(channel, value)
 
     def _run_due(self, due_ns: int) -> None:
+        wire = self.wire
+        if wire is not None and wire.next_due_ns <= due_ns:
+            self._carry(wire, due_ns)
         self.time_ns = max(self.time_ns, due_ns)
         scan = self._scan
         if scan is not None and scan.due_ns <= due_ns:

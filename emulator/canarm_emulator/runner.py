@@ -20,8 +20,11 @@ IDLE_TELEMETRY_NS = 100_000_000
 IDLE_S = 0.05
 PORT_POLL_S = 0.001
 """How often a port is looked at that offers nothing to wait for."""
-STALL_NS = 50_000_000
-"""A longer gap between two looks at the clock is the machine's, not the robot's: virtual time leaves it out."""
+STALL_NS = 10_000_000
+"""So much longer than asked for between two looks at the clock is the machine's fault, not the robot's."""
+LONGEST_REPLAY_NS = 1_000_000_000
+"""Of a stall, so much is caught up; what goes beyond it virtual time leaves out."""
+LONGEST_REPLAY_ROUNDS = 1000
 
 
 class EmulatorRunner:
@@ -50,6 +53,8 @@ class EmulatorRunner:
         self._should_stop, self._on_event = should_stop, on_event
         self._sync_sender: object = None
         self._last_sync_ns = 0
+        self._last_sync_time_ns = 0
+        self._is_behind = False
         self._listener_until_ns = 0
         self._next_idle_telemetry_ns = 0
         self._sent_cycle = -1
@@ -73,24 +78,30 @@ class EmulatorRunner:
         bench.start()
         self._deliver()
         while not self._should_stop():
-            events = self._hub.poll(self._timeout_s())
+            timeout_s = self._timeout_s()
+            events = self._hub.poll(timeout_s)
             now_ns = time.monotonic_ns()
             if not lockstep:
-                self._follow_wall_clock(now_ns)
-            for event in events:
-                if type(event) is Received:
-                    self._take(event.channel, event.frame, event.client_id, now_ns)
-                elif type(event) is Ready:
-                    self._drain(event.fileobj, now_ns)  # type: ignore[arg-type]
-                else:
-                    self._client_event(event)
-            for port in self._polled:
-                self._drain(port, now_ns)
+                self._follow_wall_clock(now_ns, timeout_s)
+            self._take_events(events, now_ns)
+            if self._is_behind:
+                self._catch_up(now_ns)
             if lockstep and self._sync_sender is not None and now_ns - self._last_sync_ns > self._sync_timeout_ns:
                 self._run_on(f"no SYNC for {self._sync_timeout_ns / 1e9:g} s")
             self._telemetry(now_ns)
             self._deliver()
         self._deliver()
+
+    def _take_events(self, events: Sequence[Attached | Detached | Ready | Received], now_ns: int) -> None:
+        for event in events:
+            if type(event) is Received:
+                self._take(event.channel, event.frame, event.client_id, now_ns)
+            elif type(event) is Ready:
+                self._drain(event.fileobj, now_ns)  # type: ignore[arg-type]
+            else:
+                self._client_event(event)
+        for port in self._polled:
+            self._drain(port, now_ns)
 
     def _timeout_s(self) -> float:
         limit = PORT_POLL_S if self._polled else IDLE_S
@@ -99,23 +110,43 @@ class EmulatorRunner:
         due_s = (self._bench.next_due_ns - (time.monotonic_ns() - self._start_ns)) * 1e-9
         return min(max(due_s, 0.0), limit)
 
-    def _follow_wall_clock(self, now_ns: int) -> None:
-        gap_ns = now_ns - self._last_look_ns
+    def _follow_wall_clock(self, now_ns: int, timeout_s: float) -> None:
+        gap_ns = now_ns - self._last_look_ns - int(timeout_s * 1e9)
         self._last_look_ns = now_ns
-        if gap_ns > STALL_NS + IDLE_S * 1e9:
-            self._start_ns += gap_ns
+        self._is_behind = gap_ns > STALL_NS
+        if self._is_behind:
             self.stalls += 1
-        self._bench.advance(now_ns - self._start_ns)
+            self._start_ns += max(gap_ns - LONGEST_REPLAY_NS, 0)
+        else:
+            self._bench.advance(now_ns - self._start_ns)
+
+    def _catch_up(self, now_ns: int) -> None:
+        """After a stall: what has come meanwhile is taken at the times at which it must have come, then time goes on."""
+        for _ in range(LONGEST_REPLAY_ROUNDS):
+            events = self._hub.poll(0.0)
+            if not events:
+                break
+            self._take_events(events, now_ns)
+        self._is_behind = False
+        self._last_look_ns = time.monotonic_ns()
+        self._bench.advance(self._last_look_ns - self._start_ns)
 
     def _take(self, bus: str, frame: Frame, origin: object, now_ns: int) -> None:
         if bus == ROBOT_BUS:
             if frame.can_id == Cob.SYNC and not frame.is_extended and not frame.is_remote:
                 self._sync_sender, self._last_sync_ns = origin, now_ns
+                if self._is_behind:
+                    self._advance_to_sync(now_ns - self._start_ns)
+                self._last_sync_time_ns = self._bench.time_ns
             self._bench.receive(frame, origin)
         else:
             if Cob.HEARTBEAT < frame.can_id <= Cob.HEARTBEAT + 0x7F and frame.data != bytes((NmtState.STOPPED,)):
                 self._listener_until_ns = now_ns + LISTENER_NS
             self._bench.receive_bench(frame, origin)
+
+    def _advance_to_sync(self, now_ns: int) -> None:
+        """SYNCs that queued up during a stall came one cycle apart, as far as anybody can tell."""
+        self._bench.advance(min(self._last_sync_time_ns + self._bench.cell.bus.cycle_ns, now_ns))
 
     def _drain(self, port: BusPort, now_ns: int) -> None:
         bus = self._bus_of[id(port)]
@@ -127,6 +158,7 @@ class EmulatorRunner:
             self._note("attached", bus=event.channel, client=event.client_id)
         elif isinstance(event, Detached):
             self._note("detached", bus=event.channel, client=event.client_id)
+            self._bench.leave(event.client_id)
             if event.channel == ROBOT_BUS and event.client_id == self._sync_sender:
                 if self._bench.clock is Clock.SYNC:
                     self._run_on("the sender of SYNC has left the bus")

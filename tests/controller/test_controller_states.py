@@ -210,7 +210,7 @@ def test_lost_inputs_stop_the_robot_after_so_many_cycles_and_are_named(pair, cob
     pair.to_controller = dropping(lambda frame: frame.can_id == cob_id)
     before = pair.controller.controlled_ticks
     pair.run_to(State.STOPPING)
-    assert pair.controller.missed == pair.cell.supervision.missing_cycles == 8
+    assert pair.controller.missed == pair.cell.supervision.missing_cycles == 16
     assert pair.controller.controlled_ticks - before == 7
     assert_stopped(pair, "inputs-missing", f"TPDO 0x{cob_id:03X} of node 0x14", "8 cycles")
 

@@ -311,3 +311,8 @@ def test_internals_that_fail_in_a_run_end_in_a_safe_stop(make_pair, tmp_path: Pa
     pair.run_to_end()
     assert pair.controller.verdict.detector == "law-failed"
     assert "internals() fails" in pair.controller.verdict.detail
+
+
+def test_a_law_with_a_model_of_its_own_takes_no_feed_forward(cell: Cell) -> None:
+    with pytest.raises(ControllerError, match="'slotine-li' supplies the torque of the model itself"):
+        make_loop(cell, load_law("slotine-li"), "table")

@@ -311,7 +311,7 @@ def test_keys_of_the_command_line_are_laid_over_the_file() -> None:
 def test_every_key_that_set_takes_is_listed_with_its_nominal_value() -> None:
     keys = setting_keys(load_cell("konkuk1"))
     assert keys["control.natural_frequency_rad_s"] == 12.0
-    assert keys["supervision.missing_cycles"] == 8
+    assert keys["supervision.missing_cycles"] == 16
     for key, value in keys.items():
         load_cell("konkuk1", {key: str(value).lower()})
 
@@ -343,7 +343,7 @@ def test_every_key_that_set_takes_is_listed_with_its_nominal_value() -> None:
             "1\nx = 2",
             "--set control.damping_ratio=1\nx = 2: '1\\nx = 2' is not a value such as 1.0",
         ),
-        ("supervision.missing_cycles", "", "--set supervision.missing_cycles=: '' is not a value such as 8"),
+        ("supervision.missing_cycles", "", "--set supervision.missing_cycles=: '' is not a value such as 16"),
         (
             "control.damping_ratio",
             "-1",

@@ -1,44 +1,25 @@
 """Driving the cards by hand, without any input or output: commands and frames go in, frames and lines of text come out.
 
 `Jog` is the CANopen master of a bus that has no other. It owns what is wanted of every output and what the cards said
-last; the bus, the wall clock and the prompt belong to `canarm.commands.jog`.
+last; bus and wall clock belong to `driver`, the prompt to `canarm.commands.jog`.
 """
 
 import contextlib
 import math
 from collections.abc import Generator
 
-from canarm_controller.errors import ControllerError
 from canarm_controller.master import Ask, Silence, bring_up, read_input, start_frames, stop_frames
 from canarm_controller.pacing import Pacer
 from canarm_controller.supervisor import Supervisor, Verdict
 from canarm_protocol.cell import Cell, Quantity
 from canarm_protocol.clock import Clock
-from canarm_protocol.dictionary import (
-    ANALOGUE_OUTPUT,
-    CODE_SHIFT,
-    DIGITAL_OUTPUT,
-    ERROR_REGISTER,
-    SYNC_OVERFLOW,
-    default_value,
-    variable_at,
-)
+from canarm_protocol.dictionary import CODE_SHIFT, SYNC_OVERFLOW, default_value
 from canarm_protocol.frames import Cob, ErrorCode, Frame, NmtState, heartbeat_frame, sync_frame
 from canarm_protocol.pdo import PdoLayout
-from canarm_protocol.sdo import SdoAborted, Transfer, abort_request, download, upload
-from canarm_protocol.wiring import (
-    BITS_A_JOINT,
-    CardNode,
-    DirectionBits,
-    InputSlot,
-    OutputFrames,
-    current_scale,
-    input_slots,
-    sensor_scale,
-)
+from canarm_protocol.wiring import CardNode, DirectionBits, InputSlot, OutputFrames, input_slots, sensor_scale
 
-from .jog_commands import (
-    DIRECTION_NAMES,
+from .cards import JogError, access_object, error_register, input_text, output_text, read_outputs
+from .parsing import (
     AllOff,
     Command,
     Drive,
@@ -61,11 +42,6 @@ TIME_NS = 2_000_000_000
 """How long lockstep may wait for TIME."""
 IDLE_HEARTBEAT_NS = 100_000_000
 """In lockstep, where no card's time passes between commands: often enough that another controller hears us."""
-UNITS = {Quantity.POTENTIOMETER: "deg", Quantity.TACHOMETER: "rad/s", Quantity.CURRENT_SENSE: "A"}
-
-
-class JogError(ControllerError):
-    """A command could not be carried out; the outputs are as they were, or off where the message says so."""
 
 
 class Jog:
@@ -127,7 +103,7 @@ class Jog:
             return
         if can_id in (Cob.SYNC, Cob.HEARTBEAT + self._node_id):
             self.is_over = True
-            self._raise_alarm("another controller is on the bus; it drives the cards now")
+            self._raise_alarm("another controller is on the bus")
         elif can_id - Cob.HEARTBEAT in self._states and len(data) == 1 and data[0] in set(NmtState):
             self._states[can_id - Cob.HEARTBEAT] = NmtState(data[0])
         if self.is_driving:
@@ -152,7 +128,8 @@ class Jog:
             case ShowState():
                 return (yield from self._show_state())
             case SdoRead() | SdoWrite():
-                return (yield from self._sdo(command))
+                self._refuse_if_stopped()
+                return [(yield from access_object(command))]
             case Start():
                 return self._start()
             case Stop():
@@ -180,7 +157,8 @@ class Jog:
             self.codes[joint] = command.code
         if command.direction is not None:
             self.directions[joint] = command.direction
-        return [f"{self._output_text(joint, self.codes[joint], self.directions[joint])} from the next step"]
+        text = output_text(self.cell.joints[joint], self.codes[joint], self.directions[joint])
+        return [f"{text}, from the next step"]
 
     def _start(self) -> list[str]:
         if self.is_driving:
@@ -212,7 +190,9 @@ class Jog:
                 late = " and ".join(f"TPDO 0x{cob_id:03X}" for cob_id in sorted(self._awaited))
                 self._judge(watch.missing(late) if late else watch.measurement(self._positions_rad()))
             self._check()
-        text = f"cycle {self.cycle}, {(self.cycle + 1) * self.cell.bus.cycle_s * 1e3:g} ms"
+        text = f"cycle {self.cycle}"
+        if self.clock is Clock.SYNC:
+            text += f", {self.cycle * self.cell.bus.cycle_s * 1e3:g} ms"
         if self.is_driving:
             angles = zip(self.cell.joint_names, self._positions_rad(), strict=True)
             text += ": " + ", ".join(f"{name} {math.degrees(angle):.1f} deg" for name, angle in angles)
@@ -226,9 +206,9 @@ class Jog:
         """One SYNC and what follows it: to TIME in lockstep, to the end of the period on the wall clock."""
         frames = []
         self.cycle += 1
-        if self.clock is Clock.SYNC and self._next_heartbeat_ns is not None:
-            if self.cycle % self._heartbeat_cycles == 0:
-                frames.append(self._heartbeat())
+        is_due = self._next_heartbeat_ns is not None and self.cycle % self._heartbeat_cycles == 0
+        if self.clock is Clock.SYNC and is_due:
+            frames.append(self._heartbeat())
         if with_outputs and not self._are_sent:
             frames += [Frame(cob_id, data) for cob_id, data in self._outputs.pack(self.codes, self.directions)]
             self._are_sent = True
@@ -238,15 +218,14 @@ class Jog:
             try:
                 yield Ask(tuple(frames), lambda frame: frame.can_id == Cob.TIME, TIME_NS)
             except Silence:
-                text = f"no TIME within {TIME_NS / 1e9:g} s of SYNC: does the emulator still run?"
-                raise JogError(self._raise_alarm(text)) from None
+                self._raise_alarm(f"no TIME within {TIME_NS / 1e9:g} s of SYNC: does the emulator still run?")
         else:
             pacer.begin()
             with contextlib.suppress(Silence):
                 yield Ask(tuple(frames), lambda frame: False, max(pacer.next_ns - self.now_ns, 0))
 
     def _read(self) -> Work:
-        """On the wall clock a cycle of its own, without outputs: in OPERATIONAL the inputs are converted at SYNC alone."""
+        """In OPERATIONAL inputs are converted at SYNC alone: on the wall clock one goes out, before waiting outputs."""
         if self.is_driving and self.clock is Clock.WALL:
             yield from self._one_cycle(Pacer(self.cell.bus.cycle_ns, lambda: self.now_ns), with_outputs=False)
             self._check()
@@ -254,7 +233,8 @@ class Jog:
                 raise JogError("inputs did not come within a cycle: " + ", ".join(map(hex, sorted(self._awaited))))
         else:
             yield from self._read_inputs()
-        return [self._input_text(slot) for slot in sorted(self._slots, key=lambda slot: slot.joint)]
+        slots = sorted(self._slots, key=lambda slot: slot.joint)
+        return [input_text(self.cell, slot, self._inputs[slot]) for slot in slots]
 
     def _read_inputs(self) -> Generator[Ask, Frame, None]:
         """All inputs by SDO."""
@@ -272,63 +252,15 @@ class Jog:
             name, node_id = node.card.name, node.card.node_id
             text = f"card {name} (0x{node_id:02X}): {_spell(self._states[node_id])}"
             if not is_stopped:
-                register = yield from self._transfer(node, upload(ERROR_REGISTER, 0))
-                text += f", error register 0x{register[0]:02X}"
-                yield from self._read_outputs(node, codes, directions)
+                text += f", error register 0x{(yield from error_register(node)):02X}"
+                yield from read_outputs(self.cell, node, codes, directions)
             lines.append(text)
-        for joint in range(len(codes)):
-            text = self._output_text(joint, codes[joint], directions[joint])
-            wanted = self._output_text(joint, self.codes[joint], self.directions[joint])
-            lines.append(text if text == wanted or not self.is_driving else f"{text}; from the next step {wanted}")
+        for position, joint in enumerate(self.cell.joints):
+            text = output_text(joint, codes[position], directions[position])
+            wanted = output_text(joint, self.codes[position], self.directions[position])
+            is_pending = self.is_driving and not self._are_sent and text != wanted
+            lines.append(f"{text}; from the next step {wanted}" if is_pending else text)
         return lines
-
-    def _read_outputs(
-        self, node: CardNode, codes: list[int], directions: list[DirectionBits]
-    ) -> Generator[Ask, Frame, None]:
-        """What the card's outputs hold now, into `codes` or `directions`."""
-        for channel in node.card.channel:
-            joint = self.cell.joint_names.index(channel.joint)
-            if channel.quantity == Quantity.CURRENT_COMMAND:
-                data = yield from self._transfer(node, upload(ANALOGUE_OUTPUT, channel.number))
-                codes[joint] = int.from_bytes(data, "little") >> CODE_SHIFT
-            elif channel.quantity == Quantity.DIRECTION:
-                data = yield from self._transfer(node, upload(DIGITAL_OUTPUT, 1))
-                directions[joint] = DirectionBits(data[0] >> BITS_A_JOINT * (channel.number - 1) & 0b11)
-
-    def _sdo(self, command: SdoRead | SdoWrite) -> Work:
-        self._refuse_if_stopped()
-        node, index, subindex = command.node, command.index, command.subindex
-        variable = variable_at(node.dictionary, index, subindex)
-        name = "" if variable is None else f" {variable.name}"
-        where = f"{node.card.name} 0x{index:04X}:{subindex:02X}{name}"
-        if isinstance(command, SdoWrite):
-            yield from self._transfer(node, download(index, subindex, command.value))
-            return [f"{where}: written"]
-        data = yield from self._transfer(node, upload(index, subindex))
-        text = data.hex(" ")
-        if variable is not None and variable.fixed_size and len(data) * 8 == len(variable):
-            text = f"{variable.decode_raw(data)} (0x{int.from_bytes(data, 'little'):0{2 * len(data)}X})"
-        elif variable is not None and not variable.fixed_size:
-            text = data.decode("ascii", "replace")
-        return [f"{where} = {text}"]
-
-    def _transfer(self, node: CardNode, transfer: Transfer) -> Generator[Ask, Frame, bytes]:
-        """One SDO transfer with a card. Raises `JogError`."""
-        card = f"card {node.card.name!r} (node 0x{node.card.node_id:02X})"
-        request_id, answer_id = Cob.SDO_TO_SERVER + node.card.node_id, Cob.SDO_TO_CLIENT + node.card.node_id
-        request = next(transfer)
-        while True:
-            try:
-                answer = yield Ask((Frame(request_id, request),), lambda frame: frame.can_id == answer_id)
-                request = transfer.send(answer.data)
-            except StopIteration as done:
-                return bytes(done.value)
-            except SdoAborted as error:
-                if not error.by_server:
-                    self.outbox.append(Frame(request_id, abort_request(error.index, error.subindex, error.code)))
-                raise JogError(f"{card}: {error}") from None
-            except Silence:
-                raise JogError(f"{card} does not answer SDO") from None
 
     def _refuse_if_stopped(self) -> None:
         if NmtState.STOPPED in self._states.values():
@@ -350,24 +282,8 @@ class Jog:
                 angles[slot.joint] = sensor_scale(self.cell.joints[slot.joint], slot.quantity)(self._inputs[slot])
         return angles
 
-    def _input_text(self, slot: InputSlot) -> str:
-        code = self._inputs[slot]
-        value = sensor_scale(self.cell.joints[slot.joint], slot.quantity)(code)
-        if slot.quantity is Quantity.POTENTIOMETER:
-            value = math.degrees(value)
-        signal = f"{self.cell.joint_names[slot.joint]}.{slot.quantity}"
-        return f"{signal:<24} {code:>3}  {value:8.3f} {UNITS[slot.quantity]}"
-
-    def _output_text(self, joint: int, code: int, direction: DirectionBits) -> str:
-        sign = {DirectionBits.CLOCKWISE: -1.0, DirectionBits.COUNTER_CLOCKWISE: 1.0}.get(direction, 0.0)
-        current_a = sign * current_scale(self.cell.joints[joint])(code)
-        name = DIRECTION_NAMES.get(direction, "illegal")
-        return f"{self.cell.joint_names[joint]}: code {code}, {name}, {current_a:.3f} A"
-
     def _heartbeat(self) -> Frame:
-        self._next_heartbeat_ns = self.now_ns + (
-            self._heartbeat_ns if self.clock is Clock.WALL else IDLE_HEARTBEAT_NS
-        )
+        self._next_heartbeat_ns = self.now_ns + (self._heartbeat_ns if self.clock is Clock.WALL else IDLE_HEARTBEAT_NS)
         return heartbeat_frame(self._node_id, NmtState.OPERATIONAL)
 
     def _enter(self, state: NmtState) -> None:
@@ -387,14 +303,13 @@ class Jog:
             text += " (no step came for the emulator's --sync-timeout; for work by hand: --sync-timeout 3600)"
         self._raise_alarm(text)
 
-    def _raise_alarm(self, text: str) -> str:
+    def _raise_alarm(self, text: str) -> None:
         """Outputs off, cards in PRE-OPERATIONAL; `text` is told when the next command, or the present one, looks."""
         if self._alarm is None:
             self._alarm = f"{text}; outputs are off"
             self.outbox += stop_frames(self._nodes)
             self._drop_outputs()
             self._enter(NmtState.PRE_OPERATIONAL)
-        return self._alarm
 
     def _check(self) -> None:
         alarm, self._alarm = self._alarm, None

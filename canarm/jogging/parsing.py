@@ -16,7 +16,7 @@ from canarm_protocol.cell import Cell
 from canarm_protocol.dictionary import variable_at
 from canarm_protocol.wiring import FULL_SCALE_CODE, CardNode, DirectionBits
 
-from .usage import UsageError
+from ..usage import UsageError
 
 MOST_STEPS = 100_000
 """Cycles of one `step`: 250 s at 2.5 ms. More is a run, and a run wants a supervisor."""
@@ -160,7 +160,9 @@ class Parser:
         except ValueError:
             current_a = math.nan
         if not abs(current_a) <= limit:
-            raise UsageError(f"current {text}: must be a number of A from -{limit:g} to {limit:g}, the amplifier's limit")
+            raise UsageError(
+                f"current {text}: must be a number of A from -{limit:g} to {limit:g}, the amplifier's limit"
+            )
         code = int(abs(current_a) * FULL_SCALE_CODE / limit + 0.5)
         if code == 0:
             return Drive(joint, 0, DirectionBits.OFF)

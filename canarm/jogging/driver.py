@@ -1,0 +1,101 @@
+"""The edge of jogging: joins a `Jog` to an open bus and the wall clock, and keeps it alive while its user thinks."""
+
+import _thread
+import contextlib
+import signal
+import threading
+import time
+from collections.abc import Iterator
+
+from canarm_controller.master import Ask, Silence
+from canarm_protocol.clock import Clock
+from canarm_protocol.errors import BusError
+from canarm_protocol.frames import Frame
+from canarm_protocol.port import BusPort
+
+from .jog import Jog, Work
+
+POLL_S = 0.005
+"""How often a wait looks whether a heartbeat is due: a quarter of the shipped cells' heartbeat time."""
+
+
+class Driver:
+    """Sends, receives and waits for `jog` on `port`. While `idle` lasts, nothing else may be called."""
+
+    def __init__(self, jog: Jog, port: BusPort) -> None:
+        self._jog, self._port = jog, port
+        self._lost: BusError | None = None
+
+    def carry_out(self, work: Work) -> list[str]:
+        """Run a command to its end. Raises what it raises, and `BusError`."""
+        jog = self._jog
+        jog.now_ns = time.monotonic_ns()
+        try:
+            ask = next(work)
+            while True:
+                answer = self._answer(ask)
+                jog.now_ns = time.monotonic_ns()
+                ask = work.throw(Silence()) if answer is None else work.send(answer)
+        except StopIteration as done:
+            lines: list[str] = done.value
+            return lines
+        finally:
+            self._flush(())
+
+    @contextlib.contextmanager
+    def idle(self) -> Iterator[None]:
+        """While the user thinks: heartbeats go out, what arrives is read. Raises `BusError` when the bus is lost."""
+        end = threading.Event()
+        pump = threading.Thread(target=self._pump, args=(end,), daemon=True)
+        pump.start()
+        try:
+            yield
+        finally:
+            end.set()
+            pump.join()
+            if self._lost is not None:
+                raise self._lost
+
+    def end(self) -> None:
+        """Leave the cards safe; on a lost bus they protect themselves."""
+        with contextlib.suppress(BusError):
+            self._port.send(self._jog.end())
+
+    def _answer(self, ask: Ask) -> Frame | None:
+        self._flush(ask.frames)
+        deadline_ns = time.monotonic_ns() + ask.limit_ns
+        while (left_s := (deadline_ns - time.monotonic_ns()) * 1e-9) > 0.0:
+            answer = self._receive(min(left_s, POLL_S), ask)
+            if answer is not None:
+                return answer
+            if self._jog.clock is Clock.WALL:
+                self._flush(self._jog.heartbeat_if_due())
+        return None
+
+    def _receive(self, timeout_s: float, ask: Ask | None = None) -> Frame | None:
+        """Hand what arrives to the master; the first frame that answers `ask`."""
+        answer = None
+        for _, frame in self._port.receive(timeout_s):
+            self._jog.receive(frame, time.monotonic_ns())
+            if answer is None and ask is not None and ask.is_answer(frame):
+                answer = frame
+        return answer
+
+    def _flush(self, frames: tuple[Frame, ...] | list[Frame]) -> None:
+        gathered, self._jog.outbox = self._jog.outbox, []
+        if gathered or frames:
+            self._port.send([*gathered, *frames])
+
+    def _pump(self, end: threading.Event) -> None:
+        try:
+            while not end.is_set():
+                self._receive(POLL_S)
+                self._jog.now_ns = time.monotonic_ns()
+                self._flush(self._jog.heartbeat_if_due())
+        except BusError as error:
+            self._lost = error
+            # Ends a read from the terminal, which would hide the loss until the user types something.
+            if hasattr(signal, "pthread_kill"):
+                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+            else:
+                _thread.interrupt_main()

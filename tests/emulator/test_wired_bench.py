@@ -1,0 +1,125 @@
+"""The bench with the wire model: frames of a cycle take their time, outside a cycle and for SYNC and TIME none passes."""
+
+from collections.abc import Callable
+
+import pytest
+
+from canarm_emulator.bench import Bench, Record
+from canarm_emulator.truth import Truth
+from canarm_protocol.bits import frame_bits
+from canarm_protocol.cell_file import parse_cell, shipped_cells
+from canarm_protocol.clock import Clock
+from canarm_protocol.frames import Cob, Frame, NmtCommand, nmt_frame, sync_frame
+
+CYCLE_NS, SCAN_NS, DELAY_NS, BIT_NS = 2_500_000, 600_000, 500_000, 1000
+INTERMISSION_BITS = 3  # ISO 11898-1: between two frames
+CURRENTS, DIRECTIONS = Frame(0x312, b"\x80\x7f" + bytes(6)), Frame(0x213, b"\x02")
+MASTER = "master"
+
+MakeBench = Callable[..., Bench]
+
+
+@pytest.fixture
+def make_bench() -> MakeBench:
+    def make(bitrate: int = 1_000_000, clock: Clock = Clock.SYNC) -> Bench:
+        text = shipped_cells()["konkuk1"].replace("bitrate = 1_000_000", f"bitrate = {bitrate}")
+        cell = parse_cell(text, "konkuk1")
+        bench = Bench(cell, Truth.from_settings(cell), clock, 0, with_wire=True)
+        bench.start()
+        bench.receive(nmt_frame(NmtCommand.START), MASTER)
+        return bench
+
+    return make
+
+
+def cycle(bench: Bench, *frames: Frame) -> list[Record]:
+    bench.records.clear()
+    for frame in frames:
+        bench.receive(frame, MASTER)
+    bench.receive(sync_frame(1), MASTER)
+    return list(bench.records)
+
+
+def end_of(records: list[Record], can_id: int) -> int:
+    (found,) = [record.time_ns for record in records if record.frame.can_id == can_id]
+    return found
+
+
+def test_questions_before_a_run_are_answered_without_time_passing(make_bench: MakeBench) -> None:
+    bench = make_bench()
+    bench.records.clear()
+    bench.receive(Frame(0x614, bytes.fromhex("4000100000000000")), MASTER)
+    assert [record.frame.can_id for record in bench.records] == [0x614, 0x594]
+    assert bench.time_ns == 0
+
+
+def test_inputs_reach_the_bus_one_after_the_other_each_at_its_last_bit(make_bench: MakeBench) -> None:
+    """Six channels are wired: the scan takes 600 µs, then come two frames of exactly their bits."""
+    records = cycle(make_bench())
+    first, second = (record.frame for record in records if record.frame.can_id in (0x294, 0x394))
+    first_end = SCAN_NS + frame_bits(first) * BIT_NS
+    second_end = first_end + (INTERMISSION_BITS + frame_bits(second)) * BIT_NS
+    assert end_of(records, 0x294) == first_end
+    assert end_of(records, 0x394) == second_end
+    assert records[-1].frame.can_id == Cob.TIME
+    assert records[-1].time_ns == second_end
+
+
+def test_outputs_queue_after_the_time_to_compute_and_the_lower_identifier_goes_first(make_bench: MakeBench) -> None:
+    bench = make_bench()
+    queued_ns = cycle(bench)[-1].time_ns + DELAY_NS
+    records = cycle(bench, CURRENTS, DIRECTIONS)
+    # One controller sends its own frames in the order in which it queued them.
+    assert end_of(records, 0x312) == queued_ns + frame_bits(CURRENTS) * BIT_NS
+    assert end_of(records, 0x213) > end_of(records, 0x312)
+    assert end_of(records, Cob.SYNC) == CYCLE_NS
+    assert bench.world.state()[0].command_a == pytest.approx(1.5)
+
+
+def test_outputs_that_a_slow_wire_delivers_after_sync_act_a_cycle_later(make_bench: MakeBench) -> None:
+    """At 250 kbit/s the cyclic chain is 3.7 ms long, as `canarm check` says."""
+    bench = make_bench(250_000)
+    cycle(bench)
+    late = cycle(bench, CURRENTS, DIRECTIONS)
+    assert 0x213 not in [record.frame.can_id for record in late if record.time_ns <= CYCLE_NS]
+    assert bench.world.state()[0].command_a == 0.0
+    cycle(bench)
+    assert bench.world.state()[0].command_a == pytest.approx(1.5)
+
+
+def test_a_client_that_leaves_has_what_it_sent_carried_all_the_same(make_bench: MakeBench) -> None:
+    bench = make_bench()
+    cycle(bench)
+    bench.records.clear()
+    bench.receive(nmt_frame(NmtCommand.STOP), MASTER)
+    assert bench.is_operational
+    bench.leave(MASTER)
+    assert not bench.is_operational
+    assert bench.wire is not None
+    assert MASTER not in bench.wire.nodes
+
+
+def test_load_and_worst_response_are_counted(make_bench: MakeBench) -> None:
+    bench = make_bench()
+    for _ in range(20):
+        cycle(bench, CURRENTS, DIRECTIONS)
+    wire = bench.wire
+    assert wire is not None
+    records = cycle(bench, CURRENTS, DIRECTIONS)
+    carried = [record.frame for record in records if record.frame.can_id not in (Cob.SYNC, Cob.TIME)]
+    busy_ns = sum(frame_bits(frame) + INTERMISSION_BITS for frame in carried) * BIT_NS
+    assert wire.load() == pytest.approx(busy_ns / CYCLE_NS, rel=0.1)
+    assert wire.worst_response_ns[0x294, False] == pytest.approx(
+        end_of(records, 0x294) - 20 * CYCLE_NS - SCAN_NS, rel=0.2
+    )
+
+
+def test_on_the_wall_clock_frames_arrive_when_the_wire_has_carried_them(make_bench: MakeBench) -> None:
+    bench = make_bench(clock=Clock.WALL)
+    bench.receive(sync_frame(1), MASTER)
+    bench.records.clear()
+    bench.receive(CURRENTS, MASTER)
+    assert bench.records == []
+    due_ns = bench.next_due_ns
+    bench.advance(due_ns)
+    assert [(record.time_ns, record.frame) for record in bench.records] == [(due_ns, CURRENTS)]
