@@ -14,7 +14,7 @@ unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV CONDA_PREFIX UV_PROJECT_ENVIRONMENT U
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
 .PHONY: help setup demo test check check-format check-lint check-types check-imports check-lock check-wheels \
-	bench format lock clean
+	check-socketcan bench format lock clean
 
 help: ## List the targets
 	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12] [NO_UV=1] [JOBS=2]'
@@ -46,6 +46,11 @@ check-lock: setup ## Does uv.lock fit the pyproject.toml files, and name the pub
 
 check-wheels: setup ## Build the wheels, install them alone, run them
 	$(BIN)/python scripts/smoke_wheels.py
+
+# Not part of check: where the kernel has no SocketCAN it takes minutes, root and apt. .ci/run runs both.
+check-socketcan: setup ## Test emulator and controller over SocketCAN, with candump (in qemu where the kernel has none)
+	scripts/with_vcan.sh 'CANARM_SOCKETCAN=vcan0,vcan1 PATIENCE=10 \
+		$(BIN)/python -m pytest -p no:cacheprovider tests/canarm/test_socketcan.py $(ARGS)'
 
 bench: setup ## Run the benchmarks
 	$(BIN)/python benchmarks/run.py $(ARGS)

@@ -1,14 +1,20 @@
-"""What a cycle costs: lockstep between two processes against the bare exchange of the same frames, and one process alone.
+"""What a cycle costs: lockstep between two processes against the bare exchange of the same frames, and one process
+alone.
 
-The bare exchange uses the same hub, the same client and frames of the same identifiers and lengths, but answers without a node or
-a world behind them, and asks without a law: what is left is the transport. Blocks alternate, so that a change in the machine's
+The bare exchange uses the same hub, the same client and frames of the same identifiers and lengths, but answers
+without a node or
+a world behind them, and asks without a law: what is left is the transport. Blocks alternate, so that a change in the
+machine's
 speed meets both.
 """
 
 import multiprocessing
 import statistics
 import time
+from collections.abc import Sequence
 from multiprocessing.connection import Connection
+
+from measure import Ratio, Row
 
 from canarm import Rig
 from canarm.session import make_bench, make_controller
@@ -19,8 +25,6 @@ from canarm_protocol.cell_file import load_cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.frames import Cob, Frame, sync_frame, time_frame
 from canarm_protocol.port import open_port
-
-from measure import Ratio, Row
 
 CYCLES = 1500
 BLOCKS = 9
@@ -99,11 +103,14 @@ def rows() -> list[Row]:
     finally:
         bare_server.terminate()
         emulator.terminate()
+    bare_name = "bare exchange of the same frames"
     return [
-        Row("lockstep, two processes", "bare exchange of the same frames", Ratio.of(alone, bare), "<= 2",
-            f"{statistics.median(alone) * 1e6:.0f} us a cycle, {PERIOD_S / statistics.median(alone):.1f} x real time"),
-        Row("the same with reports on the bench bus", "bare exchange of the same frames", Ratio.of(reported, bare), "",
-            f"{statistics.median(reported) * 1e6:.0f} us a cycle, {PERIOD_S / statistics.median(reported):.1f} x real time"),
-        Row("one process (rig)", "real time", Ratio.of(rig, [1.0] * len(rig)), ">= 30",
-            f"{PERIOD_S / statistics.median(rig) * 1e6:.0f} us of one core a cycle"),
-    ]  # fmt: skip
+        Row("lockstep, two processes", bare_name, Ratio.of(alone, bare), "<= 2", _remark(alone)),
+        Row("the same with reports on the bench bus", bare_name, Ratio.of(reported, bare), "", _remark(reported)),
+        Row("one process (rig)", "real time", Ratio.of(rig, [1.0] * len(rig)), ">= 30", "time of one core"),
+    ]
+
+
+def _remark(cycles_s: Sequence[float]) -> str:
+    cycle_s = statistics.median(cycles_s)
+    return f"{cycle_s * 1e6:.0f} us a cycle, {PERIOD_S / cycle_s:.1f} x real time"

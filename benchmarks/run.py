@@ -10,7 +10,7 @@ import sys
 import time
 from pathlib import Path
 
-SUITES = ("lockstep",)
+SUITES = ("lockstep", "dynamics")
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -33,7 +33,9 @@ def main() -> None:
     stamp = time.strftime("%Y%m%d-%H%M%S")
     path = arguments.out or RESULTS / f"{stamp}.json"
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"machine": _machine(), "commit": _commit(), "time": stamp, "rows": kept}, indent=2) + "\n")
+    path.write_text(
+        json.dumps({"machine": _machine(), "commit": _commit(), "time": stamp, "rows": kept}, indent=2) + "\n"
+    )
     print(f"\nkept in {path}")
 
 
@@ -54,7 +56,9 @@ def _lines(path: str) -> list[str]:
 
 def _commit() -> str:
     try:
-        described = subprocess.run(["git", "describe", "--always", "--dirty"], capture_output=True, text=True, check=True)
+        described = subprocess.run(
+            ["git", "describe", "--always", "--dirty"], capture_output=True, text=True, check=True
+        )
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
     return described.stdout.strip()

@@ -9,7 +9,9 @@ __all__ = ["Rig"]
 
 
 def __getattr__(name: str) -> Any:
-    """Load the rig, and the physics engine behind it, only when it is asked for: the command line need not wait for it."""
+    """Load the rig, and the physics engine behind it, only when it is asked for: the command line need not wait for
+    it.
+    """
     if name == "Rig":
         from .rig import Rig
 

@@ -145,7 +145,8 @@ class Rig:
     """A cell with its controller, ready to run in virtual time; use it in a `with` statement.
 
     `cell` is a name, a file or a `Cell`; `law`, `trajectory` and `feedforward` are as on the command line; `truth` and
-    `settings` are what `--truth` and `--set` take, `wire` is `--wire`. `history_s` bounds the histories (older cycles are forgotten). `out`
+    `settings` are what `--truth` and `--set` take, `wire` is `--wire`. `history_s` bounds the histories (older cycles
+    are forgotten). `out`
     names a run folder.
 
     Raises `CellError`, `TruthError`, `ControllerError` (`LawError`, `TrajectoryError`), `RunFolderError` or

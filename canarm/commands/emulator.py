@@ -198,7 +198,9 @@ def _tell(text: str) -> None:
 
 
 def _wire_figures(wire: WireModel) -> dict[str, Any]:
-    """Share of the time that the bus was busy, and the longest that a frame of each identifier had to wait and travel."""
+    """Share of the time that the bus was busy, and the longest that a frame of each identifier had to wait and
+    travel.
+    """
     worst = {f"0x{can_id:03X}": round(ns / 1000, 1) for (can_id, _), ns in sorted(wire.worst_response_ns.items())}
     return {"load": round(wire.load(), 4), "worst_response_us": worst}
 

@@ -1,44 +1,19 @@
-"""Deadlines on the wall clock, and how well they were kept."""
+"""Deadlines on the wall clock, and how well they were kept.
+
+Owns the grid of deadlines and the counts. It waits for nothing and sends nothing: that is the runner's. What "late" and
+"missed" mean is said in docs/wall-clock.md.
+"""
 
 import time
 from collections.abc import Callable
+from typing import Any
 
-BIN_NS = 10_000
-BINS = 1000
+from canarm_protocol.histogram import Histogram
+
 LATE_FRACTION = 10
 """A SYNC that leaves more than a tenth of the period after its time is late."""
-
-
-class Lateness:
-    """A histogram of delays in bins of 10 µs up to 10 ms, and the greatest one; its memory does not grow."""
-
-    def __init__(self) -> None:
-        self.counts = [0] * (BINS + 1)
-        self.max_ns = 0
-        self.total = 0
-
-    def add(self, delay_ns: int) -> None:
-        """Count one delay."""
-        self.counts[min(delay_ns // BIN_NS, BINS)] += 1
-        self.total += 1
-        self.max_ns = max(self.max_ns, delay_ns)
-
-    def percentile_us(self, percent: float) -> float:
-        """The delay that `percent` % of all do not exceed, in µs, to the upper edge of its bin."""
-        wanted, seen = self.total * percent / 100.0, 0
-        for position, count in enumerate(self.counts):
-            seen += count
-            if seen >= wanted and seen:
-                return min((position + 1) * BIN_NS, self.max_ns) / 1000.0
-        return 0.0
-
-    def summary(self) -> dict[str, float]:
-        """Median, 99th percentile and maximum in µs."""
-        return {
-            "median_us": self.percentile_us(50.0),
-            "p99_us": self.percentile_us(99.0),
-            "max_us": self.max_ns / 1000.0,
-        }
+STALL_NS = 100_000_000
+"""A longer delay is a stall: the machine slept, or the process was stopped. The cards wait as long for our heartbeat."""
 
 
 class Pacer:
@@ -47,9 +22,19 @@ class Pacer:
     def __init__(self, period_ns: int, clock: Callable[[], int] = time.monotonic_ns) -> None:
         self._period_ns, self._clock = period_ns, clock
         self.next_ns = clock()
-        self.lateness = Lateness()
+        self._sync_ns: int | None = None
+        self.lateness = Histogram()
+        """From a SYNC's deadline to its leaving."""
+        self.jitter = Histogram()
+        """|interval - period| of successive SYNCs."""
+        self.answer = Histogram()
+        """From SYNC to the last TPDO of its cycle."""
+        self.computing = Histogram()
+        """From the last TPDO of a cycle to the moment at which its outputs have been handed to the bus."""
         self.late = 0
         self.missed = 0
+        """Deadlines that were left out."""
+        self.stalls = 0
 
     def left_s(self) -> float:
         """Seconds to the next deadline; not positive when it has come."""
@@ -58,10 +43,34 @@ class Pacer:
     def begin(self) -> None:
         """The deadline has come: count how late it is kept, set the next one."""
         now_ns = self._clock()
+        period_ns = self._period_ns
         delay_ns = max(now_ns - self.next_ns, 0)
         self.lateness.add(delay_ns)
-        if delay_ns * LATE_FRACTION > self._period_ns:
+        if self._sync_ns is not None:
+            self.jitter.add(abs(now_ns - self._sync_ns - period_ns))
+        self._sync_ns = now_ns
+        if delay_ns * LATE_FRACTION > period_ns:
             self.late += 1
-        skipped = delay_ns // self._period_ns
+            self.stalls += delay_ns > STALL_NS
+        skipped = delay_ns // period_ns
         self.missed += skipped
-        self.next_ns += self._period_ns * (1 + skipped)
+        self.next_ns += period_ns * (1 + skipped)
+
+    def controlled(self, inputs_ns: int) -> None:
+        """The outputs of this cycle have just been handed to the bus; its inputs were complete at `inputs_ns`."""
+        self.computing.add(self._clock() - inputs_ns)
+        if self._sync_ns is not None:
+            self.answer.add(inputs_ns - self._sync_ns)
+
+    def summary(self) -> dict[str, Any]:
+        """Counts, and the four durations as `Histogram.summary` gives them."""
+        return {
+            "period_us": self._period_ns / 1000.0,
+            "late": self.late,
+            "left_out": self.missed,
+            "stalls": self.stalls,
+            "lateness": self.lateness.summary(),
+            "jitter": self.jitter.summary(),
+            "answer": self.answer.summary(),
+            "computing": self.computing.summary(),
+        }

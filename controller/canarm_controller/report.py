@@ -24,7 +24,8 @@ LARGEST = (2 - 2**-24) * 2.0**127
 class BenchReport:
     """Gathers the frames of a run; `take` hands them over when a batch is full.
 
-    `paced_late()` gives the cycles that whoever paces the controller began late; the bench shows them with the missed ones.
+    `paced_late()` gives the cycles that whoever paces the controller began late; the bench shows them with the missed
+    ones.
     """
 
     def __init__(self, cell: Cell, controller: Controller, paced_late: Callable[[], int] = lambda: 0) -> None:

@@ -14,7 +14,8 @@ from canarm_protocol.sdo_session import SdoSession
 from .assessment import JointAssessment, name_internals, read_assessment
 from .controller import Controller, State
 from .errors import ControllerError
-from .pacing import Lateness, Pacer
+from .pacing import Pacer
+from .realtime import Collector, undisturbed
 from .report import BenchReport
 
 ANSWER_NS = 2_000_000_000
@@ -35,7 +36,7 @@ class RunResult:
     missed: int
     late: int
     real_time_factor: float
-    lateness: Lateness | None
+    pacing: Pacer | None
     joints: dict[str, JointAssessment] = field(default_factory=dict)
     note: str | None = None
     """Why something is missing in `joints`, if it is."""
@@ -45,7 +46,8 @@ class Runner:
     """One run of `controller` over `port`, with its reports on `bench` if there is one.
 
     `on_state` is called with every change of state; `should_stop` is asked once a cycle and answers with a reason to
-    stop safely. `clock` gives monotonic ns.
+    stop safely. `clock` gives monotonic ns. On the wall clock, the last `spin_ns` before a deadline are not slept but
+    polled away: a busy core for a SYNC on time.
     """
 
     def __init__(
@@ -56,13 +58,18 @@ class Runner:
         on_state: Callable[[State], None] = lambda state: None,
         should_stop: Callable[[], str | None] = lambda: None,
         clock: Callable[[], int] = time.monotonic_ns,
+        spin_ns: int = 0,
     ) -> None:
         self._controller, self._port, self._bench = controller, port, bench
         self._on_state, self._should_stop, self._clock = on_state, should_stop, clock
-        self._report = BenchReport(controller.cell, controller, self._late) if bench is not None else None
+        self._spin_s = spin_ns * 1e-9
+        self._report = BenchReport(controller.cell, controller, self._late_or_left_out) if bench is not None else None
         self._state = State.IDLE
         self._note: str | None = None if bench is not None else "no bench bus: the true error is not known here"
         self._pacer: Pacer | None = None
+        self._collector: Collector | None = None
+        self._inputs_ns: int | None = None
+        """When the frames that are being handed to the controller had arrived."""
         self._owns_the_bus = False
         """Whether the cards are ours: until then another controller's report must not be disturbed."""
         self._started_ns = self._ended_ns = 0
@@ -70,16 +77,7 @@ class Runner:
     def run(self) -> RunResult:
         """From finding the cards to leaving them safe. Every wait has a limit; no exception of a bus leaves here."""
         controller = self._controller
-        on_tick = controller.on_tick
-        report = self._report
-        if report is not None:
-
-            def tick() -> None:
-                if on_tick is not None:
-                    on_tick()
-                report.tick()
-
-            controller.on_tick = tick
+        controller.on_tick = self._ticker(controller.on_tick)
         try:
             self._bring_up()
             self._started_ns = self._clock()
@@ -87,12 +85,31 @@ class Runner:
                 if controller.clock is Clock.SYNC:
                     self._run_lockstep()
                 else:
-                    self._run_on_the_wall_clock()
+                    with undisturbed(self._clock) as self._collector:
+                        self._run_on_the_wall_clock()
         except BusError as error:
             controller.lose(ControllerError(f"bus lost: {error}"))
         self._ended_ns = self._clock()
         self._watch_state()
         return self._result(self._assess())
+
+    def _ticker(self, record: Callable[[], None] | None) -> Callable[[], None]:
+        """What ends a controlled cycle. On the wall clock its outputs leave first; records and reports can wait."""
+        report = self._report
+
+        def tick() -> None:
+            pacer, inputs_ns = self._pacer, self._inputs_ns
+            if pacer is not None and inputs_ns is not None:
+                self._flush()
+                pacer.controlled(inputs_ns)
+            if record is not None:
+                record()
+            if report is not None:
+                report.tick()
+            if pacer is not None and self._collector is not None:
+                self._collector.cycle_done(pacer.next_ns - self._clock())
+
+        return tick
 
     def _bring_up(self) -> None:
         controller = self._controller
@@ -131,27 +148,29 @@ class Runner:
 
     def _run_on_the_wall_clock(self) -> None:
         controller, port = self._controller, self._port
+        spin_s = self._spin_s
         pacer = self._pacer = Pacer(controller.cell.bus.cycle_ns, self._clock)
         while not controller.is_finished:
             pacer.begin()
             controller.open_cycle()
             self._flush()
             self._publish()
+            self._ask_to_stop()
             left_s = pacer.left_s()
             while not controller.is_finished:  # at least once: what has arrived is read however late it is
-                self._take(port.receive(max(left_s, 0.0)))
+                self._take(port.receive(max(left_s - spin_s, 0.0)))
                 self._flush()
                 left_s = pacer.left_s()
                 if left_s <= 0.0:
                     break
-            self._ask_to_stop()
         self._flush()
 
     def _take(self, batch: list[tuple[int, Frame]]) -> None:
         controller = self._controller
-        now_ns = self._clock()
+        now_ns = self._inputs_ns = self._clock()
         for _, frame in batch:
             controller.receive(frame, now_ns)
+        self._inputs_ns = None
         if controller.state is not self._state:
             self._watch_state()
 
@@ -211,9 +230,9 @@ class Runner:
             self._note = f"no assessment: {error}"
             return {}
 
-    def _late(self) -> int:
+    def _late_or_left_out(self) -> int:
         pacer = self._pacer
-        return pacer.late if pacer else 0
+        return pacer.late + pacer.missed if pacer else 0
 
     def _result(self, joints: dict[str, JointAssessment]) -> RunResult:
         controller, pacer = self._controller, self._pacer
@@ -224,9 +243,9 @@ class Runner:
             reason=controller.reason,
             ticks=controller.controlled_ticks,
             missed=controller.missed + (pacer.missed if pacer else 0),
-            late=self._late(),
+            late=pacer.late if pacer else 0,
             real_time_factor=virtual_s / wall_s if controller.tick >= 0 and wall_s > 0.0 else 0.0,
-            lateness=pacer.lateness if pacer else None,
+            pacing=pacer,
             joints=joints,
             note=self._note,
         )

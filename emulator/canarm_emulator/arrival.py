@@ -8,7 +8,8 @@ from typing import Any
 from canarm_protocol.histogram import Histogram
 
 PAUSE_NS = 1_000_000_000
-"""Silence after which SYNC has paused rather than come late: ten times the cards' limit for the controller's heartbeat."""
+"""Silence after which SYNC has paused rather than come late: ten times the cards' limit for the controller's
+heartbeat."""
 
 
 class SyncArrival:

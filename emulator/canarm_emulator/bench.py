@@ -75,7 +75,8 @@ class Bench:
     the robot's bus, those received included, gather in order in `records`; those on the bench bus in `bench_records`.
     Whoever drives it empties both.
 
-    `with_wire` lets the frames of a running cycle take the time that the wire needs, one after the other by arbitration,
+    `with_wire` lets the frames of a running cycle take the time that the wire needs, one after the other by
+    arbitration,
     stamped with the end of the frame. SYNC and TIME stay outside in lockstep, for they carry time itself.
     """
 
@@ -246,7 +247,9 @@ class Bench:
 
     @property
     def _is_cycling(self) -> bool:
-        """Whether SYNCs drive a run. Before, time stands still in lockstep, and a master's questions are answered at once."""
+        """Whether SYNCs drive a run. Before, time stands still in lockstep, and a master's questions are answered at
+        once.
+        """
         return self.cycle >= 0 and self.is_operational
 
     def _queue(self, wire: Wire, frame: Frame, origin: object) -> None:

@@ -121,7 +121,9 @@ class EmulatorRunner:
             self._bench.advance(now_ns - self._start_ns)
 
     def _catch_up(self, now_ns: int) -> None:
-        """After a stall: what has come meanwhile is taken at the times at which it must have come, then time goes on."""
+        """After a stall: what has come meanwhile is taken at the times at which it must have come, then time goes
+        on.
+        """
         for _ in range(LONGEST_REPLAY_ROUNDS):
             events = self._hub.poll(0.0)
             if not events:

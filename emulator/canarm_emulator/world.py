@@ -84,7 +84,8 @@ class World:
     def change(self, truth: Truth) -> None:
         """The mechanics of the true robot change while it moves: a payload is taken up or dropped, friction rises.
 
-        Electrics and sensors keep the truth they began with. Raises `EmulatorError` if a drive wire would change its kind.
+        Electrics and sensors keep the truth they began with. Raises `EmulatorError` if a drive wire would change its
+        kind.
         """
         plant = Plant(self._cell, truth)
         if plant.motor_dof != self._plant.motor_dof:

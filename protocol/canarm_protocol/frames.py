@@ -57,6 +57,8 @@ class ErrorCode(IntEnum):
     NO_ERROR = 0x0000
     LIFE_GUARD_OR_HEARTBEAT = 0x8130
     PDO_LENGTH = 0x8210
+    SYNC_LENGTH = 0x8240
+    RPDO_TIMEOUT = 0x8250
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,8 @@ Both sides of the bus measure with it, so that their figures can be laid side by
 from typing import Any
 
 LINEAR_US = 64
-"""Bins are 1 µs wide up to here; above, every octave has half as many bins, so that each is at most 1/32 of its value."""
+"""Bins are 1 µs wide up to here; above, every octave has half as many bins, so that each is at most 1/32 of its
+value."""
 _HALF = LINEAR_US // 2
 _LINEAR_BITS = LINEAR_US.bit_length() - 1
 _OCTAVES = 30

@@ -45,7 +45,9 @@ class BusPort(ABC):
         """Send `frames` in order. Never waits for ever. Raises `BusError`."""
 
     def send_stamped(self, frames: Sequence[tuple[int, Frame]]) -> None:
-        """As `send`, for (time in ns, frame); the times go along where the other side can be told. Raises `BusError`."""
+        """As `send`, for (time in ns, frame); the times go along where the other side can be told. Raises
+        `BusError`.
+        """
         self.send([frame for _, frame in frames])
 
     @abstractmethod

@@ -1,4 +1,6 @@
-"""The bench with the wire model: frames of a cycle take their time, outside a cycle and for SYNC and TIME none passes."""
+"""The bench with the wire model: frames of a cycle take their time, outside a cycle and for SYNC and TIME none
+passes.
+"""
 
 from collections.abc import Callable
 

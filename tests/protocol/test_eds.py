@@ -13,7 +13,7 @@ from canarm_protocol.errors import DictionaryError
 MODELS = list(CardModel)
 NODE_ID = 0x14
 MANDATORY = {0x1000, 0x1001, 0x1018}  # CiA 301, 7.5.1
-DATA_TYPES = {0x0001, 0x0003, 0x0004, 0x0005, 0x0006, 0x0007, 0x0009}
+DATA_TYPES = {0x0001, 0x0002, 0x0003, 0x0004, 0x0005, 0x0006, 0x0007, 0x0009}
 VAR, ARRAY, RECORD = 0x7, 0x8, 0x9
 OBJECT = re.compile(r"^[0-9A-F]{4}$")
 MEMBER = re.compile(r"^([0-9A-F]{4})sub([0-9A-F]+)$")

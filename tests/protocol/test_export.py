@@ -44,7 +44,7 @@ BaudRate_10 BaudRate_20 BaudRate_50 BaudRate_125 BaudRate_250 BaudRate_500 BaudR
 SimpleBootUpMaster SimpleBootUpSlave Granularity DynamicChannelsSupported GroupMessaging
 NrOfRXPDO NrOfTXPDO LSS_Supported
 """
-ARRAYS_OF_CIA_301 = {0x1003, 0x1016, 0x1029}
+ARRAYS_OF_CIA_301 = {0x1003, 0x1010, 0x1011, 0x1016, 0x1029}
 RECORDS_OF_CIA_301 = {0x1018, *range(0x1200, 0x1280), *range(0x1400, 0x1C00)}
 
 

@@ -1,0 +1,201 @@
+"""Emulator and controller on real SocketCAN interfaces, with everybody's tools listening: candump, python-can.
+
+CANARM_SOCKETCAN names two virtual interfaces that nobody else uses, such as vcan0,vcan1; `make check-socketcan` brings
+them along. One run serves all tests. Everything runs on one CPU: on several, two listeners may see the same frames in
+different order.
+"""
+
+import contextlib
+import errno
+import os
+import re
+import shutil
+import signal
+import socket
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import can
+import pytest
+
+INTERFACES = [name for name in os.environ.get("CANARM_SOCKETCAN", "").split(",") if name]
+VIRTUAL_S, TICKS = 0.5, 200
+SYNC, TIME = 0x080, 0x100
+CARDS = (0x12, 0x13, 0x14)
+MARK = 0x7DF
+"""A frame of nobody's, by which the listeners show that they listen."""
+BUFFER_BYTES = 1 << 23
+
+Identity = tuple[int, bytes]
+
+
+def missing() -> str | None:
+    """Why these tests cannot run here."""
+    if len(INTERFACES) != 2:
+        return "CANARM_SOCKETCAN does not name two SocketCAN interfaces; make check-socketcan brings them along"
+    if not hasattr(socket, "AF_CAN"):
+        return "this Python has no SocketCAN"
+    for name in INTERFACES:
+        try:
+            with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as raw:
+                raw.bind((name,))
+        except OSError as error:
+            what = "this kernel has no SocketCAN" if error.errno == errno.EAFNOSUPPORT else f"{name}: {error.strerror}"
+            return f"CANARM_SOCKETCAN={','.join(INTERFACES)}: {what}"
+    return None if shutil.which("candump") else "candump is not installed; it is part of can-utils"
+
+
+REASON = missing()
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(1200),
+    pytest.mark.skipif(REASON is not None, reason=REASON or ""),
+]
+
+
+@dataclass
+class Recorded:
+    """What was heard from the mark to the last frame, and what the programs said."""
+
+    emulator_log: list[Identity]
+    candump: list[Identity]
+    python_can: list[can.Message]
+    controller: dict[str, Any]
+    announced: list[str]
+
+
+@contextlib.contextmanager
+def on_one_cpu() -> Iterator[None]:
+    """This process and those it starts."""
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(before)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+def record(canarm, run_folder) -> Recorded:
+    """One run in lockstep: bring-up, 0.5 s of virtual time, stop."""
+    robot, bench = INTERFACES
+    buses = ["-i", "socketcan", "-c", robot, "--bench-interface", "socketcan", "--bench-channel", bench]
+    emulator = canarm.emulator("sync", *buses, "--sync-timeout", "120", "--out", "run")
+    with Listener(robot) as listener:
+        candump = canarm.run("candump", "-L", "-r", str(BUFFER_BYTES), robot)
+        listener.mark_until(lambda: candump.stdout)
+        controller = canarm("controller", *buses, "--clock", "sync", "--seconds", str(VIRTUAL_S), "--json")
+        assert controller.wait() == 0, controller
+        candump.wait_for(r" 000#8014( T)?$")  # the last card is sent back to PRE-OPERATIONAL
+        candump.send(signal.SIGINT)
+        candump.wait()
+    emulator.send(signal.SIGTERM)
+    assert emulator.wait() == 0, emulator
+    return Recorded(
+        emulator_log=after_marks([identify(message) for message in run_folder(canarm.folder / "run").frames()]),
+        candump=after_marks([parse_candump(line) for line in candump.stdout]),
+        python_can=listener.messages,
+        controller=controller.json,
+        announced=emulator.stdout,
+    )
+
+
+class Listener:
+    """python-can's own interface, read in a thread."""
+
+    def __init__(self, channel: str) -> None:
+        self._bus = can.Bus(interface="socketcan", channel=channel)
+        # The usual buffer holds some 270 frames. More than the system's limit needs a privilege.
+        for option in (getattr(socket, "SO_RCVBUFFORCE", 33), socket.SO_RCVBUF):
+            try:
+                self._bus.socket.setsockopt(socket.SOL_SOCKET, option, BUFFER_BYTES)
+                break
+            except PermissionError:
+                continue
+        self.messages: list[can.Message] = []
+        self._is_over = threading.Event()
+        self._thread = threading.Thread(target=self._listen)
+
+    def _listen(self) -> None:
+        while not self._is_over.is_set():
+            while (message := self._bus.recv(0.1)) is not None:
+                self.messages.append(message)
+
+    def mark_until(self, is_heard) -> None:
+        while not is_heard():
+            self._bus.send(can.Message(arbitration_id=MARK, is_extended_id=False))
+            self._is_over.wait(0.1)
+
+    def __enter__(self) -> "Listener":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._is_over.set()
+        self._thread.join()
+        self._bus.shutdown()
+
+
+def identify(message: can.Message) -> Identity:
+    return message.arbitration_id, bytes(message.data)
+
+
+def parse_candump(line: str) -> Identity:
+    found = re.fullmatch(r"\([\d.]+\) \S+ ([0-9A-F]{3})#([0-9A-F]*)(?: [RT])?", line)
+    assert found, line
+    return int(found[1], 16), bytes.fromhex(found[2])
+
+
+def after_marks(frames: list[Identity]) -> list[Identity]:
+    """What came after the last mark."""
+    last = max(place for place, (can_id, _) in enumerate(frames) if can_id == MARK)
+    return frames[last + 1 :]
+
+
+def sender_of(can_id: int) -> int:
+    """Node-ID of the card that sends `can_id`, or 0: the controller, and TIME's emulator, by the connection set."""
+    is_cards = can_id & 0x780 in (0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700)
+    return can_id & 0x7F if is_cards and can_id & 0x7F in CARDS else TIME if can_id == TIME else 0
+
+
+def by_sender(frames: list[Identity]) -> dict[int, list[Identity]]:
+    senders: dict[int, list[Identity]] = {}
+    for frame in frames:
+        senders.setdefault(sender_of(frame[0]), []).append(frame)
+    return senders
+
+
+def test_everybody_on_socketcan_hears_the_same_run(canarm, run_folder):
+    with on_one_cpu():
+        recorded = record(canarm, run_folder)
+    assert recorded.controller["state"] == "done"
+    assert (recorded.controller["ticks"], recorded.controller["missed"]) == (TICKS, 0)
+    robot, bench = INTERFACES
+    assert f"can0   -i socketcan -c {robot}" in recorded.announced
+    assert f"bench  -i socketcan -c {bench}" in recorded.announced
+
+    heard, logged = by_sender(recorded.candump), by_sender(recorded.emulator_log)
+    assert set(CARDS) < heard.keys()
+    assert heard == logged
+    assert after_marks([identify(message) for message in recorded.python_can]) == recorded.candump
+    # SocketCAN marks what this host sent.
+    assert not any(message.is_error_frame or message.is_rx for message in recorded.python_can)
+    check_causal_order(recorded.candump)
+
+
+def check_causal_order(frames: list[Identity]) -> None:
+    """SYNC and TIME take turns; inputs come between a SYNC and its TIME, outputs between a TIME and the next SYNC."""
+    cycles = 0
+    is_between = False
+    for can_id, _ in frames:
+        if can_id in (SYNC, TIME):
+            assert is_between == (can_id == TIME)
+            is_between = can_id == SYNC
+            cycles += is_between
+        elif can_id & 0x780 in (0x180, 0x280, 0x380, 0x480) and sender_of(can_id) in CARDS:
+            assert is_between
+        elif can_id & 0x780 in (0x200, 0x300, 0x400, 0x500):
+            assert not is_between
+    assert cycles >= TICKS
+    assert not is_between
