@@ -110,6 +110,33 @@ class ControlOptions:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
+class WallClockOptions:
+    """What the controller does to be on time."""
+
+    realtime: Annotated[
+        Flag, Parameter(help="Ask for a real-time class and locked memory (Linux); says so when that is not permitted.")
+    ] = False
+    spin: Annotated[
+        int,
+        Parameter(
+            metavar="US",
+            validator=_not_negative,
+            show_default=lambda value: f"{value} us",
+            help="Poll instead of sleep in the last microseconds before each SYNC.",
+        ),
+    ] = 0
+
+    def check(self, clock: str, cell: Cell) -> None:
+        """Refuse what lockstep has no use for, and a spin that would never sleep. Raises `UsageError`."""
+        if clock != "wall" and (self.realtime or self.spin):
+            given = "--realtime" if self.realtime else f"--spin {self.spin}"
+            raise UsageError(f"{given}: lockstep waits for no clock; leave it out, or take --clock wall")
+        if self.spin >= cell.bus.cycle_us:
+            raise UsageError(f"--spin {self.spin}: must be less than the cycle of {cell.bus.cycle_us} us")
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
 class OutputOptions:
     """Where the run is recorded and how it is summed up."""
 

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 
 from canarm_controller.controller import Controller, State
 from canarm_controller.errors import ClockMismatchError, ControllerError
+from canarm_controller.realtime import ask_for_realtime
 from canarm_controller.recording import SIGNALS_FILE, ControllerRecorder
 from canarm_controller.runner import LISTEN_NS, Runner, RunResult
 from canarm_protocol.cell import Cell
@@ -33,6 +34,7 @@ from ..options import (
     NamedBus,
     OutputOptions,
     Seconds,
+    WallClockOptions,
     WithParent,
     check_clock,
     parse_address,
@@ -58,6 +60,7 @@ def controller(
         Seconds | None,
         Parameter(show_default=False, help="Length of the run in robot time; unlimited unless given."),
     ] = None,
+    wall: WallClockOptions = WallClockOptions(),
     progress: Annotated[Flag, Parameter(help="Report the state of the run on stderr.")] = False,
     with_parent: WithParent = False,
 ) -> int:
@@ -68,6 +71,7 @@ def controller(
     nominal = cell.load()
     robot_bus, bench_bus = bus.named(bus_options), bench.named()
     check_clock(clock, robot_bus, bench_bus)
+    wall.check(clock, nominal)
     ticks = None if seconds is None else tick_count(nominal, seconds)
     host, port = parse_address("--connect", connect)
     if robot_bus is None:
@@ -91,7 +95,11 @@ def controller(
             "seconds": seconds,
         }
         recorder = _start_recording(output.out, built, given)
-    result = _run(built, _Follower(built, ticks, recorder, progress, stop), robot_bus, bench_bus)
+    if wall.realtime:
+        for refused in ask_for_realtime():
+            _tell(f"--realtime: {refused}")
+    follower = _Follower(built, ticks, recorder, progress, stop)
+    result = _run(built, follower, robot_bus, bench_bus, wall.spin * 1000)
     summary = _summary(nominal, control, clock, built, result, output)
     is_recorded = True
     if recorder is not None and output.out is not None:
@@ -148,7 +156,13 @@ class _Follower:
         return reason
 
 
-def _run(controller: Controller, follower: _Follower, robot_bus: NamedBus, bench_bus: NamedBus | None) -> RunResult:
+def _run(
+    controller: Controller,
+    follower: _Follower,
+    robot_bus: NamedBus,
+    bench_bus: NamedBus | None,
+    spin_ns: int,
+) -> RunResult:
     """Open the buses and run; a bus that cannot be opened is a failed run."""
     with contextlib.ExitStack() as stack:
         try:
@@ -158,7 +172,7 @@ def _run(controller: Controller, follower: _Follower, robot_bus: NamedBus, bench
             controller.lose(ControllerError(str(error)))
             follower.on_state(controller.state)
             return RunResult(controller.state, controller.reason, 0, 0, 0, 0.0, None)
-        return Runner(controller, port, bench, follower.on_state, follower.should_stop).run()
+        return Runner(controller, port, bench, follower.on_state, follower.should_stop, spin_ns=spin_ns).run()
 
 
 def _start_recording(folder: Path, controller: Controller, given: Mapping[str, Any]) -> ControllerRecorder:
@@ -177,8 +191,8 @@ def _end_recording(folder: Path, recorder: ControllerRecorder, summary: Summary,
     try:
         recorder.close()
         update_run_file(folder, "summary", summary.as_json())
-        if result.lateness is not None:
-            update_run_file(folder, "lateness", result.lateness.summary())
+        if result.pacing is not None:
+            update_run_file(folder, "pacing", result.pacing.summary())
     except OSError as error:
         _tell(f"{folder}: recording failed: {error.strerror or error}")
         return False

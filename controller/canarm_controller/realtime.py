@@ -92,7 +92,9 @@ def ask_for_realtime() -> list[str]:
     # Not what is mapped later as well: under a limit (`ulimit -l`), memory would then run out in the middle of a run.
     why = _memory_lock()
     if why is not None:
-        refused.append(f"memory lock: {why}; allow it with `ulimit -l unlimited` or CAP_IPC_LOCK; the run goes on without")
+        refused.append(
+            f"memory lock: {why}; allow it with `ulimit -l unlimited` or CAP_IPC_LOCK; the run goes on without"
+        )
     return refused
 
 

@@ -90,6 +90,7 @@ class EmulatorRunner:
                 self._run_on(f"no SYNC for {self._sync_timeout_ns / 1e9:g} s")
             self._telemetry(now_ns)
             self._deliver()
+            bench.move_on()
         self._deliver()
 
     def _take_events(self, events: Sequence[Attached | Detached | Ready | Received], now_ns: int) -> None:
