@@ -7,3 +7,7 @@ class EmulatorError(Exception):
 
 class TruthError(EmulatorError):
     """A key or value of `--truth` is wrong."""
+
+
+class HubError(EmulatorError):
+    """The virtual bus cannot be served where it was asked for."""

@@ -6,8 +6,6 @@ clock here; the one clock it reads is the wall clock, for the pause after a clie
 """
 
 import contextlib
-import errno
-import ipaddress
 import os
 import select
 import socket
@@ -31,7 +29,8 @@ from canarm_protocol.socketcand import (
     format_frame,
 )
 
-from .errors import EmulatorError
+from .errors import HubError
+from .listening import listen
 
 HOLD_S = 0.05
 """Pause between `< rawmode >` and the first frame, ended early by anything the client says.
@@ -45,10 +44,6 @@ MAX_CLIENTS = 64
 _READ_SIZE = 1 << 12  # bounds the time that one client's input can take from a cycle
 _SELECT_LIMIT = 1024  # FD_SETSIZE where file descriptors are small integers (POSIX)
 _QUICKACK: int | None = getattr(socket, "TCP_QUICKACK", None)
-
-
-class HubError(EmulatorError):
-    """The virtual bus cannot be served where it was asked for."""
 
 
 class HasFileno(Protocol):
@@ -410,44 +405,3 @@ class _Client:
             dropped=self.dropped,
             malformed=self.parser.malformed,
         )
-
-
-def listen(host: str, port: int, allow_remote: bool, option: str = "--serve HOST:PORT") -> socket.socket:
-    """A non-blocking listener. `option` is what the user changes when it fails.
-
-    Raises `HubError`: address in use or not of this machine, or not loopback without `allow_remote`.
-    """
-    where = f"{host}:{port}"
-    if not 0 <= port < 65536:
-        raise HubError(f"{where}: a port is a number from 1 to 65535, or 0 for any free one")
-    try:
-        family, kind, protocol, _, address = socket.getaddrinfo(host or "0.0.0.0", port, type=socket.SOCK_STREAM)[0]
-    except (socket.gaierror, UnicodeError):
-        raise HubError(f"{where}: unknown host; take 127.0.0.1 or an address of this machine") from None
-    if not allow_remote and not ipaddress.ip_address(address[0]).is_loopback:
-        raise HubError(
-            f"{where} can be reached from the network, and whoever reaches it drives the robot; "
-            "take 127.0.0.1, or say --allow-remote if that is meant"
-        )
-    listener = socket.socket(family, kind, protocol)
-    try:
-        if os.name == "posix":
-            # Elsewhere this would let two servers share the port.
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind(address)
-        listener.listen(MAX_CLIENTS)
-        listener.setblocking(False)
-    except OSError as error:
-        listener.close()
-        raise HubError(_explain(error, where, option)) from error
-    return listener
-
-
-def _explain(error: OSError, where: str, option: str) -> str:
-    if error.errno == errno.EADDRINUSE:
-        return f"{where} is in use; stop the other emulator or choose another {option}"
-    if error.errno == errno.EADDRNOTAVAIL:
-        return f"{where} is no address of this machine; choose another {option}"
-    if error.errno == errno.EACCES:
-        return f"{where} is not allowed for this user; choose a port above 1023 in {option}"
-    return f"cannot listen on {where}: {error.strerror or error}; choose another {option}"

@@ -20,7 +20,7 @@ from canarm_protocol.frames import Frame
 from canarm_protocol.port import BusPort, Discarded
 
 from .errors import EmulatorError
-from .hub import listen
+from .listening import listen
 from .slcan import SlcanAdapter
 
 SOCKET_URL = "socket://"
