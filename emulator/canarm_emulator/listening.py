@@ -10,6 +10,9 @@ import socket
 
 from .errors import HubError
 
+BACKLOG = 64
+"""Connections that may wait to be accepted."""
+
 
 def listen(host: str, port: int, allow_remote: bool, option: str = "--serve HOST:PORT") -> socket.socket:
     """A non-blocking listener. `option` is what the user changes when it fails.
@@ -34,7 +37,7 @@ def listen(host: str, port: int, allow_remote: bool, option: str = "--serve HOST
             # Elsewhere this would let two servers share the port.
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(address)
-        listener.listen(MAX_CLIENTS)
+        listener.listen(BACKLOG)
         listener.setblocking(False)
     except OSError as error:
         listener.close()
