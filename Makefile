@@ -14,7 +14,7 @@ unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV CONDA_PREFIX UV_PROJECT_ENVIRONMENT U
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
 .PHONY: help setup demo test check check-format check-lint check-types check-imports check-lock check-wheels \
-	check-socketcan bench format lock clean
+	check-socketcan bench ablation format lock clean
 
 help: ## List the targets
 	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12] [NO_UV=1] [JOBS=2]'
@@ -48,12 +48,17 @@ check-wheels: setup ## Build the wheels, install them alone, run them
 	$(BIN)/python scripts/smoke_wheels.py
 
 # Not part of check: where the kernel has no SocketCAN it takes minutes, root and apt. .ci/run runs both.
+# The import compiles what an emulated machine would compile 25 times slower, and may not write.
 check-socketcan: setup ## Test emulator and controller over SocketCAN, with candump (in qemu where the kernel has none)
+	$(BIN)/python -c 'import can.interfaces.socketcan, canarm.commands.controller, canarm.commands.emulator, numpy, pytest'
 	scripts/with_vcan.sh 'CANARM_SOCKETCAN=vcan0,vcan1 PATIENCE=10 \
 		$(BIN)/python -m pytest -p no:cacheprovider tests/canarm/test_socketcan.py $(ARGS)'
 
 bench: setup ## Run the benchmarks
 	$(BIN)/python benchmarks/run.py $(ARGS)
+
+ablation: setup ## Write docs/ablation.md anew: what each term of the laws is worth; takes minutes (ARGS="--jobs 4")
+	$(BIN)/python scripts/ablation.py $(ARGS)
 
 format: setup ## Format the code and mend what lint can mend
 	$(BIN)/python -m ruff check --fix --exit-zero --quiet .

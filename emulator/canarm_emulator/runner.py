@@ -52,7 +52,7 @@ class EmulatorRunner:
         self._sync_timeout_ns = int(sync_timeout_s * 1e9)
         self._should_stop, self._on_event = should_stop, on_event
         self._sync_sender: object = None
-        self._last_sync_ns = 0
+        self._last_heard_ns = 0
         self._last_sync_time_ns = 0
         self._is_behind = False
         self._listener_until_ns = 0
@@ -86,7 +86,7 @@ class EmulatorRunner:
             self._take_events(events, now_ns)
             if self._is_behind:
                 self._catch_up(now_ns)
-            if lockstep and self._sync_sender is not None and now_ns - self._last_sync_ns > self._sync_timeout_ns:
+            if lockstep and self._sync_sender is not None and now_ns - self._last_heard_ns > self._sync_timeout_ns:
                 self._run_on(f"no SYNC for {self._sync_timeout_ns / 1e9:g} s")
             self._telemetry(now_ns)
             self._deliver()
@@ -137,10 +137,12 @@ class EmulatorRunner:
     def _take(self, bus: str, frame: Frame, origin: object, now_ns: int) -> None:
         if bus == ROBOT_BUS:
             if frame.can_id == Cob.SYNC and not frame.is_extended and not frame.is_remote:
-                self._sync_sender, self._last_sync_ns = origin, now_ns
+                self._sync_sender, self._last_heard_ns = origin, now_ns
                 if self._is_behind:
                     self._advance_to_sync(now_ns - self._start_ns)
                 self._last_sync_time_ns = self._bench.time_ns
+            elif origin == self._sync_sender:
+                self._last_heard_ns = now_ns
             self._bench.receive(frame, origin)
         else:
             if Cob.HEARTBEAT < frame.can_id <= Cob.HEARTBEAT + 0x7F and frame.data != bytes((NmtState.STOPPED,)):

@@ -7,6 +7,7 @@ What python-can and its drivers raise becomes `BusError` here and nowhere else.
 import errno
 import select
 import time
+import uuid
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -81,9 +82,8 @@ def open_port(interface: str, channel: str | None = None, **options: Any) -> Bus
     """
     if interface == "canarm":
         return _HubPort(channel, options)
-    if interface == "slcan":
-        return _SlcanPort(interface, channel, options)
-    return _PythonCanPort(interface, channel, options)
+    special = {"slcan": _SlcanPort, "udp_multicast": _MulticastPort}
+    return special.get(interface, _PythonCanPort)(interface, channel, options)
 
 
 def parse_bus_options(words: Iterable[str]) -> dict[str, str | int | float | bool]:
@@ -160,7 +160,7 @@ class _PythonCanPort(BusPort):
     def send(self, frames: Sequence[Frame]) -> None:
         try:
             for frame in frames:
-                self._bus.send(_message(frame), timeout=SEND_TIMEOUT_S)
+                self._bus.send(self._message(frame), timeout=SEND_TIMEOUT_S)
         except Exception as error:
             raise BusError(f"{self.description}: cannot send: {_one_line(error)}") from error
 
@@ -182,7 +182,9 @@ class _PythonCanPort(BusPort):
         remaining = MAX_FRAMES_PER_RECEIVE
         while message is not None:
             remaining -= 1
-            if message.is_error_frame:
+            if self._is_own(message):
+                pass
+            elif message.is_error_frame:
                 self.discarded.error_frames += 1
             elif message.is_fd:
                 self.discarded.fd_frames += 1
@@ -192,6 +194,13 @@ class _PythonCanPort(BusPort):
 
     def _receive_at_once(self) -> can.Message | None:
         return self._bus.recv(0)
+
+    def _message(self, frame: Frame) -> can.Message:
+        return _message(frame)
+
+    def _is_own(self, message: can.Message) -> bool:
+        """Whether `message` was sent through this port and came back. Drivers keep such to themselves, as a rule."""
+        return False
 
     def fileno(self) -> int | None:
         try:
@@ -223,6 +232,25 @@ class _SlcanPort(_PythonCanPort):
             if (message := self._bus.recv(0)) is not None:
                 return message
         return None
+
+
+class _MulticastPort(_PythonCanPort):
+    """python-can's udp_multicast returns what it has sent, and carries the channel's name with every frame.
+
+    A name of its own tells this port's frames from those of others; nobody else looks at it.
+    """
+
+    def __init__(self, interface: str, channel: str | None, options: dict[str, Any]) -> None:
+        super().__init__(interface, channel, options)
+        self._name = uuid.uuid4().hex[:12]
+
+    def _message(self, frame: Frame) -> can.Message:
+        message = _message(frame)
+        message.channel = self._name
+        return message
+
+    def _is_own(self, message: can.Message) -> bool:
+        return message.channel == self._name
 
 
 def _message(frame: Frame) -> can.Message:

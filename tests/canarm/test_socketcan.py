@@ -57,7 +57,7 @@ pytestmark = [
 
 @dataclass
 class Recorded:
-    """What was heard from the mark to the last frame, and what the programs said."""
+    """What was heard after the marks, by `python_can` also before them, and what the programs said."""
 
     emulator_log: list[Identity]
     candump: list[Identity]
@@ -77,14 +77,15 @@ def on_one_cpu() -> Iterator[None]:
         os.sched_setaffinity(0, before)
 
 
-def record(canarm, run_folder) -> Recorded:
+def record(canarm, run_folder, until) -> Recorded:
     """One run in lockstep: bring-up, 0.5 s of virtual time, stop."""
     robot, bench = INTERFACES
     buses = ["-i", "socketcan", "-c", robot, "--bench-interface", "socketcan", "--bench-channel", bench]
-    emulator = canarm.emulator("sync", *buses, "--sync-timeout", "120", "--out", "run")
     with Listener(robot) as listener:
+        emulator = canarm.emulator("sync", *buses, "--sync-timeout", "120", "--out", "run")
+        until(lambda: len(listener.messages) == len(CARDS), "boot-up of all cards")
         candump = canarm.run("candump", "-L", "-r", str(BUFFER_BYTES), robot)
-        listener.mark_until(lambda: candump.stdout)
+        until(lambda: listener.mark() or candump.stdout, "candump listens")
         controller = canarm("controller", *buses, "--clock", "sync", "--seconds", str(VIRTUAL_S), "--json")
         assert controller.wait() == 0, controller
         candump.wait_for(r" 000#8014( T)?$")  # the last card is sent back to PRE-OPERATIONAL
@@ -122,10 +123,9 @@ class Listener:
             while (message := self._bus.recv(0.1)) is not None:
                 self.messages.append(message)
 
-    def mark_until(self, is_heard) -> None:
-        while not is_heard():
-            self._bus.send(can.Message(arbitration_id=MARK, is_extended_id=False))
-            self._is_over.wait(0.1)
+    def mark(self) -> None:
+        """Send a mark, which this listener itself does not hear."""
+        self._bus.send(can.Message(arbitration_id=MARK, is_extended_id=False))
 
     def __enter__(self) -> "Listener":
         self._thread.start()
@@ -166,9 +166,9 @@ def by_sender(frames: list[Identity]) -> dict[int, list[Identity]]:
     return senders
 
 
-def test_everybody_on_socketcan_hears_the_same_run(canarm, run_folder):
+def test_everybody_on_socketcan_hears_the_same_run(canarm, run_folder, until):
     with on_one_cpu():
-        recorded = record(canarm, run_folder)
+        recorded = record(canarm, run_folder, until)
     assert recorded.controller["state"] == "done"
     assert (recorded.controller["ticks"], recorded.controller["missed"]) == (TICKS, 0)
     robot, bench = INTERFACES
@@ -178,7 +178,9 @@ def test_everybody_on_socketcan_hears_the_same_run(canarm, run_folder):
     heard, logged = by_sender(recorded.candump), by_sender(recorded.emulator_log)
     assert set(CARDS) < heard.keys()
     assert heard == logged
-    assert after_marks([identify(message) for message in recorded.python_can]) == recorded.candump
+    listened = [identify(message) for message in recorded.python_can]
+    assert {can_id for can_id, _ in listened[: len(CARDS)]} == {0x700 + node_id for node_id in CARDS}
+    assert listened[len(CARDS) :] == recorded.candump
     # SocketCAN marks what this host sent.
     assert not any(message.is_error_frame or message.is_rx for message in recorded.python_can)
     check_causal_order(recorded.candump)
