@@ -214,6 +214,7 @@ def _figures(bench: Bench, runner: EmulatorRunner) -> dict[str, Any]:
         "overruns": bench.overruns,
         "stalls": runner.stalls,
         "run_ons": runner.run_ons,
+        **({"sync_arrival": runner.arrival.summary()} if bench.clock is Clock.WALL else {}),
         **({} if bench.wire is None else {"wire": _wire_figures(bench.wire)}),
         "current_limited_steps": {
             name: {"d669": limited.d669, "supply": limited.supply}

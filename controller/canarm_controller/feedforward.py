@@ -7,6 +7,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from enum import StrEnum
 
+import numpy as np
+
 from .dynamics import Floats, NominalArm
 from .errors import ControllerError
 from .memory import SAMPLES, MemoryImage
@@ -87,20 +89,21 @@ class OnlineFeedforward(Feedforward):
         self._taken_out = arm.effective_inertia if exclude_inertia else (0.0, 0.0)
         self._lead_s = lead_s
         self._first_tick = 0
-        self._states: list[tuple[list[float], list[float], list[float]]] = []
+        self._block: tuple[Floats, Floats, Floats] = (np.empty((0, 2)),) * 3
 
     def prepare(self, reference_block: Reference, first_tick: int) -> None:
-        """Keep the block as plain floats."""
+        """Keep the block. Turning it into plain floats at once would take more than a cycle has."""
         self._first_tick = first_tick
-        self._states = list(zip(*(part.tolist() for part in _advanced(reference_block, self._lead_s)), strict=True))
+        self._block = _advanced(reference_block, self._lead_s)
 
     def torque_nm(self, tick: int) -> Sequence[float]:
         """Inverse dynamics at the cycle's reference. Raises `ControllerError` outside the prepared block."""
         index = tick - self._first_tick
-        if not 0 <= index < len(self._states):
-            last = self._first_tick + len(self._states) - 1
+        count = len(self._block[0])
+        if not 0 <= index < count:
+            last = self._first_tick + count - 1
             raise ControllerError(f"feed-forward: tick {tick} is not prepared; ticks {self._first_tick} to {last} are")
-        position, velocity, acceleration = self._states[index]
+        position, velocity, acceleration = (part[index].tolist() for part in self._block)
         first, second = self._arm.torque_nm(position, velocity, acceleration)
         return first - self._taken_out[0] * acceleration[0], second - self._taken_out[1] * acceleration[1]
 

@@ -89,6 +89,7 @@ class ControlLoop:
         """
         start = [(code - zero) * step for code, (_, zero, step, _) in zip(position_codes, self._positions, strict=True)]
         self.trajectory = self._entered_from(start)
+        self.cycle.position_rad, self.cycle.velocity_rad_s = start, [0.0] * len(start)
         self._prepare(0)
         try:
             self.law.start(start, [0.0] * len(start), self.trajectory.amplitude_rad)

@@ -13,13 +13,13 @@ from canarm_protocol.histogram import Histogram
 LATE_FRACTION = 10
 """A SYNC that leaves more than a tenth of the period after its time is late."""
 STALL_NS = 100_000_000
-"""A longer delay is a stall: the machine slept, or the process was stopped. The cards wait as long for our heartbeat."""
+"""A longer delay is a stall: the machine slept, or the process was stopped. Cards wait no longer for our heartbeat."""
 
 
 class Pacer:
     """Absolute deadlines one period apart. A stall of more than a period leaves out the deadlines that it missed."""
 
-    def __init__(self, period_ns: int, clock: Callable[[], int] = time.monotonic_ns) -> None:
+    def __init__(self, period_ns: int, clock: Callable[[], int] = time.perf_counter_ns) -> None:
         self._period_ns, self._clock = period_ns, clock
         self.next_ns = clock()
         self._sync_ns: int | None = None

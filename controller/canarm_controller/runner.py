@@ -9,13 +9,13 @@ from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError, ProtocolError
 from canarm_protocol.frames import Frame
 from canarm_protocol.port import BusPort
+from canarm_protocol.realtime import Collector, undisturbed
 from canarm_protocol.sdo_session import SdoSession
 
 from .assessment import JointAssessment, name_internals, read_assessment
 from .controller import Controller, State
 from .errors import ControllerError
 from .pacing import Pacer
-from .realtime import Collector, undisturbed
 from .report import BenchReport
 
 ANSWER_NS = 2_000_000_000
@@ -57,7 +57,7 @@ class Runner:
         bench: BusPort | None,
         on_state: Callable[[State], None] = lambda state: None,
         should_stop: Callable[[], str | None] = lambda: None,
-        clock: Callable[[], int] = time.monotonic_ns,
+        clock: Callable[[], int] = time.perf_counter_ns,
         spin_ns: int = 0,
     ) -> None:
         self._controller, self._port, self._bench = controller, port, bench
@@ -74,8 +74,19 @@ class Runner:
         """Whether the cards are ours: until then another controller's report must not be disturbed."""
         self._started_ns = self._ended_ns = 0
 
+    @property
+    def missed(self) -> int:
+        """Cycles missed so far: without all of their inputs in time, or left out."""
+        return self._controller.missed + (self._pacer.missed if self._pacer else 0)
+
     def run(self) -> RunResult:
         """From finding the cards to leaving them safe. Every wait has a limit; no exception of a bus leaves here."""
+        if self._controller.clock is Clock.SYNC:
+            return self._run()
+        with undisturbed(self._clock) as self._collector:
+            return self._run()
+
+    def _run(self) -> RunResult:
         controller = self._controller
         controller.on_tick = self._ticker(controller.on_tick)
         try:
@@ -85,8 +96,7 @@ class Runner:
                 if controller.clock is Clock.SYNC:
                     self._run_lockstep()
                 else:
-                    with undisturbed(self._clock) as self._collector:
-                        self._run_on_the_wall_clock()
+                    self._run_on_the_wall_clock()
         except BusError as error:
             controller.lose(ControllerError(f"bus lost: {error}"))
         self._ended_ns = self._clock()
@@ -242,7 +252,7 @@ class Runner:
             state=controller.state,
             reason=controller.reason,
             ticks=controller.controlled_ticks,
-            missed=controller.missed + (pacer.missed if pacer else 0),
+            missed=self.missed,
             late=pacer.late if pacer else 0,
             real_time_factor=virtual_s / wall_s if controller.tick >= 0 and wall_s > 0.0 else 0.0,
             pacing=pacer,

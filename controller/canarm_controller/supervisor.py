@@ -97,7 +97,11 @@ class Supervisor:
         return None
 
     def measurement(self, position_rad: Sequence[float]) -> Verdict | None:
-        """Judge the measured joint angles: none beyond its stops, none faster than the arm can move."""
+        """Judge the measured joint angles: none beyond its stops, none faster than the arm can move.
+
+        After cycles without a measurement it may have moved on in all of them.
+        """
+        max_step_rad = self._max_step_rad * (1 + self._missing)
         self._missing = 0
         last = self._last_position
         self._last_position = position_rad
@@ -109,11 +113,11 @@ class Supervisor:
                     f"{self._names[joint]} measured at {math.degrees(position):.1f} deg; "
                     f"its range is {math.degrees(low):.0f} to {math.degrees(high):.0f} deg",
                 )
-            if last is not None and abs(position - last[joint]) > self._max_step_rad:
+            if last is not None and abs(position - last[joint]) > max_step_rad:
                 return Verdict(
                     "impossible-motion",
                     f"{self._names[joint]} measured {math.degrees(last[joint]):.1f} deg, then "
-                    f"{math.degrees(position):.1f} deg; at most {math.degrees(self._max_step_rad):.0f} deg is possible",
+                    f"{math.degrees(position):.1f} deg; at most {math.degrees(max_step_rad):.0f} deg is possible",
                 )
         return None
 

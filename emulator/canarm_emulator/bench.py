@@ -11,7 +11,7 @@ from typing import NamedTuple
 from canarm_protocol.bench_objects import bench_dictionary
 from canarm_protocol.cell import Card, CardModel, Cell, Quantity
 from canarm_protocol.clock import Clock
-from canarm_protocol.dictionary import ANALOGUE_INPUT, load_dictionary
+from canarm_protocol.dictionary import ANALOGUE_INPUT, ANALOGUE_INPUT_8, load_dictionary
 from canarm_protocol.errors import FrameError
 from canarm_protocol.frames import Cob, Frame, NmtCommand, NmtState, parse_nmt, time_frame
 from canarm_protocol.pdo import PdoLayout
@@ -249,6 +249,8 @@ class Bench:
         self.records.append(record)
         frame = record.frame
         takers = self._takers.get(frame.can_id)
+        if frame.is_remote and not frame.is_extended and self._answer_remote(frame.can_id):
+            return
         if takers is None or frame.is_extended or frame.is_remote:
             self.ignored_frames += 1
             return
@@ -256,6 +258,11 @@ class Bench:
         for taker in takers:
             if taker.node_id not in missed_by:
                 taker.take(data)
+
+    def _answer_remote(self, can_id: int) -> bool:
+        self._catch_up(self.time_ns)
+        answers = [slave.on_remote(can_id, self.time_ns) for slave in self.slaves]
+        return any(answers)
 
     @property
     def _is_cycling(self) -> bool:
@@ -308,15 +315,13 @@ class Bench:
         if self._scan is not None:
             self.overruns += 1
         self._catch_up(now_ns)
-        for slave in self.slaves:
-            slave.apply_outputs()
+        pdos = [(slave, layout) for slave in self.slaves for layout in slave.on_sync(frame.data, now_ns)]
+        self._hurry()
         if self.is_operational:
             self._count_cycle(now_ns)
-        if self._scan is None:
-            pdos = [(slave, layout) for slave in self.slaves for layout in slave.tpdos_due()]
-            if pdos:
-                self._convert(pdos)
-                self._scan = _Scan(max(world.time_ns, now_ns), pdos)
+        if self._scan is None and pdos:
+            self._convert(pdos)
+            self._scan = _Scan(max(world.time_ns, now_ns), pdos)
         if lockstep:
             self.advance(max(world.time_ns, now_ns))
             if self.wire is not None:
@@ -357,7 +362,7 @@ class Bench:
                 for slave, layout in pdos
                 if slave.node_id == node_id
                 for mapped in layout.objects
-                if mapped.index == ANALOGUE_INPUT and mapped.subindex - 1 in sources
+                if mapped.index in (ANALOGUE_INPUT, ANALOGUE_INPUT_8) and mapped.subindex - 1 in sources
             ]
             volts = self.world.scan([sources[channel] for channel in channels], self._conversion_ns[node_id])
             for channel, value in zip(channels, volts, strict=True):
@@ -375,12 +380,13 @@ class Bench:
                 slave.send_tpdo(layout, due_ns)
         if self._next_due_ns <= due_ns:
             for slave in self.slaves:
-                if slave.watch_due_ns <= due_ns:
-                    self._catch_up(due_ns)
+                if slave.next_due_ns <= due_ns:
+                    state = slave.state
+                    if slave.world_due_ns <= due_ns:
+                        self._catch_up(due_ns)
                     slave.run_timers(due_ns)
-                    self._route()
-                elif slave.next_due_ns <= due_ns:
-                    slave.run_timers(due_ns)
+                    if slave.state is not state:
+                        self._route()
             if self.node.next_due_ns <= due_ns:
                 self.node.run_timers(due_ns)
             self._schedule()
@@ -422,6 +428,12 @@ class Bench:
     def _schedule(self) -> None:
         self._next_due_ns = min(self.node.next_due_ns, *[slave.next_due_ns for slave in self.slaves])
 
+    def _hurry(self) -> None:
+        """A node may have something to do earlier than was known."""
+        for slave in self.slaves:
+            if slave.next_due_ns < self._next_due_ns:
+                self._next_due_ns = slave.next_due_ns
+
     def _sdo(self, slave: Slave, cob_id: int) -> Callable[[bytes], None]:
         is_card = slave is not self.node
 
@@ -443,6 +455,8 @@ class Bench:
             if acts_at_once:
                 self._catch_up(self.time_ns)
             slave.on_rpdo(layout, data, self.time_ns)
+            if slave.next_due_ns < self._next_due_ns:
+                self._next_due_ns = slave.next_due_ns
 
         return take
 

@@ -76,6 +76,9 @@ class BenchDevice:
     def refresh(self, index: int, subindex: int) -> None:
         """Everything here is kept up to date."""
 
+    def configure(self, read: ReadObject) -> None:
+        """There are no parameters."""
+
     def take_error_values(self, read: ReadObject) -> None:
         """Nothing that this node does moves the robot."""
 

@@ -11,10 +11,13 @@ from canarm_protocol.dictionary import (
     ANALOGUE_ERROR_MODE,
     ANALOGUE_ERROR_VALUE,
     ANALOGUE_INPUT,
+    ANALOGUE_INPUT_8,
     ANALOGUE_OUTPUT,
+    ANALOGUE_OUTPUT_8,
     CODE_SHIFT,
     DIGITAL_ERROR_MODE,
     DIGITAL_ERROR_VALUE,
+    DIGITAL_FILTER_MASK,
     DIGITAL_OUTPUT,
 )
 
@@ -29,6 +32,9 @@ Getter = Callable[[], float]
 ReadObject = Callable[[int, int], int]
 
 NIBBLE = 4
+TO_8_BITS = 8
+"""Left-adjusted 16 bits to left-adjusted 8 bits: of a card's 8-bit code the sign leaves room for the upper seven."""
+ALL_BITS = 0xFF
 
 
 class IoDevice(Protocol):
@@ -46,21 +52,30 @@ class IoDevice(Protocol):
         """Bring an input up to date because it is about to be read outside the cycle."""
         ...
 
+    def configure(self, read: ReadObject) -> None:
+        """Take over parameters, at a reset and after a client has changed one; `read(index, subindex)` gives them."""
+        ...
+
     def take_error_values(self, read: ReadObject) -> None:
         """Set the outputs to the values configured for errors; `read(index, subindex)` gives the configuration."""
         ...
 
 
 class DacDevice:
-    """0x6411: one signed, left-adjusted 16-bit value a converter. They are unipolar: negative values give 0."""
+    """0x6411: one signed, left-adjusted 16-bit value a converter. They are unipolar: negative values give 0.
+
+    0x6410 is the same in 8 bits.
+    """
 
     def __init__(self, card: Dac0808Card) -> None:
         self._card = card
 
     def setter(self, index: int, subindex: int) -> Setter | None:
         """How to write an output."""
-        if index != ANALOGUE_OUTPUT or not 1 <= subindex <= DAC_CHANNELS:
+        if index not in (ANALOGUE_OUTPUT, ANALOGUE_OUTPUT_8) or not 1 <= subindex <= DAC_CHANNELS:
             return None
+        if index == ANALOGUE_OUTPUT_8:
+            return lambda value: self._load(subindex, value << TO_8_BITS)
         return lambda value: self._load(subindex, value)
 
     def _load(self, subindex: int, value: int) -> None:
@@ -71,12 +86,17 @@ class DacDevice:
 
     def getter(self, index: int, subindex: int) -> Getter | None:
         """How to read a value."""
-        if index != ANALOGUE_OUTPUT or not 1 <= subindex <= DAC_CHANNELS:
+        if index not in (ANALOGUE_OUTPUT, ANALOGUE_OUTPUT_8) or not 1 <= subindex <= DAC_CHANNELS:
             return None
+        if index == ANALOGUE_OUTPUT_8:
+            return lambda: self._card.code(subindex - 1) << CODE_SHIFT >> TO_8_BITS
         return lambda: self._card.code(subindex - 1) << CODE_SHIFT
 
     def refresh(self, index: int, subindex: int) -> None:
         """Outputs need none."""
+
+    def configure(self, read: ReadObject) -> None:
+        """No parameter acts on the values in passing."""
 
     def take_error_values(self, read: ReadObject) -> None:
         """0x6443 = 1 selects 0x6444, a 32-bit value of which the upper 16 bits are the output's."""
@@ -86,16 +106,21 @@ class DacDevice:
 
 
 class LatchDevice:
-    """0x6200: eight latch bits as one byte."""
+    """0x6200: eight latch bits as one byte, of which writing changes those that are 1 in 0x6208."""
 
     def __init__(self, card: Sc300Card) -> None:
         self._card = card
+        self._mask = ALL_BITS
 
     def setter(self, index: int, subindex: int) -> Setter | None:
         """How to write an output."""
         if (index, subindex) != (DIGITAL_OUTPUT, 1):
             return None
-        return lambda value: self._card.write(0, value, 0)
+        return self._write
+
+    def _write(self, value: int) -> None:
+        card, mask = self._card, self._mask
+        card.write(0, value if mask == ALL_BITS else card.value & ~mask | value & mask, 0)
 
     def getter(self, index: int, subindex: int) -> Getter | None:
         """How to read a value."""
@@ -103,6 +128,10 @@ class LatchDevice:
 
     def refresh(self, index: int, subindex: int) -> None:
         """Outputs need none."""
+
+    def configure(self, read: ReadObject) -> None:
+        """The filter mask."""
+        self._mask = read(DIGITAL_FILTER_MASK, 1)
 
     def take_error_values(self, read: ReadObject) -> None:
         """Bits that are 1 in 0x6206 take the bit of 0x6207; the others stay."""
@@ -113,6 +142,7 @@ class LatchDevice:
 class AdcDevice:
     """0x6401: one signed, left-adjusted 16-bit value a channel, as of the last scan or the last read outside the cycle.
 
+    0x6400 is the same in 8 bits.
     `sample(channel)` gives the volts at an input pin now.
     """
 
@@ -131,15 +161,20 @@ class AdcDevice:
 
     def getter(self, index: int, subindex: int) -> Getter | None:
         """How to read a value."""
-        if index != ANALOGUE_INPUT or not 1 <= subindex <= len(self._values):
+        if index not in (ANALOGUE_INPUT, ANALOGUE_INPUT_8) or not 1 <= subindex <= len(self._values):
             return None
         values, channel = self._values, subindex - 1
+        if index == ANALOGUE_INPUT_8:
+            return lambda: values[channel] >> TO_8_BITS
         return lambda: values[channel]
 
     def refresh(self, index: int, subindex: int) -> None:
         """Convert one channel."""
-        if index == ANALOGUE_INPUT and 1 <= subindex <= len(self._values):
+        if index in (ANALOGUE_INPUT, ANALOGUE_INPUT_8) and 1 <= subindex <= len(self._values):
             self.store(subindex - 1, self._sample(subindex - 1))
+
+    def configure(self, read: ReadObject) -> None:
+        """No parameter acts on the values in passing."""
 
     def take_error_values(self, read: ReadObject) -> None:
         """Inputs have no error values."""

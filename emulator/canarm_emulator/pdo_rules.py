@@ -17,7 +17,14 @@ CanMap = Callable[[Kind, int, int], bool]
 KINDS: tuple[Kind, ...] = ("rpdo", "tpdo")
 SYNCHRONOUS_TYPES = range(241)
 EVENT_DRIVEN_TYPES = (254, 255)
-"""Taken for RPDOs alone: the inputs are converted at a SYNC and at no other time."""
+SYNCHRONOUS_ON_REQUEST, ON_REQUEST = 252, 253
+"""TPDOs that are sent on a remote frame only: sampled at the last SYNC, sampled then."""
+TRANSMISSION_TYPES: dict[Kind, frozenset[int]] = {
+    "rpdo": frozenset((*SYNCHRONOUS_TYPES, *EVENT_DRIVEN_TYPES)),
+    "tpdo": frozenset((*SYNCHRONOUS_TYPES, SYNCHRONOUS_ON_REQUEST, ON_REQUEST, *EVENT_DRIVEN_TYPES)),
+}
+FIXED_WHILE_ENABLED = (3, 6)
+"""Inhibit time and SYNC start value (CiA 301, 7.5.2.37: not to be changed while the PDO exists)."""
 RESTRICTED_COB_IDS = (
     range(0x081),  # NMT, reserved, and SYNC, which 0x1005 fixes at 0x080
     range(0x100, 0x181),  # TIME, reserved
@@ -27,7 +34,7 @@ RESTRICTED_COB_IDS = (
 )
 """CAN-IDs that no PDO may take (CiA 301, 7.3.5, restricted CAN-IDs)."""
 NO_REMOTE = 0x4000_0000
-"""Bit 30: no answer to remote frames. The cards answer none either way."""
+"""Bit 30: no answer to remote frames."""
 MAPPED_BYTES = 8
 
 
@@ -44,16 +51,21 @@ def check_pdo_write(
                 _check_mapping(store, can_map, kind, mapping, subindex, value)
             elif subindex == 1:
                 _check_cob_id(value, store.number(index, 1))
-            elif subindex == 2 and not _is_transmission_type(kind, value):
+            elif subindex == 2 and value not in TRANSMISSION_TYPES[kind]:
                 raise SdoRefused(AbortCode.INVALID_VALUE)
+            elif subindex in FIXED_WHILE_ENABLED and not store.number(index, 1) & DISABLED:
+                raise SdoRefused(AbortCode.DEVICE_STATE)
 
 
-def _is_transmission_type(kind: Kind, value: int) -> bool:
-    return value in SYNCHRONOUS_TYPES or (kind == "rpdo" and value in EVENT_DRIVEN_TYPES)
+def check_emergency_cob_id(value: int, present: int) -> None:
+    """0x1014 (CiA 301, 7.5.2.16): bit 31 disables EMCY. Raises `SdoRefused`."""
+    if value & NO_REMOTE:
+        raise SdoRefused(AbortCode.INVALID_VALUE)
+    _check_cob_id(value, present)
 
 
 def _check_cob_id(value: int, present: int) -> None:
-    """Only 11-bit CAN-IDs; an enabled PDO keeps its CAN-ID until it is disabled."""
+    """Only 11-bit CAN-IDs; one that is enabled keeps its CAN-ID until it is disabled."""
     if value & ~(DISABLED | NO_REMOTE | COB_ID_MASK):
         raise SdoRefused(AbortCode.INVALID_VALUE)
     if value & DISABLED:

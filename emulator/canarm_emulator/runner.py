@@ -7,10 +7,13 @@ from canarm_protocol.bench_objects import DIVIDER
 from canarm_protocol.clock import Clock
 from canarm_protocol.frames import Cob, Frame, NmtState
 from canarm_protocol.port import BusPort
+from canarm_protocol.realtime import Collector, undisturbed
 
+from .arrival import SyncArrival
 from .bench import Bench, CycleTruth
 from .hub import Attached, Detached, Hub, Ready, Received
 from .recording import Recorder
+from .slave import NEVER
 
 ROBOT_BUS, BENCH_BUS = "can0", "bench"
 LISTENER_NS = 1_500_000_000
@@ -60,6 +63,8 @@ class EmulatorRunner:
         self._sent_cycle = -1
         self._last_look_ns = time.monotonic_ns()
         self._start_ns = self._last_look_ns
+        self.arrival = SyncArrival(bench.cell.bus.cycle_ns)
+        """How regularly SYNC comes on the wall clock."""
         self.stalls = 0
         """How often the machine kept the emulator from running for longer than `STALL_NS`."""
         self.run_ons = 0
@@ -73,6 +78,13 @@ class EmulatorRunner:
 
     def run(self) -> None:
         """Power on and serve until `should_stop`. Raises `BusError` when a port's bus is lost."""
+        if self._bench.clock is Clock.SYNC:
+            self._serve(None)
+        else:
+            with undisturbed(time.monotonic_ns) as collector:
+                self._serve(collector)
+
+    def _serve(self, collector: Collector | None) -> None:
         bench, lockstep = self._bench, self._bench.clock is Clock.SYNC
         self._start_ns = self._last_look_ns = time.monotonic_ns()
         bench.start()
@@ -91,6 +103,8 @@ class EmulatorRunner:
             self._telemetry(now_ns)
             self._deliver()
             bench.move_on()
+            if collector is not None and not events:
+                collector.cycle_done(NEVER)
         self._deliver()
 
     def _take_events(self, events: Sequence[Attached | Detached | Ready | Received], now_ns: int) -> None:
@@ -138,6 +152,8 @@ class EmulatorRunner:
         if bus == ROBOT_BUS:
             if frame.can_id == Cob.SYNC and not frame.is_extended and not frame.is_remote:
                 self._sync_sender, self._last_heard_ns = origin, now_ns
+                if self._bench.clock is Clock.WALL:
+                    self.arrival.arrival(now_ns)
                 if self._is_behind:
                     self._advance_to_sync(now_ns - self._start_ns)
                 self._last_sync_time_ns = self._bench.time_ns

@@ -1,7 +1,10 @@
-"""A CANopen slave in virtual time (CiA 301): NMT states, SDO server, synchronous PDOs, heartbeat both ways, EMCY.
+"""A CANopen slave in virtual time (CiA 301): NMT states, SDO server, PDOs of every type, heartbeat both ways, EMCY.
 
 Frames and times go in through methods; frames come out through `emit`. Nothing here waits, and what is answered is
 answered at once. Which frames are a node's, and when time passes, is the bench's business.
+
+Left out, as the standard permits: node guarding, SDO block transfer, TIME, bit-wise and dummy mapping, 29-bit
+identifiers, another COB-ID for SYNC, and changes of PDOs in OPERATIONAL.
 """
 
 from collections.abc import Callable
@@ -10,32 +13,48 @@ from canarm_protocol.dictionary import (
     CLOCK_MODE,
     CONSUMER_HEARTBEAT,
     CYCLE_PERIOD,
+    EMERGENCY_COB_ID,
     ERROR_BEHAVIOUR,
     ERROR_HISTORY,
     ERROR_REGISTER,
+    INTERRUPT_ENABLE,
+    INTERRUPT_SOURCE,
     PRODUCER_HEARTBEAT,
     SYNC_OVERFLOW,
+    SYNC_WINDOW,
     Dictionary,
 )
 from canarm_protocol.errors import DictionaryError
-from canarm_protocol.frames import Emergency, ErrorCode, Frame, NmtCommand, NmtState, heartbeat_frame
-from canarm_protocol.pdo import Kind, MappedObject, PdoLayout, read_layouts
+from canarm_protocol.frames import ErrorCode, Frame, NmtCommand, NmtState, heartbeat_frame
+from canarm_protocol.pdo import COMMUNICATION, Kind, MappedObject, PdoLayout, read_layouts
 from canarm_protocol.sdo import AbortCode
 
+from . import parameters
+from .analogue_events import AnalogueEvents
 from .device import Getter, IoDevice, Setter
-from .pdo_rules import SYNCHRONOUS_TYPES, check_pdo_write
+from .emergency import EmergencyProducer
+from .event_pdos import EVENT_TIMER, EventPdos
+from .pdo_rules import (
+    EVENT_DRIVEN_TYPES,
+    NO_REMOTE,
+    ON_REQUEST,
+    SYNCHRONOUS_ON_REQUEST,
+    SYNCHRONOUS_TYPES,
+    check_emergency_cob_id,
+    check_pdo_write,
+)
+from .rpdo_deadlines import RpdoDeadlines
 from .sdo_server import SdoServer
 from .store import ObjectStore, SdoRefused
+from .timing import MICROSECOND, MILLISECOND
+from .timing import NEVER as NEVER
 
 Emit = Callable[[int, Frame], None]
 
-NEVER = 1 << 62
-MILLISECOND = 1_000_000
 SDO_SERVER, SDO_SERVERS = 0x1200, 0x80
 APPLICATION_OBJECTS = 0x2000
-GENERIC_ERROR, COMMUNICATION_ERROR = 0x01, 0x10
-"""Bits of the error register (CiA 301, 7.5.2.2)."""
-HISTORY_LENGTH = 4
+SYNC_START_VALUE = 6
+"""Sub-index of a TPDO's communication parameter."""
 
 
 class Slave:
@@ -60,12 +79,20 @@ class Slave:
             for index in range(SDO_SERVER, SDO_SERVER + SDO_SERVERS)
             if index in dictionary
         }
-        self._errors: list[ErrorCode] = []
+        self._emergency = EmergencyProducer(self._store, node_id, emit, lambda: self.state is not NmtState.STOPPED)
+        self._inputs = AnalogueEvents(self._store) if INTERRUPT_ENABLE in dictionary else None
+        self._events = EventPdos(self._store, device, self._inputs, self.send_tpdo)
+        self._is_configured = False
         self._scanned: set[tuple[int, int]] = set()
         self._setters: dict[int, list[Setter]] = {}
         self._getters: dict[int, list[Getter]] = {}
         self._received: dict[int, bytes] = {}
         self._syncs_until_due: dict[int, int] = {}
+        self._first_syncs: dict[int, int] = {}
+        self._last_sync_ns = NEVER
+        self._sync_length = 0
+        self._window_ns = 0
+        self._deadlines = RpdoDeadlines()
         self._last_sent: dict[int, bytes] = {}
         self._heartbeat_due_ns = NEVER
         self._watch_due_ns = NEVER
@@ -76,9 +103,14 @@ class Slave:
         for server, _ in self._sdo.values():
             server.reset()
         self._deactivate_pdos()
+        self.device.configure(self._store.number)
         self.device.take_error_values(self._store.number)
-        self._heartbeat_due_ns = self._watch_due_ns = NEVER
-        self._errors.clear()
+        self._emergency.reset()
+        self._sync_length = 1 if self._store.optional(SYNC_OVERFLOW) else 0
+        self._window_ns = self._store.optional(SYNC_WINDOW) * MICROSECOND
+        heartbeat_ns = self._store.number(PRODUCER_HEARTBEAT) * MILLISECOND
+        self._heartbeat_due_ns = now_ns + heartbeat_ns if heartbeat_ns else NEVER
+        self._watch_due_ns = NEVER
         self._schedule()
         self._emit(now_ns, heartbeat_frame(self.node_id, NmtState.BOOT_UP))
         self.state = NmtState.PRE_OPERATIONAL
@@ -87,7 +119,7 @@ class Slave:
         """Obey an NMT command addressed to this node."""
         if command is NmtCommand.START:
             if self.state is not NmtState.OPERATIONAL:
-                self._activate_pdos()
+                self._activate_pdos(now_ns)
             self.state = NmtState.OPERATIONAL
         elif command is NmtCommand.STOP:
             self._leave_operational(NmtState.STOPPED)
@@ -108,6 +140,11 @@ class Slave:
         return self._watch_due_ns
 
     @property
+    def world_due_ns(self) -> int:
+        """When `run_timers` has something to do that reads the card's inputs or sets its outputs."""
+        return min(self._watch_due_ns, self._events.due_ns)
+
+    @property
     def watched_node_id(self) -> int:
         """The node whose heartbeat is monitored (0x1016:1); none is where the node-ID is 0 or above 127."""
         return self._store.number(CONSUMER_HEARTBEAT, 1) >> 16 & 0xFF
@@ -120,22 +157,34 @@ class Slave:
         self._now_ns = now_ns
         server, answer_id = self._sdo[cob_id]
         answer = server.answer(data)
+        if self._is_configured:
+            self._is_configured = False
+            self.device.configure(self._store.number)
         if answer is not None:
             self._emit(now_ns, Frame(answer_id, answer))
 
     def on_rpdo(self, layout: PdoLayout, data: bytes, now_ns: int) -> None:
         """Take an RPDO; a synchronous one acts at the next SYNC, an event-driven one at once.
 
-        Bytes beyond the mapped ones are left aside; one that is too short has no effect but EMCY 0x8210.
+        Bytes beyond the mapped ones are left aside; one that is too short has no effect but EMCY 0x8210. A synchronous
+        one that comes after the synchronous window (0x1007) has none at all.
         """
         if len(data) < layout.size:
             self.ignored_frames += 1
-            self._begin_error(ErrorCode.PDO_LENGTH, now_ns)
+            self._emergency.begin(ErrorCode.PDO_LENGTH, now_ns)
+            self._schedule()
             return
-        if self._errors:
-            self._end_error(ErrorCode.PDO_LENGTH, now_ns)
+        if self._deadlines and self._deadlines.received(layout.number, now_ns):
+            self._emergency.end(ErrorCode.RPDO_TIMEOUT, now_ns)
+            self._schedule()
+        if self._emergency.present:
+            self._emergency.end(ErrorCode.PDO_LENGTH, now_ns)
+            self._schedule()
         if layout.transmission_type in SYNCHRONOUS_TYPES:
-            self._received[layout.number] = data
+            if self._window_ns and now_ns - self._last_sync_ns > self._window_ns:
+                self.ignored_frames += 1
+            else:
+                self._received[layout.number] = data
         else:
             self._apply(layout, data)
 
@@ -147,30 +196,83 @@ class Slave:
                 if data is not None:
                     self._apply(layout, data)
 
-    def tpdos_due(self) -> list[PdoLayout]:
-        """SYNC: the TPDOs to be sent once their inputs are converted."""
+    def on_sync(self, data: bytes, now_ns: int) -> list[PdoLayout]:
+        """SYNC: outputs act; returns the TPDOs to be sent once their inputs are converted.
+
+        One whose length is not what 0x1019 says is reported by EMCY 0x8240 and acts nevertheless.
+        """
+        if self.state is NmtState.STOPPED:
+            return []
+        if len(data) != self._sync_length:
+            self._emergency.begin(ErrorCode.SYNC_LENGTH, now_ns)
+            self._schedule()
+        elif self._emergency.present:
+            self._emergency.end(ErrorCode.SYNC_LENGTH, now_ns)
+            self._schedule()
+        self._last_sync_ns = now_ns
+        self.apply_outputs()
+        return self.tpdos_due(data[0] if data else 0)
+
+    def tpdos_due(self, counter: int = 0) -> list[PdoLayout]:
+        """The TPDOs that the SYNC with this counter asks for; 0 is one without."""
         due = []
         for layout in self.tpdos:
-            if layout.transmission_type <= 1:
+            transmission_type = layout.transmission_type
+            if self._first_syncs and layout.number in self._first_syncs:
+                if self._first_syncs[layout.number] != counter:
+                    continue
+                del self._first_syncs[layout.number]
+            if transmission_type <= 1 or transmission_type == SYNCHRONOUS_ON_REQUEST:
                 due.append(layout)
-                continue
-            left = self._syncs_until_due[layout.number] - 1
-            if left == 0:
-                due.append(layout)
-                left = layout.transmission_type
-            self._syncs_until_due[layout.number] = left
+            elif transmission_type in SYNCHRONOUS_TYPES:
+                left = self._syncs_until_due[layout.number] - 1
+                if left == 0:
+                    due.append(layout)
+                    left = transmission_type
+                self._syncs_until_due[layout.number] = left
         return due
 
     def send_tpdo(self, layout: PdoLayout, now_ns: int) -> None:
-        """Send one TPDO, if it is still in force; one of type 0 only when its data differ from what it last sent."""
+        """Send one TPDO, if it is still in force.
+
+        One of type 0 is sent only when its data differ from what it last sent; one of type 252 waits for a remote
+        frame. A synchronous one whose time has come after the synchronous window (0x1007) is left out.
+        """
         if layout not in self.tpdos:
             return
-        data = layout.pack(*[getter() for getter in self._getters[layout.number]])
-        if layout.transmission_type == 0:
+        transmission_type = layout.transmission_type
+        if self._window_ns and now_ns - self._last_sync_ns > self._window_ns and transmission_type < ON_REQUEST:
+            return
+        data = self._pack(layout)
+        if transmission_type == 0:
             if self._last_sent.get(layout.number) == data:
                 return
             self._last_sent[layout.number] = data
+        elif transmission_type == SYNCHRONOUS_ON_REQUEST:
+            self._last_sent[layout.number] = data
+            return
         self._emit(now_ns, Frame(layout.cob_id, data))
+
+    def on_remote(self, cob_id: int, now_ns: int) -> bool:
+        """A remote frame: a TPDO of that COB-ID is sent, unless bit 30 forbids it. Returns whether there is one.
+
+        Synchronous ones carry what was sampled at the last SYNC, the others what is there now.
+        """
+        for layout in self.tpdos:
+            if layout.cob_id == cob_id:
+                if self._store.number(COMMUNICATION["tpdo"] + layout.number - 1, 1) & NO_REMOTE:
+                    return False
+                if layout.transmission_type in (ON_REQUEST, *EVENT_DRIVEN_TYPES):
+                    self._events.refresh(layout)
+                data = self._pack(layout)
+                if layout.transmission_type == SYNCHRONOUS_ON_REQUEST:
+                    data = self._last_sent.get(layout.number, data)
+                self._emit(now_ns, Frame(cob_id, data))
+                return True
+        return False
+
+    def _pack(self, layout: PdoLayout) -> bytes:
+        return layout.pack(*[getter() for getter in self._getters[layout.number]])
 
     def on_heartbeat(self, node_id: int, now_ns: int) -> None:
         """A heartbeat of another node: monitoring begins with the first one (CiA 301, 7.5.2.19)."""
@@ -179,21 +281,28 @@ class Slave:
         if entry >> 16 & 0xFF != node_id or not timeout_ms:
             return
         self._watch_due_ns = now_ns + timeout_ms * MILLISECOND
+        self._emergency.end(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, now_ns)
         self._schedule()
-        self._end_error(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, now_ns)
 
     def run_timers(self, now_ns: int) -> None:
-        """Do what has fallen due by `now_ns`: produce a heartbeat, notice that one is missing."""
+        """Do what has fallen due by `now_ns`: produce a heartbeat, notice that one is missing, send what was due."""
         if self._heartbeat_due_ns <= now_ns:
             self._emit(self._heartbeat_due_ns, heartbeat_frame(self.node_id, self.state))
             self._heartbeat_due_ns += self._store.number(PRODUCER_HEARTBEAT) * MILLISECOND
         if self._watch_due_ns <= now_ns:
             at, self._watch_due_ns = self._watch_due_ns, NEVER
             self._heartbeat_lost(at)
+        if self._deadlines.due_ns <= now_ns:
+            self._emergency.begin(ErrorCode.RPDO_TIMEOUT, self._deadlines.due_ns)
+            self._deadlines.run(now_ns)
+        if self._emergency.due_ns <= now_ns:
+            self._emergency.run(now_ns)
+        if self._events.due_ns <= now_ns:
+            self._events.run(now_ns)
         self._schedule()
 
     def _heartbeat_lost(self, now_ns: int) -> None:
-        self._begin_error(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, now_ns)
+        self._emergency.begin(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, now_ns)
         self.device.take_error_values(self._store.number)
         behaviour = self._store.number(ERROR_BEHAVIOUR, 1)
         if behaviour == 0 and self.state is NmtState.OPERATIONAL:
@@ -201,41 +310,25 @@ class Slave:
         elif behaviour == 2:
             self._leave_operational(NmtState.STOPPED)
 
-    def _begin_error(self, code: ErrorCode, now_ns: int) -> None:
-        """Report an error once, when it begins (CiA 301, 7.2.7)."""
-        if code in self._errors:
-            return
-        self._errors.append(code)
-        count = min(self._store.number(ERROR_HISTORY) + 1, HISTORY_LENGTH)
-        for position in range(count, 1, -1):
-            self._store.put(ERROR_HISTORY, position, self._store.number(ERROR_HISTORY, position - 1))
-        self._store.put(ERROR_HISTORY, 1, code)
-        self._store.put(ERROR_HISTORY, 0, count)
-        self._report(code, now_ns)
-
-    def _end_error(self, code: ErrorCode, now_ns: int) -> None:
-        """Report that an error is over; the register still shows the others."""
-        if code in self._errors:
-            self._errors.remove(code)
-            self._report(ErrorCode.NO_ERROR, now_ns)
-
-    def _report(self, code: ErrorCode, now_ns: int) -> None:
-        register = GENERIC_ERROR | COMMUNICATION_ERROR if self._errors else 0
-        self._store.put(ERROR_REGISTER, 0, register)
-        self._emit(now_ns, Emergency(code, register).frame(self.node_id))
-
     def _apply(self, layout: PdoLayout, data: bytes) -> None:
         for setter, value in zip(self._setters[layout.number], layout.unpack(data[: layout.size]), strict=True):
             setter(value)
 
-    def _activate_pdos(self) -> None:
-        dictionary, number = self._store.dictionary, self._store.number
-        self.rpdos = read_layouts(dictionary, "rpdo", number)
-        self.tpdos = read_layouts(dictionary, "tpdo", number)
+    def _activate_pdos(self, now_ns: int) -> None:
+        """PDOs that map nothing are none."""
+        dictionary, number, optional = self._store.dictionary, self._store.number, self._store.optional
+        self.rpdos = [layout for layout in read_layouts(dictionary, "rpdo", number) if layout.objects]
+        self.tpdos = [layout for layout in read_layouts(dictionary, "tpdo", number) if layout.objects]
         self._setters = {layout.number: [self._setter(m) for m in layout.objects] for layout in self.rpdos}
         self._getters = {layout.number: [self._getter(m) for m in layout.objects] for layout in self.tpdos}
         self._scanned = {(m.index, m.subindex) for layout in self.tpdos for m in layout.objects}
         self._syncs_until_due = {layout.number: layout.transmission_type for layout in self.tpdos}
+        starts = {p.number: optional(COMMUNICATION["tpdo"] + p.number - 1, SYNC_START_VALUE) for p in self.tpdos}
+        self._first_syncs = {n: start for n, start in starts.items() if start and self._sync_length}
+        timers_ms = {p.number: optional(COMMUNICATION["rpdo"] + p.number - 1, EVENT_TIMER) for p in self.rpdos}
+        self._deadlines.activate({number: time_ms * MILLISECOND for number, time_ms in timers_ms.items()})
+        self._events.activate(self.tpdos, now_ns)
+        self._schedule()
 
     def _setter(self, mapped: MappedObject) -> Setter:
         setter = self.device.setter(mapped.index, mapped.subindex)
@@ -259,17 +352,29 @@ class Slave:
         self._scanned.clear()
         self._received.clear()
         self._last_sent.clear()
+        self._events.clear()
+        self._deadlines.activate({})
+        self._last_sync_ns = NEVER
 
     def _leave_operational(self, state: NmtState) -> None:
         self.state = state
         self._deactivate_pdos()
+        self._schedule()
 
     def _schedule(self) -> None:
-        self.next_due_ns = min(self._heartbeat_due_ns, self._watch_due_ns)
+        self.next_due_ns = min(
+            self._heartbeat_due_ns,
+            self._watch_due_ns,
+            self._deadlines.due_ns,
+            self._emergency.due_ns,
+            self._events.due_ns,
+        )
 
     def _read_object(self, index: int, subindex: int) -> bytes | None:
         if index == CLOCK_MODE:
             return bytes((self._clock_mode,))
+        if index == INTERRUPT_SOURCE and subindex and self._inputs is not None:
+            return self._inputs.take_sources().to_bytes(4, "little")
         if index >= APPLICATION_OBJECTS:
             if (index, subindex) not in self._scanned:
                 self.device.refresh(index, subindex)
@@ -283,8 +388,16 @@ class Slave:
         if setter is not None:
             setter(self._store.variable(index, subindex).decode_raw(data))
             return True
+        value = int.from_bytes(data, "little")
+        if index in parameters.SIGNATURES:
+            parameters.obey(self._store, index, subindex, value)
+            return True
         if index < APPLICATION_OBJECTS:
-            self._configure(index, subindex, int.from_bytes(data, "little"))
+            self._configure(index, subindex, value)
+        elif index == INTERRUPT_ENABLE:
+            self._events.enable(bool(value), self._now_ns)
+            self._schedule()
+        self._is_configured = index >= APPLICATION_OBJECTS
         return False
 
     def _configure(self, index: int, subindex: int, value: int) -> None:
@@ -300,10 +413,14 @@ class Slave:
         elif index == ERROR_HISTORY:
             if value:
                 raise SdoRefused(AbortCode.INVALID_VALUE)
-            for position in range(1, HISTORY_LENGTH + 1):
-                self._store.put(ERROR_HISTORY, position, 0)
+            self._emergency.clear_history()
+        elif index == EMERGENCY_COB_ID:
+            check_emergency_cob_id(value, self._store.number(EMERGENCY_COB_ID))
+        elif index == SYNC_WINDOW:
+            self._window_ns = value * MICROSECOND
         elif index == SYNC_OVERFLOW:
             if self._store.number(CYCLE_PERIOD):
                 raise SdoRefused(AbortCode.DEVICE_STATE)
             if value == 1:
                 raise SdoRefused(AbortCode.INVALID_VALUE)
+            self._sync_length = 1 if value else 0

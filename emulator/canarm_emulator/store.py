@@ -37,6 +37,7 @@ class ObjectStore:
         self._on_read = on_read
         self._on_write = on_write
         self._values: dict[tuple[int, int], bytes] = {}
+        self._saved: dict[tuple[int, int], bytes] = {}
 
     def read(self, index: int, subindex: int) -> bytes:
         """The object's bytes, for a client. Raises `SdoRefused`."""
@@ -70,13 +71,27 @@ class ObjectStore:
         variable = self.variable(index, subindex)
         return int(variable.decode_raw(self._data(variable)))
 
+    def optional(self, index: int, subindex: int = 0, default: int = 0) -> int:
+        """The value of an integer object, or `default` where the dictionary has none."""
+        return default if variable_at(self.dictionary, index, subindex) is None else self.number(index, subindex)
+
     def put(self, index: int, subindex: int, value: int) -> None:
         """Set an object from inside the node, past access rights and hooks."""
         self._values[index, subindex] = bytes(self.variable(index, subindex).encode_raw(value))
 
     def reset(self, keep: Callable[[int], bool] = lambda index: False) -> None:
-        """Back to the defaults, but for the objects whose index is to `keep`."""
-        self._values = {key: value for key, value in self._values.items() if keep(key[0])}
+        """Back to the saved values and the defaults, but for the objects whose index is to `keep`."""
+        kept = {key: value for key, value in self._values.items() if keep(key[0])}
+        self._values = {key: value for key, value in self._saved.items() if not keep(key[0])} | kept
+
+    def save(self, is_meant: Callable[[int], bool]) -> None:
+        """Let the values of the objects whose index `is_meant` outlast resets."""
+        self.forget_saved(is_meant)
+        self._saved |= {key: value for key, value in self._values.items() if is_meant(key[0])}
+
+    def forget_saved(self, is_meant: Callable[[int], bool]) -> None:
+        """Let the next reset give those objects their defaults again."""
+        self._saved = {key: value for key, value in self._saved.items() if not is_meant(key[0])}
 
     def variable(self, index: int, subindex: int) -> ODVariable:
         """The dictionary's entry. Raises `SdoRefused`."""

@@ -11,8 +11,10 @@ import pytest
 from canarm import cli
 
 OPTIONS = {
-    "demo": "--cell --set --law --feedforward --trajectory --seconds --clock --seed --truth --wire --out --no-tui --json",
-    "emulator": "--serve --allow-remote --slcan --cell --set --clock --sync-timeout --seed --truth --wire --seconds --out --json "
+    "demo": "--cell --set --law --feedforward --trajectory --seconds --clock --seed --truth --wire --out --no-tui "
+    "--json",
+    "emulator": "--serve --allow-remote --slcan --cell --set --clock --sync-timeout --seed --truth --wire --seconds "
+    "--out --json "
     "--interface -i --channel -c --bus-kwargs --bench-interface --bench-channel --bench-bus-kwargs",
     "controller": "--connect --cell --set --law --feedforward --trajectory --clock --seconds --out --json "
     "--interface -i --channel -c --bus-kwargs --bench-interface --bench-channel --bench-bus-kwargs",

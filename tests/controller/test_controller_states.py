@@ -211,8 +211,8 @@ def test_lost_inputs_stop_the_robot_after_so_many_cycles_and_are_named(pair, cob
     before = pair.controller.controlled_ticks
     pair.run_to(State.STOPPING)
     assert pair.controller.missed == pair.cell.supervision.missing_cycles == 16
-    assert pair.controller.controlled_ticks - before == 7
-    assert_stopped(pair, "inputs-missing", f"TPDO 0x{cob_id:03X} of node 0x14", "8 cycles")
+    assert pair.controller.controlled_ticks - before == 15
+    assert_stopped(pair, "inputs-missing", f"TPDO 0x{cob_id:03X} of node 0x14", "16 cycles")
 
 
 def test_a_few_lost_inputs_are_counted_and_do_not_stop_the_robot(pair) -> None:

@@ -1,9 +1,8 @@
 """Deadlines and how they are kept, on a clock that the test moves."""
 
-import numpy as np
 import pytest
 
-from canarm_controller.pacing import Lateness, Pacer
+from canarm_controller.pacing import Pacer
 
 PERIOD_NS = 2_500_000
 
@@ -62,6 +61,19 @@ def test_a_stall_leaves_out_whole_periods_and_keeps_the_grid(clock: FakeClock, d
     assert 0.0 < pacer.left_s() <= PERIOD_NS * 1e-9
 
 
+@pytest.mark.parametrize(("delay_ns", "stalls"), [(100_000_000, 0), (100_000_001, 1), (180_000_000_000, 1)])
+def test_a_delay_longer_than_the_cards_wait_is_a_stall_whatever_its_length(
+    clock: FakeClock, delay_ns: int, stalls: int
+) -> None:
+    pacer = Pacer(PERIOD_NS, clock)
+    clock.now_ns += delay_ns
+    pacer.begin()
+    assert (pacer.stalls, pacer.late, pacer.missed) == (stalls, 1, delay_ns // PERIOD_NS)
+    clock.now_ns = pacer.next_ns
+    pacer.begin()
+    assert (pacer.stalls, pacer.late) == (stalls, 1)
+
+
 def test_an_early_start_is_not_late(clock: FakeClock) -> None:
     pacer = Pacer(PERIOD_NS, clock)
     pacer.begin()
@@ -69,24 +81,41 @@ def test_an_early_start_is_not_late(clock: FakeClock) -> None:
     assert (pacer.late, pacer.missed, pacer.lateness.max_ns) == (0, 0, 0)
 
 
-def test_percentiles_agree_with_numpy_to_a_bin() -> None:
-    delays_ns = np.random.default_rng(0).exponential(300_000, 5000).astype(int)
-    lateness = Lateness()
-    for delay_ns in delays_ns.tolist():
-        lateness.add(delay_ns)
-    for percent in (1.0, 50.0, 99.0, 100.0):
-        expected_us = np.percentile(delays_ns, percent, method="inverted_cdf") / 1000
-        assert lateness.percentile_us(percent) == pytest.approx(expected_us, abs=10.0)
-    assert lateness.summary()["max_us"] == delays_ns.max() / 1000
+def test_jitter_is_how_far_an_interval_is_from_the_period_to_either_side(clock: FakeClock) -> None:
+    """One SYNC 400 µs late: the interval before it is 400 µs too long, the one after it too short."""
+    pacer = Pacer(PERIOD_NS, clock)
+    for delay_ns in (0, 0, 400_000, 0):
+        clock.now_ns = pacer.next_ns + delay_ns
+        pacer.begin()
+    assert pacer.jitter.summary()["histogram"] == {"from_us": [0, 400], "count": [1, 2]}
+    assert pacer.lateness.summary()["histogram"] == {"from_us": [0, 400], "count": [3, 1]}
 
 
-def test_delays_beyond_the_last_bin_count_and_keep_their_maximum() -> None:
-    lateness = Lateness()
-    for delay_ns in (5_000, 15_000_000, 80_000_000):
-        lateness.add(delay_ns)
-    assert lateness.summary() == {"median_us": pytest.approx(10_010), "p99_us": pytest.approx(10_010), "max_us": 80_000}
-    assert (lateness.total, len(lateness.counts)) == (3, 1001)
+def test_a_constant_delay_is_lateness_and_no_jitter(clock: FakeClock) -> None:
+    pacer = Pacer(PERIOD_NS, clock)
+    for _ in range(100):
+        clock.now_ns = pacer.next_ns + 70_000
+        pacer.begin()
+    assert (pacer.lateness.max_ns, pacer.jitter.max_ns) == (70_000, 0)
+    assert (pacer.lateness.count, pacer.jitter.count) == (100, 99)
 
 
-def test_no_delays_have_no_percentiles() -> None:
-    assert Lateness().summary() == {"median_us": 0.0, "p99_us": 0.0, "max_us": 0.0}
+def test_a_cycle_is_split_where_its_inputs_are_complete(clock: FakeClock) -> None:
+    pacer = Pacer(PERIOD_NS, clock)
+    pacer.begin()
+    inputs_ns = clock.now_ns + 650_000
+    clock.now_ns += 770_000
+    pacer.controlled(inputs_ns)
+    summary = pacer.summary()
+    assert (summary["answer"]["max_us"], summary["computing"]["max_us"]) == (650.0, 120.0)
+
+
+def test_the_summary_says_everything_in_microseconds(clock: FakeClock) -> None:
+    pacer = Pacer(PERIOD_NS, clock)
+    pacer.begin()
+    clock.now_ns += 5_300_000
+    pacer.begin()
+    summary = pacer.summary()
+    counts = {name: value for name, value in summary.items() if not isinstance(value, dict)}
+    assert counts == {"period_us": 2500.0, "late": 1, "left_out": 1, "stalls": 0}
+    assert summary["lateness"]["max_us"] == summary["jitter"]["max_us"] == 2800.0

@@ -93,7 +93,7 @@ class Setup:
         self.bench.start()
         self.bench.records.clear()
 
-    def run(self) -> RunResult:
+    def run(self, spin_ns: int = 0) -> RunResult:
         self.started_ns = self.clock.now_ns
         runner = Runner(
             self.controller,
@@ -102,6 +102,7 @@ class Setup:
             self.states.append,
             lambda: self.should_stop(),
             self.clock,
+            spin_ns,
         )
         return runner.run()
 
@@ -281,6 +282,128 @@ def test_a_stall_of_the_machine_is_counted_as_missed_cycles() -> None:
     # Inputs are complete 0.6 ms after SYNC; 26.6 ms after it the next deadline is 24.1 ms ago: nine whole periods.
     assert (result.missed, result.late) == (9, 1)
     assert result.pacing.lateness.max_ns == pytest.approx(24_100_000, abs=100_000)
+
+
+def suspend(setup: Setup, at_tick: int, span_ns: int, with_emulator: bool) -> None:
+    """The clock jumps in the middle of a cycle; the emulator leaves the jump out of its time, or lives through it."""
+    done = []
+
+    def jump() -> None:
+        if setup.controller.tick == at_tick and not done:
+            done.append(True)
+            setup.clock.now_ns += span_ns
+            if with_emulator:
+                setup.robot_port._start_ns += span_ns
+
+    setup.controller.on_tick = jump
+
+
+def test_a_machine_that_slept_for_minutes_goes_on_where_it_was() -> None:
+    setup = Setup(Clock.WALL)
+    suspend(setup, at_tick=100, span_ns=180_000_000_000, with_emulator=True)
+    result = setup.run()
+    assert (result.state, result.reason, result.ticks) == (State.DONE, None, 400)
+    # 180 s are 72000 periods. Inputs are complete 0.6 ms after SYNC, so that the deadline after it passed 1.9 ms later.
+    assert (result.pacing.stalls, result.pacing.late, result.pacing.missed) == (1, 1, 71_999)
+    assert setup.controller.missed == 0
+    assert setup.controller.tick == 402  # ticks are cycles, not time: the trajectory goes on where it was
+
+
+def test_a_controller_alone_that_slept_for_minutes_finds_its_cards_safe_and_stops() -> None:
+    setup = Setup(Clock.WALL, ticks=None)
+    suspend(setup, at_tick=100, span_ns=180_000_000_000, with_emulator=False)
+    result = setup.run()
+    assert result.state is State.FAILED
+    assert result.reason.startswith("card-emergency: card 'dac' (node 0x12) reports error 0x8130")
+    assert result.pacing.stalls == 1
+    assert [joint.command_a for joint in setup.bench.world.state()] == [0.0, 0.0]
+    assert setup.waited_s < 180.0 + 4.0
+
+
+class SlowWay:
+    """Delivers what a port brings so much later, while `is_slow`."""
+
+    def __init__(self, setup: Setup, delay_ns: int, is_slow: Callable[[], bool]) -> None:
+        self._clock, self._receive = setup.clock, setup.robot_port.receive
+        self._delay_ns, self._is_slow = delay_ns, is_slow
+        self._held: list[tuple[int, tuple[int, Frame]]] = []
+        setup.robot_port.receive = self.receive
+
+    def receive(self, timeout_s: float) -> list[tuple[int, Frame]]:
+        end_ns = self._clock.now_ns + round(timeout_s * 1e9)
+        while True:
+            now_ns = self._clock.now_ns
+            wake_ns = min([end_ns, *(due_ns for due_ns, _ in self._held)])
+            found = self._receive(max(wake_ns - now_ns, 0) * 1e-9)
+            now_ns = self._clock.now_ns
+            delay_ns = self._delay_ns if self._is_slow() else 0
+            self._held += [(now_ns + delay_ns, stamped) for stamped in found]
+            ready = [stamped for due_ns, stamped in self._held if due_ns <= now_ns]
+            self._held = [(due_ns, stamped) for due_ns, stamped in self._held if due_ns > now_ns]
+            if ready or now_ns >= end_ns:
+                return ready
+
+
+def test_inputs_that_come_after_the_next_sync_are_missed_once_and_then_stand_for_its_own() -> None:
+    """TPDOs carry no number: from the second cycle on, those of the cycle before are taken for this one's."""
+    setup = Setup(Clock.WALL)
+    SlowWay(setup, 2_200_000, lambda: 100 <= setup.controller.tick < 200)
+    result = setup.run()
+    assert (result.state, result.reason, result.ticks) == (State.DONE, None, 400)
+    assert setup.controller.missed == 1
+    assert (result.late, result.pacing.missed) == (0, 0)
+    # 0.6 ms of scan and 2.2 ms of delay are 0.3 ms more than a period.
+    assert result.pacing.answer.percentile_us(10.0) == pytest.approx(300.0, rel=1 / 32)
+    assert result.pacing.answer.percentile_us(50.0) == pytest.approx(600.0, rel=1 / 32)
+
+
+@pytest.mark.parametrize(("cycles", "state"), [(15, State.DONE), (16, State.FAILED)])
+def test_inputs_that_stay_away_are_counted_and_fatal_at_the_limit_of_the_cell(cycles: int, state: State) -> None:
+    setup = Setup(Clock.WALL)
+    assert setup.cell.supervision.missing_cycles == 16
+    setup.robot_port.drop = lambda frame: frame.can_id in (0x294, 0x394) and 100 <= setup.controller.tick < 100 + cycles
+    result = setup.run()
+    assert (result.state, setup.controller.missed) == (state, cycles)
+    if state is State.FAILED:
+        assert result.reason == ("inputs-missing: no TPDO 0x294 of node 0x14 and TPDO 0x394 of node 0x14 for 16 cycles")
+
+
+def test_outputs_leave_before_the_cycle_is_recorded_and_reported() -> None:
+    setup = Setup(Clock.WALL, ticks=50)
+    sent = setup.robot_port.sent
+    last = []
+    setup.controller.on_tick = lambda: last.append(sent[-1].can_id)
+    setup.run()
+    assert set(last) <= {0x213, 0x312}  # RPDOs of latch and DAC card
+
+
+def test_a_recording_that_takes_its_time_is_no_computing_time() -> None:
+    setup = Setup(Clock.WALL, ticks=50)
+
+    def record() -> None:
+        setup.clock.now_ns += 900_000
+
+    setup.controller.on_tick = record
+    result = setup.run()
+    assert result.missed == 0
+    assert (result.pacing.computing.count, result.pacing.computing.max_ns) == (50, 0)
+
+
+def test_the_last_microseconds_before_a_deadline_are_polled_where_that_is_wanted() -> None:
+    setup = Setup(Clock.WALL, ticks=50)
+    receive, waits = setup.robot_port.receive, []
+
+    def polled(timeout_s: float) -> list[tuple[int, Frame]]:
+        setup.clock.now_ns += 10_000  # a poll takes its time, or spinning would never end here
+        waits.append(timeout_s)
+        return receive(timeout_s)
+
+    setup.robot_port.receive = polled
+    result = setup.run(spin_ns=200_000)
+    assert (result.state, result.missed, result.late) == (State.DONE, 0, 0)
+    assert max(wait for wait in waits if wait < 0.0025) <= 0.0023
+    # 200 us are 20 polls of 10 us.
+    assert waits.count(0.0) == pytest.approx(20 * 53, rel=0.15)
 
 
 def test_a_machine_that_is_always_late_still_reads_its_inputs() -> None:

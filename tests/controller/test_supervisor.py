@@ -82,13 +82,13 @@ def test_sync_or_our_own_heartbeat_is_another_controller(supervisor: Supervisor,
     assert verdict.detector == "foreign-master"
 
 
-def test_inputs_may_miss_seven_cycles_in_a_row_but_not_eight(supervisor: Supervisor) -> None:
+def test_inputs_may_miss_fifteen_cycles_in_a_row_but_not_sixteen(supervisor: Supervisor) -> None:
     for _ in range(3):
-        assert [supervisor.missing("TPDO 0x294 of node 0x14") for _ in range(7)] == [None] * 7
+        assert [supervisor.missing("TPDO 0x294 of node 0x14") for _ in range(15)] == [None] * 15
         assert supervisor.measurement([0.0, 0.0]) is None
-    verdicts = [supervisor.missing("TPDO 0x294 of node 0x14") for _ in range(8)]
-    assert verdicts[:7] == [None] * 7
-    assert str(verdicts[7]) == "inputs-missing: no TPDO 0x294 of node 0x14 for 8 cycles"
+    verdicts = [supervisor.missing("TPDO 0x294 of node 0x14") for _ in range(16)]
+    assert verdicts[:15] == [None] * 15
+    assert str(verdicts[15]) == "inputs-missing: no TPDO 0x294 of node 0x14 for 16 cycles"
 
 
 @pytest.mark.parametrize(("degrees", "is_possible"), [(132.9, True), (133.1, False), (-132.9, True), (-133.1, False)])
@@ -96,6 +96,13 @@ def test_a_joint_cannot_be_beyond_its_stops(supervisor: Supervisor, degrees: flo
     verdict = supervisor.measurement([0.0, math.radians(degrees)])
     assert (verdict is None) is is_possible
     assert verdict is None or verdict.detail.startswith("joint3 measured at")
+
+
+def test_after_cycles_without_a_measurement_a_joint_may_have_gone_further(supervisor: Supervisor) -> None:
+    supervisor.measurement([0.0, 0.0])
+    supervisor.missing("TPDO 0x294 of node 0x14")
+    assert supervisor.measurement([math.radians(15.9), 0.0]) is None
+    assert supervisor.measurement([math.radians(15.9 + 8.1), 0.0]) is not None
 
 
 @pytest.mark.parametrize(("degrees", "is_possible"), [(7.9, True), (8.1, False), (-7.9, True), (-8.1, False)])

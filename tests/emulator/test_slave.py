@@ -445,8 +445,8 @@ def test_pdos_are_not_changed_in_operational(adc: Node) -> None:
         assert adc.refused(index, subindex, data) == STATE
 
 
-@pytest.mark.parametrize("value", [241, 252, 253, 254, 255])
-def test_inputs_are_synchronous(adc: Node, value: int) -> None:
+@pytest.mark.parametrize("value", [241, 251])
+def test_transmission_types_of_nobody_are_refused(adc: Node, value: int) -> None:
     assert adc.refused(0x1801, 2, bytes((value,))) == INVALID
 
 

@@ -156,10 +156,10 @@ def test_the_library_sees_a_lost_heartbeat_and_its_return(link: Link) -> None:
 
 
 def test_remote_frames_are_not_taken_for_data(link: Link) -> None:
-    """Node guarding and remote requests of PDOs are not offered; the frames do nothing."""
+    """Node guarding is not offered, and other services are not asked for; the frames do nothing."""
     dac = link.card(DAC)
     link.nmt.state = "OPERATIONAL"
-    for can_id in (0x700 + DAC, 0x300 + DAC, 0x294, 0x000, 0x080):
+    for can_id in (0x700 + DAC, 0x300 + DAC, 0x284, 0x000, 0x080):
         link.send_message(can_id, b"", remote=True)
     assert link.bench.ignored_frames == 5
     assert dac.emcy.log == []

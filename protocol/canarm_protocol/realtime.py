@@ -19,7 +19,7 @@ COLLECT_CYCLES = 400
 MARGIN = 3
 """A collection begins when this many times as long as the last one took is left of the cycle."""
 PATIENCE = 10
-"""So many times `COLLECT_CYCLES` without a free moment, and the collection is made whatever is left: memory is bounded."""
+"""After so many times `COLLECT_CYCLES` without a free moment the collection is made all the same: memory is bounded."""
 
 _PR_SET_TIMERSLACK, _PR_GET_TIMERSLACK = 29, 30  # linux/prctl.h
 _MCL_CURRENT = 1  # asm-generic/mman-common.h; the few machines with another number refuse this one
@@ -33,7 +33,9 @@ class Collector:
     Only reference cycles need it. Our own loop makes none, but a law of the user's may.
     """
 
-    def __init__(self, clock: Callable[[], int] = time.monotonic_ns, collect: Callable[[], int] = gc.collect) -> None:
+    def __init__(
+        self, clock: Callable[[], int] = time.perf_counter_ns, collect: Callable[[], int] = gc.collect
+    ) -> None:
         self._clock, self._collect = clock, collect
         self._cycles = 0
         self._cost_ns = 0
@@ -54,10 +56,11 @@ class Collector:
 
 
 @contextlib.contextmanager
-def undisturbed(clock: Callable[[], int] = time.monotonic_ns) -> Iterator[Collector]:
+def undisturbed(clock: Callable[[], int] = time.perf_counter_ns) -> Iterator[Collector]:
     """No garbage collection but the `Collector`'s, and timers that fire on time; as it was before when this ends.
 
-    What has been set up by now is not looked at again by any collection meanwhile. Needs no permission.
+    What has been set up by now is not looked at again by any collection meanwhile. Begins with a full collection, which
+    can take longer than the cards wait for a heartbeat: not to be entered while they run. Needs no permission.
     """
     was_enabled = gc.isenabled()
     gc.collect()
@@ -75,7 +78,7 @@ def undisturbed(clock: Callable[[], int] = time.monotonic_ns) -> Iterator[Collec
 
 
 def ask_for_realtime() -> list[str]:
-    """Real-time class SCHED_FIFO for this thread, and its memory kept from being paged out, for the rest of the process.
+    """Real-time class SCHED_FIFO for this thread, and its memory kept from being paged out, until the process ends.
 
     Returns a line for each that was refused. Threads and processes that are started later do not inherit the class.
     """
@@ -85,16 +88,14 @@ def ask_for_realtime() -> list[str]:
     except AttributeError:
         refused.append(f"real-time class: {sys.platform} has no SCHED_FIFO; the run goes on without")
     except OSError as error:
-        why = error.strerror or error
         refused.append(
-            f"real-time class: {why}; allow it with `ulimit -r {PRIORITY}` or CAP_SYS_NICE; the run goes on without"
+            f"real-time class: {error.strerror}; allow it with `ulimit -r {PRIORITY}` or CAP_SYS_NICE; "
+            "the run goes on without"
         )
     # Not what is mapped later as well: under a limit (`ulimit -l`), memory would then run out in the middle of a run.
     why = _memory_lock()
     if why is not None:
-        refused.append(
-            f"memory lock: {why}; allow it with `ulimit -l unlimited` or CAP_IPC_LOCK; the run goes on without"
-        )
+        refused.append(f"memory lock: {why}; the run goes on without")
     return refused
 
 
@@ -117,4 +118,4 @@ def _memory_lock() -> str | None:
         return f"not known how on {sys.platform}"
     if ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT) == 0:
         return None
-    return os.strerror(ctypes.get_errno())
+    return f"{os.strerror(ctypes.get_errno())}; allow it with `ulimit -l unlimited` or CAP_IPC_LOCK"

@@ -1,0 +1,234 @@
+"""Jogging against the emulated bench in one process: the two cores joined by a list, in virtual time on both clocks."""
+
+import pytest
+
+from canarm.jogging.cards import JogError
+from canarm.jogging.jog import Jog, Work
+from canarm.jogging.parsing import Parser
+from canarm.session import make_bench
+from canarm_controller.errors import BringUpError
+from canarm_controller.master import Silence
+from canarm_protocol.cell_file import load_cell
+from canarm_protocol.clock import Clock
+from canarm_protocol.frames import Emergency, Frame, NmtState
+from canarm_protocol.wiring import card_nodes
+
+CELL = load_cell("konkuk1")
+SILENT = {f"{joint}.noise_lsb": "0" for joint in CELL.joint_names}
+MILLISECOND = 1_000_000
+DAC = 0x12
+CODE_A = 1.5 / 255
+
+
+class Table:
+    """A bench, and somebody at the prompt."""
+
+    def __init__(self, clock: Clock) -> None:
+        nodes = card_nodes(CELL)
+        self.bench = make_bench(CELL, SILENT, clock, 0)
+        self.jog = Jog(CELL, nodes, clock)
+        self.sent: list[Frame] = []
+        self._parser = Parser(CELL, nodes)
+        self.bench.start()
+        self.bench.records.clear()
+
+    def begin(self) -> None:
+        self.carry_out(self.jog.begin(250 * MILLISECOND))
+
+    def do(self, text: str) -> list[str]:
+        return [line for command in self._parser.parse_all(text) for line in self.carry_out(self.jog.run(command))]
+
+    def carry_out(self, work: Work) -> list[str]:
+        try:
+            ask = next(work)
+            while True:
+                answers = [frame for frame in self.exchange(ask.frames) if ask.is_answer(frame)]
+                if not answers:
+                    self.wait(ask.limit_ns)
+                ask = work.send(answers[0]) if answers else work.throw(Silence())
+        except StopIteration as done:
+            return list(done.value)
+        finally:
+            self.exchange(())
+
+    def exchange(self, frames) -> list[Frame]:
+        """Send, and hand over what comes back; the bench's clock stands still."""
+        gathered, self.jog.outbox = self.jog.outbox, []
+        for frame in (*gathered, *frames):
+            self.sent.append(frame)
+            self.bench.receive(frame, self)
+        records, self.bench.records = self.bench.records, []
+        received = [record.frame for record in records if record.origin is None]
+        for frame in received:
+            self.jog.receive(frame, self.jog.now_ns)
+        return received
+
+    def wait(self, time_ns: int) -> None:
+        """On the wall clock the world goes on meanwhile, and heartbeats go out."""
+        end_ns = self.jog.now_ns + time_ns
+        while self.jog.now_ns < end_ns:
+            self.jog.now_ns = min(self.jog.now_ns + MILLISECOND, end_ns)
+            if self.jog.clock is Clock.WALL:
+                self.bench.advance(self.jog.now_ns)
+            self.exchange(self.jog.heartbeat_if_due())
+
+    def commands_a(self) -> list[float]:
+        return [joint.command_a for joint in self.bench.world.state()]
+
+
+@pytest.fixture(params=[Clock.SYNC, Clock.WALL], ids=["sync", "wall"])
+def table(request) -> Table:
+    table = Table(request.param)
+    table.begin()
+    return table
+
+
+@pytest.fixture
+def lockstep() -> Table:
+    table = Table(Clock.SYNC)
+    table.begin()
+    return table
+
+
+def test_cards_are_operational_and_nothing_moves_at_first(table):
+    assert {slave.state for slave in table.bench.slaves} == {NmtState.OPERATIONAL}
+    assert table.commands_a() == [0.0, 0.0]
+    assert table.do("state")[1] == "card dac (0x12): OPERATIONAL, error register 0x00"
+
+
+def test_outputs_act_at_the_next_step_and_magnitude_and_direction_together(table):
+    table.do("current joint2 0.4; dac joint3 51; dir joint3 cw")
+    assert table.commands_a() == [0.0, 0.0]
+    assert table.do("state")[-1] == "joint3: code 0, off, 0.000 A; from the next step joint3: code 51, cw, -0.300 A"
+    table.do("step")
+    assert table.commands_a() == pytest.approx([68 * CODE_A, -51 * CODE_A])
+    assert table.do("state")[-1] == "joint3: code 51, cw, -0.300 A"
+
+
+def test_a_read_moves_nothing_that_waits_for_a_step(table):
+    table.do("current joint2 0.4")
+    table.do("read")
+    assert table.commands_a() == [0.0, 0.0]
+
+
+def test_a_read_shows_code_and_physical_value_of_every_input(table):
+    lines = table.do("read")
+    assert len(lines) == 6
+    # 270 degrees and 255 codes around 127.5: 20 degrees are code 146, which stands for 19.588 degrees
+    assert lines[0].split() == ["joint2.potentiometer", "146", "19.588", "deg"]
+    assert lines[2].split() == ["joint2.current_sense", "0", "0.000", "A"]
+
+
+def test_the_sensed_current_is_the_one_that_was_set(lockstep):
+    lockstep.do("current joint2 0.4; step 8")
+    assert lockstep.do("read")[2].split() == ["joint2.current_sense", "68", "0.400", "A"]
+
+
+def test_steps_move_time_by_cycles_in_lockstep_and_not_otherwise(lockstep):
+    before_ns = lockstep.bench.time_ns
+    lockstep.do("read; state; current joint2 0.4; sdo read adc 0x6401 1")
+    assert lockstep.bench.time_ns == before_ns
+    assert lockstep.do("step 11")[0].startswith("cycle 10, 25 ms: joint2 ")
+    assert lockstep.bench.cycle == 10
+    # ten periods of 2.5 ms, and the last scan of six channels of 100 us
+    assert lockstep.bench.time_ns - before_ns == 25 * MILLISECOND + 600_000
+
+
+def test_a_burst_on_the_wall_clock_keeps_the_period_and_the_heartbeat():
+    table = Table(Clock.WALL)
+    table.begin()
+    before_ns = table.bench.time_ns
+    assert table.do("step 400")[0].startswith("cycle 399: joint2 ")
+    assert table.bench.time_ns - before_ns == 1000 * MILLISECOND
+    table.wait(3000 * MILLISECOND)
+    assert table.do("state")[1] == "card dac (0x12): OPERATIONAL, error register 0x00"
+
+
+def test_off_stop_and_preop_take_the_current_away(table):
+    for command, state in (
+        ("off; step", NmtState.OPERATIONAL),
+        ("stop", NmtState.STOPPED),
+        ("preop", NmtState.PRE_OPERATIONAL),
+        ("reset", NmtState.PRE_OPERATIONAL),
+    ):
+        if not table.jog.is_driving:
+            table.do("start")
+        table.do("current joint2 0.4; step")
+        assert table.commands_a()[0] > 0.0
+        table.do(command)
+        assert table.commands_a() == [0.0, 0.0]
+        assert {slave.state for slave in table.bench.slaves} == {state}
+        if state is not NmtState.OPERATIONAL:
+            with pytest.raises(JogError, match="type: start"):
+                table.do("current joint2 0.4")
+        if state is NmtState.STOPPED:
+            with pytest.raises(JogError, match="type: preop"):
+                table.do("read")
+            table.do("state; preop")
+
+
+def test_objects_are_read_and_written_by_sdo(lockstep):
+    assert lockstep.do("sdo read adc 0x1008") == ["adc 0x1008:00 Manufacturer device name = ADC0809 card"]
+    lockstep.do("sdo write dac 0x1017 0 50")
+    assert lockstep.do("sdo read dac 0x1017") == ["dac 0x1017:00 Producer heartbeat time = 50 (0x0032)"]
+    with pytest.raises(JogError, match="0x06010002"):
+        lockstep.do("sdo write dac 0x1000 0 1")
+    with pytest.raises(JogError, match="0x06020000"):
+        lockstep.do("sdo read dac 0x5000")
+
+
+def test_the_end_leaves_outputs_off_and_cards_pre_operational(table):
+    table.do("current joint2 0.4; step")
+    table.exchange(table.jog.end())
+    assert table.commands_a() == [0.0, 0.0]
+    assert {slave.state for slave in table.bench.slaves} == {NmtState.PRE_OPERATIONAL}
+
+
+def test_an_emergency_of_a_card_puts_the_outputs_off_and_is_told_once(table):
+    table.do("current joint2 0.4; step")
+    table.jog.receive(Emergency(0x8210, 0x11).frame(DAC), table.jog.now_ns)
+    with pytest.raises(JogError, match=r"'dac' \(node 0x12\) reports error 0x8210; outputs are off"):
+        table.do("step")
+    assert table.commands_a() == [0.0, 0.0]
+    table.do("start; current joint2 0.4; step")
+    assert table.commands_a()[0] > 0.0
+
+
+def test_a_silent_adc_ends_a_burst_after_as_many_cycles_as_the_cell_says(lockstep):
+    lockstep.do("sdo write adc 0x1017 0 0; preop; sdo write adc 0x1801 1 0x80000294; sdo write adc 0x1802 1 0x80000394")
+    limit = CELL.supervision.missing_cycles
+    text = lockstep.do(f"start; step {limit - 1}")[-1]
+    assert text.endswith(f"; {limit - 1} cycles without all inputs")
+    with pytest.raises(JogError, match=f"no TPDO 0x294 and TPDO 0x394 for {limit} cycles; outputs are off"):
+        lockstep.do("step 100")
+    assert lockstep.jog.cycle == 2 * limit - 2
+
+
+def test_cards_that_went_safe_in_lockstep_because_nobody_stepped_say_so(lockstep):
+    lockstep.do("current joint2 0.4; step")
+    lockstep.bench.run_on()
+    lockstep.exchange(())
+    with pytest.raises(JogError, match=r"0x8130 \(no step came for the emulator's --sync-timeout"):
+        lockstep.do("step")
+    assert lockstep.commands_a() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("frame", [Frame(0x080, b"\x01"), Frame(0x701, b"\x05")])
+def test_another_controller_ends_it(table, frame):
+    table.do("current joint2 0.4; step")
+    table.jog.receive(frame, table.jog.now_ns)
+    assert table.jog.is_over
+    with pytest.raises(JogError, match="another controller is on the bus"):
+        table.do("step")
+    assert table.commands_a() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("frame", [Frame(0x080, b"\x01"), Frame(0x701, b"\x05")])
+def test_it_does_not_touch_the_bus_of_another_controller(frame):
+    table = Table(Clock.WALL)
+    work = table.jog.begin(250 * MILLISECOND)
+    ask = next(work)
+    assert ask.is_answer(frame)
+    with pytest.raises(BringUpError, match="another controller"):
+        work.send(frame)
+    assert (table.jog.end(), table.jog.outbox, table.sent) == ([], [], [])
