@@ -9,24 +9,17 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 
 from canarm_protocol.cell import Bus
+from canarm_protocol.configuration import card_settings
 from canarm_protocol.dictionary import (
-    ANALOGUE_ERROR_MODE,
-    ANALOGUE_ERROR_VALUE,
     ANALOGUE_INPUT,
     CLOCK_MODE,
     CODE_SHIFT,
-    CONSUMER_HEARTBEAT,
-    CYCLE_PERIOD,
     DEVICE_TYPE,
-    DIGITAL_ERROR_MODE,
-    DIGITAL_ERROR_VALUE,
-    ERROR_BEHAVIOUR,
     IDENTITY,
-    PRODUCER_HEARTBEAT,
     default_value,
+    variable_at,
 )
 from canarm_protocol.frames import Cob, Frame, NmtCommand, NmtState, heartbeat_frame, nmt_frame
-from canarm_protocol.pdo import COMMUNICATION, DISABLED, MAPPING, PdoLayout
 from canarm_protocol.sdo import SdoAborted, Transfer, download, upload
 from canarm_protocol.wiring import CardNode
 
@@ -146,42 +139,10 @@ def _check_clock(node: CardNode, clock_mode: int) -> Conversation:
 
 
 def _configuration(node: CardNode, bus: Bus) -> list[tuple[int, int, bytes]]:
-    """Index, sub-index and value of every object that the master sets, in an order that the cards accept."""
-    watch = bus.controller_node_id << 16 | bus.heartbeat_timeout_ms
-    settings = [
-        (CONSUMER_HEARTBEAT, 1, struct.pack("<I", watch)),
-        (PRODUCER_HEARTBEAT, 0, struct.pack("<H", bus.heartbeat_ms)),
-        (CYCLE_PERIOD, 0, struct.pack("<I", bus.cycle_us)),
-        (ERROR_BEHAVIOUR, 1, b"\x00"),
-    ]
-    for index, format_, value in (
-        (DIGITAL_ERROR_MODE, "<B", ALL_BITS),
-        (DIGITAL_ERROR_VALUE, "<B", 0),
-        (ANALOGUE_ERROR_MODE, "<B", 1),
-        (ANALOGUE_ERROR_VALUE, "<i", 0),
-    ):
-        if index in node.dictionary:
-            subindices = [subindex for subindex in node.dictionary[index].subindices if subindex]
-            settings += [(index, subindex, struct.pack(format_, value)) for subindex in subindices]
-    for layout in (*node.rpdos, *node.tpdos):
-        settings += _pdo_configuration(layout)
-    return settings
-
-
-def _pdo_configuration(layout: PdoLayout) -> list[tuple[int, int, bytes]]:
-    """Disable, map, enable (CiA 301, 7.5.2.36)."""
-    communication = COMMUNICATION[layout.kind] + layout.number - 1
-    mapping = MAPPING[layout.kind] + layout.number - 1
-    entries = [
-        (mapping, position, struct.pack("<I", mapped.entry)) for position, mapped in enumerate(layout.objects, start=1)
-    ]
+    """Index, sub-index and bytes of every object that the master sets, in an order that the cards accept."""
     return [
-        (communication, 1, struct.pack("<I", DISABLED | layout.cob_id)),
-        (mapping, 0, b"\x00"),
-        *entries,
-        (mapping, 0, bytes((len(entries),))),
-        (communication, 2, bytes((layout.transmission_type,))),
-        (communication, 1, struct.pack("<I", layout.cob_id)),
+        (s.index, s.subindex, bytes(variable_at(node.dictionary, s.index, s.subindex).encode_raw(s.value)))
+        for s in card_settings(node, bus)
     ]
 
 

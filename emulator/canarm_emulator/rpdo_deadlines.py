@@ -14,16 +14,16 @@ class RpdoDeadlines:
     def __init__(self) -> None:
         self.due_ns = NEVER
         """When the next deadline is missed."""
+        self.is_used = False
+        """Whether any RPDO is monitored."""
         self._timers_ns: dict[int, int] = {}
         self._due_ns: dict[int, int] = {}
 
     def activate(self, timers_ns: Mapping[int, int]) -> None:
         """Monitor RPDOs whose timer is not 0; each waits for its first frame."""
         self._timers_ns = {number: timer_ns for number, timer_ns in timers_ns.items() if timer_ns}
+        self.is_used = bool(self._timers_ns)
         self._due_ns, self.due_ns = {}, NEVER
-
-    def __bool__(self) -> bool:
-        return bool(self._timers_ns)
 
     def received(self, number: int, now_ns: int) -> bool:
         """An RPDO came; returns whether it is monitored."""

@@ -174,7 +174,7 @@ class Slave:
             self._emergency.begin(ErrorCode.PDO_LENGTH, now_ns)
             self._schedule()
             return
-        if self._deadlines and self._deadlines.received(layout.number, now_ns):
+        if self._deadlines.is_used and self._deadlines.received(layout.number, now_ns):
             self._emergency.end(ErrorCode.RPDO_TIMEOUT, now_ns)
             self._schedule()
         if self._emergency.present:
@@ -190,11 +190,10 @@ class Slave:
 
     def apply_outputs(self) -> None:
         """SYNC: what was received since the last one acts now."""
-        if self._received:
-            for layout in self.rpdos:
-                data = self._received.pop(layout.number, None)
-                if data is not None:
-                    self._apply(layout, data)
+        for layout in self.rpdos:
+            data = self._received.pop(layout.number, None)
+            if data is not None:
+                self._apply(layout, data)
 
     def on_sync(self, data: bytes, now_ns: int) -> list[PdoLayout]:
         """SYNC: outputs act; returns the TPDOs to be sent once their inputs are converted.
@@ -210,8 +209,9 @@ class Slave:
             self._emergency.end(ErrorCode.SYNC_LENGTH, now_ns)
             self._schedule()
         self._last_sync_ns = now_ns
-        self.apply_outputs()
-        return self.tpdos_due(data[0] if data else 0)
+        if self._received:
+            self.apply_outputs()
+        return self.tpdos_due(data[0] if data else 0) if self.tpdos else []
 
     def tpdos_due(self, counter: int = 0) -> list[PdoLayout]:
         """The TPDOs that the SYNC with this counter asks for; 0 is one without."""

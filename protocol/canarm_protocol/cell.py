@@ -160,6 +160,8 @@ class Channel(Table):
 
     number: Annotated[int, Field(ge=1, le=8)]
     signal: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]*\.[a-z_]+$")]
+    error_value: Annotated[int, Field(ge=0, le=255)] = 0
+    """What an output channel takes when the controller is lost: a DAC code, or direction bits. 0: no current, off."""
 
     @property
     def joint(self) -> str:

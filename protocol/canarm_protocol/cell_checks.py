@@ -110,6 +110,10 @@ def _wiring_problems(cell: Cell) -> Iterator[str]:
                 yield f"{_signal(where, channel)}: robot {card.robot!r} has no joint {channel.joint!r}; it has {known}"
             elif channel.quantity not in allowed:
                 yield f"{_signal(where, channel)}: card model {card.model} takes <joint>.{_listed(allowed, ' or ')}"
+            elif channel.error_value > HIGHEST_ERROR_VALUE[card.model]:
+                highest = HIGHEST_ERROR_VALUE[card.model]
+                right = f"must be from 0 to {highest}" if highest else "an input has none; leave it out"
+                yield f"{where}.error_value = {channel.error_value}: {right}"
             elif channel.signal in wired:
                 yield f"{_signal(where, channel)}: is wired to {wired[channel.signal]} already; wire it once"
             seen.add(channel.number)

@@ -10,6 +10,7 @@ from .cell import Bus
 from .dictionary import (
     ANALOGUE_ERROR_MODE,
     ANALOGUE_ERROR_VALUE,
+    CODE_SHIFT,
     CONSUMER_HEARTBEAT,
     CYCLE_PERIOD,
     DIGITAL_ERROR_MODE,
@@ -18,17 +19,13 @@ from .dictionary import (
     PRODUCER_HEARTBEAT,
 )
 from .pdo import COMMUNICATION, DISABLED, MAPPING, PdoLayout
-from .wiring import CardNode
+from .wiring import BITS_A_JOINT, CardNode
 
 TO_PRE_OPERATIONAL = 0
 """Error behaviour (0x1029:1): leave OPERATIONAL when the controller's heartbeat is lost."""
-ERROR_SETTINGS = (
-    (DIGITAL_ERROR_MODE, 0xFF),
-    (DIGITAL_ERROR_VALUE, 0),
-    (ANALOGUE_ERROR_MODE, 1),
-    (ANALOGUE_ERROR_VALUE, 0),
-)
-"""What every output does on an error: take the error value, which is direction off, current 0."""
+ALL_BITS = 0xFF
+ANALOGUE_ERROR_SHIFT = CODE_SHIFT + 16
+"""An error value of 0x6444 is left-adjusted in 32 bits: the output's 16 bits are the upper ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +55,17 @@ def final_values(settings: tuple[Setting, ...]) -> dict[tuple[int, int], int]:
 
 
 def _error_settings(node: CardNode) -> Iterator[Setting]:
-    for index, value in ERROR_SETTINGS:
-        if index in node.dictionary:
-            for subindex in sorted(node.dictionary[index].subindices):
-                if subindex:
-                    yield Setting(index, subindex, value)
+    """Every output takes its error value when the controller is lost; the cell says which."""
+    values = {channel.number: channel.error_value for channel in node.card.channel}
+    if DIGITAL_ERROR_MODE in node.dictionary:
+        bits = sum(value << BITS_A_JOINT * (number - 1) for number, value in values.items())
+        yield Setting(DIGITAL_ERROR_MODE, 1, ALL_BITS)
+        yield Setting(DIGITAL_ERROR_VALUE, 1, bits)
+    if ANALOGUE_ERROR_MODE in node.dictionary:
+        outputs = sorted(set(node.dictionary[ANALOGUE_ERROR_MODE].subindices) - {0})
+        yield from (Setting(ANALOGUE_ERROR_MODE, output, 1) for output in outputs)
+        for output in outputs:
+            yield Setting(ANALOGUE_ERROR_VALUE, output, values.get(output, 0) << ANALOGUE_ERROR_SHIFT)
 
 
 def _pdo_settings(layout: PdoLayout) -> Iterator[Setting]:

@@ -2,7 +2,7 @@
 
 A link is python-canopen's `Network` on a python-can bus: in this process in virtual time, to a real emulator over the
 virtual bus (our driver and the stock socketcand one), over a serial adapter, over SocketCAN where CANARM_SOCKETCAN
-names an interface. Nothing sleeps: `Link.until` lets time pass until a condition holds, in whatever way it passes there.
+names an interface. Nothing sleeps: `Link.until` lets time pass until a condition holds, as it passes there.
 """
 
 import io

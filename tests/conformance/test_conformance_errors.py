@@ -98,7 +98,7 @@ def test_a_sync_of_another_length_is_reported_until_a_right_one_comes(link) -> N
     assert link.data(0x080 + ADC) == []
     link.send(0x080)
     link.await_frames(0x080 + ADC)
-    assert link.data(0x080 + DAC)[1:] == [OVER]
+    assert link.await_frames(0x080 + DAC, 2)[1] == OVER
 
 
 def test_the_sync_counter_is_fixed_once_the_cycle_is_set(link) -> None:
