@@ -103,9 +103,9 @@ def _alpha_beta(read: Reader) -> Finding:
         for path in TRAJECTORIES
     }
     slow, fast = read.worse("mras", HEAVY), read.worse("mras, γ3 = 60", HEAVY)
+    least, most = percent(min(off.values())), percent(max(off.values()))
     return Finding(
-        f"**α and β on top of the bias take a further {percent(min(off.values()))} to {percent(max(off.values()))} off** at "
-        "±50 %: most on the sine with the heavy payload, next to nothing on the trapezoid. Three times the bias "
+        f"**α and β on top of the bias take a further {least} to {most} off** at ±50 %: most on the sine with the heavy payload, next to nothing on the trapezoid. Three times the bias "
         f"gain, γ3 = 60, brings more than all adaptation: {fast:.2f} in place of {slow:.2f} LSB at +50 %.",
         0.0 < max(off.values()) < 0.35 and max(off, key=lambda key: off[key]) == (HEAVY, "sine") and fast < 0.7 * slow,
     )

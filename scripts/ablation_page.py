@@ -83,7 +83,6 @@ lying on a bound; the lower half of the picture and the table give the share of 
 does.
 
 {sweep}
-
 """
 
 Show = Callable[[float], str]

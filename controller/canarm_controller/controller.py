@@ -38,6 +38,9 @@ class State(IntEnum):
     DONE = 4
     FAILED = 5
 
+    def __str__(self) -> str:
+        return self.name
+
 
 class Controller:
     """One run. Whoever drives it hands in every frame, sends what gathers in `outbox`, and calls `open_cycle` on time.

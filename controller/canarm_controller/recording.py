@@ -49,14 +49,20 @@ class ControllerRecorder:
         self._signals.write(cycle.tick, cycle.tick * self._period_ns, values)
 
     def state(self, state: State) -> None:
-        """Append a change of state, with its reason when there is one."""
+        """Append a change of state, with its reason when there is one. Its time counts from cycle 0."""
         controller = self._controller
         reason = {} if controller.reason is None else {"reason": controller.reason}
         verdict = {} if controller.verdict is None else {"detector": controller.verdict.detector}
         self._events.write(max(controller.tick, 0) * self._period_ns, "state", state=state.name, **reason, **verdict)
+        if state is State.RUNNING:
+            self._write_memory()
 
     def close(self) -> None:
         """Write out what is left, and the memory image: table and log as the Apple II would hold them."""
         self._signals.close()
         self._events.close()
+        self._write_memory()
+
+    def _write_memory(self) -> None:
+        """The image from $2000 on: the table before a run, with the measurements after it."""
         (self._folder / MEMORY_FILE).write_bytes(self._controller.loop.memory.dump())

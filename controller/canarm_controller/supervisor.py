@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from canarm_protocol.cell import Cell
 from canarm_protocol.errors import FrameError
-from canarm_protocol.frames import Cob, Emergency, Frame, NmtState
+from canarm_protocol.frames import Cob, Emergency, ErrorCode, Frame, NmtState
 from canarm_protocol.wiring import CardNode
 
 FOREIGN_SYNC = "foreign-master"
@@ -24,6 +24,13 @@ class Verdict:
 
     def __str__(self) -> str:
         return f"{self.detector}: {self.detail}"
+
+
+EMERGENCIES = {
+    ErrorCode.LIFE_GUARD_OR_HEARTBEAT: ", it missed this controller's heartbeat: a busy machine, or a broken line? "
+    "In lockstep (--clock sync) a busy machine does no harm",
+}
+"""What an emergency code means for whoever reads why the robot was stopped."""
 
 
 class Supervisor:
@@ -73,8 +80,10 @@ class Supervisor:
             except FrameError:
                 return None
             if emergency.code:
+                meaning = EMERGENCIES.get(emergency.code, "")
                 return Verdict(
-                    "card-emergency", f"card {name!r} (node 0x{node_id:02X}) reports error 0x{emergency.code:04X}"
+                    "card-emergency",
+                    f"card {name!r} (node 0x{node_id:02X}) reports error 0x{emergency.code:04X}{meaning}",
                 )
         return None
 

@@ -42,6 +42,10 @@ Quaternion = tuple[float, float, float, float]
 _ROTOR_MASS = "1e-3"  # MuJoCo wants one; the rotor turns about its centre of mass, so gravity does no work on it
 
 
+# A diverging integration is an error of `World`; the engine's own way is a line in a log file wherever one stands.
+mujoco.set_mju_user_warning(lambda text: None)
+
+
 class Plant:
     """State and integration of all arms of a cell; angles in rad, speeds in rad/s, in the order of `Cell.joints`.
 

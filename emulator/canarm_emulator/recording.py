@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from canarm_protocol.cell import Cell
+from canarm_protocol.frames import Cob, Emergency
 from canarm_protocol.run_folder import CAN_LOG_FILE, EVENTS_FILE, SIGNALS_FOLDER, CanLog, EventLog, SignalLog
 
 from .bench import CycleTruth, Record
@@ -17,6 +18,7 @@ _COLUMNS = (
     "motor_speed_rad_s",
 )
 """As in `world.JointState`."""
+HIGHEST_NODE_ID, EMERGENCY_LENGTH = 127, 8
 
 
 class Recorder:
@@ -29,8 +31,12 @@ class Recorder:
         self._events = EventLog(folder / EVENTS_FILE, "emulator")
 
     def frame(self, record: Record) -> None:
-        """Append a frame of the robot's bus."""
+        """Append a frame of the robot's bus; an emergency of a node is an event as well."""
         self._log.write(record.time_ns, record.frame)
+        node_id = record.frame.can_id - Cob.EMERGENCY
+        if 0 < node_id <= HIGHEST_NODE_ID and len(record.frame.data) == EMERGENCY_LENGTH:
+            emergency = Emergency.parse(record.frame.data)
+            self.event(record.time_ns, "emergency", node=node_id, code=f"0x{emergency.code:04X}")
 
     def cycle(self, truth: CycleTruth) -> None:
         """Append the true state at a SYNC."""

@@ -11,6 +11,8 @@ from .cell import CHANNEL_COUNT, CHANNELS_OF, Bus, Card, CardModel, Cell, Channe
 
 BENCH_NODE_IDS = range(0x70, 0x80)
 """Below them, the COB-IDs of the bench node would meet those of its telemetry and its further SDO channels."""
+HIGHEST_ERROR_VALUE = {CardModel.DAC0808: 255, CardModel.LATCH: 0b10, CardModel.ADC0809: 0}
+"""Of an output channel: an 8-bit code; two direction bits, of which 11 is refused."""
 MOST_JOINTS = 32
 """The bench node's COB-IDs are laid out for as many."""
 

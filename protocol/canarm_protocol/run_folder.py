@@ -17,6 +17,7 @@ from .errors import ProtocolError
 from .frames import Frame
 
 RUN_FILE, EVENTS_FILE, CAN_LOG_FILE, SIGNALS_FOLDER = "run.json", "events.jsonl", "can0.log", "signals"
+CONTROLLER_SIGNALS = f"{SIGNALS_FOLDER}/controller.csv"
 FLUSH_EVERY = 200
 """Lines between two flushes of a log: at most half a second of a run is lost with the process."""
 LOCK_S = 5.0
@@ -28,7 +29,7 @@ class RunFolderError(ProtocolError):
 
 def create_run_folder(path: Path, reuse: bool = False) -> Path:
     """Make the folder of a run. An earlier run in it is refused unless `reuse`. Raises `RunFolderError`."""
-    if not reuse and (path / CAN_LOG_FILE).exists():
+    if not reuse and any((path / file).exists() for file in (CAN_LOG_FILE, CONTROLLER_SIGNALS)):
         raise RunFolderError(f"--out {path}: holds a run already; name another folder, or remove it")
     try:
         (path / SIGNALS_FOLDER).mkdir(parents=True, exist_ok=True)
@@ -163,6 +164,7 @@ class SignalLog(_LineFile):
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         super().__init__(path)
         self._write(",".join(("tick", "time_s", *columns)) + "\n")
+        self._flush()
         self._row = "%d,%.6f" + ",%.9g" * len(columns) + "\n"
 
     def write(self, tick: int, time_ns: int, values: Sequence[float]) -> None:

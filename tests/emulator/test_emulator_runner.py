@@ -100,7 +100,7 @@ def hear(client: BusPort, until: Callable[[Frame], bool]) -> list[Frame]:
 
 def cycle(client: BusPort, *frames: Frame) -> list[Frame]:
     """One lockstep cycle of a controller: outputs and SYNC out, everything up to TIME in."""
-    client.send([*frames, sync_frame(None)])
+    client.send([*frames, sync_frame(1)])
     return hear(client, lambda frame: frame.can_id == TIME)
 
 
@@ -178,7 +178,7 @@ def test_when_the_sender_of_sync_falls_silent_the_world_runs_on_once() -> None:
     with serving(sync_timeout_s=0.2) as emulator:
         controller = emulator.client()
         start_watched(controller)
-        controller.send([*outputs(40), sync_frame(None)])
+        controller.send([*outputs(40), sync_frame(1)])
         hear(controller, is_emcy)
         emulator.until(lambda: bool(emulator.told))
         assert emulator.told == ["no SYNC for 0.2 s: virtual time ran on by 600 ms"]
@@ -191,7 +191,7 @@ def test_the_sender_of_sync_may_take_its_time_as_long_as_it_says_something() -> 
     with serving(sync_timeout_s=0.2) as emulator:
         controller = emulator.client()
         start_watched(controller)
-        controller.send([*outputs(40), sync_frame(None)])
+        controller.send([*outputs(40), sync_frame(1)])
         end_s = time.monotonic() + 0.6
         while time.monotonic() < end_s:
             controller.send([heartbeat_frame(1, NmtState.OPERATIONAL)])
@@ -258,7 +258,7 @@ def recorded(folder: Path, is_busy: bool) -> dict[str, bytes]:
         for k in range(60):
             cycle(controller, HEARTBEAT, *outputs(40 + k % 16))
             if dashboard:
-                dashboard.send([LISTENER, sync_frame(None), Frame(0x670, next(download(0x1017, 0, b"\x01\x00")))])
+                dashboard.send([LISTENER, sync_frame(1), Frame(0x670, next(download(0x1017, 0, b"\x01\x00")))])
                 ask_bench(dashboard)
         cycle(controller, nmt_frame(NmtCommand.PRE_OPERATIONAL))  # or the world would run on when the controller leaves
     return {name: (folder / name).read_bytes() for name in ("can0.log", "signals/robot.csv")}
@@ -267,7 +267,7 @@ def recorded(folder: Path, is_busy: bool) -> dict[str, bytes]:
 def test_a_client_on_bench_does_not_change_a_byte_of_the_robots_records(tmp_path) -> None:
     quiet, busy = recorded(tmp_path / "quiet", False), recorded(tmp_path / "busy", True)
     assert quiet == busy
-    assert quiet["can0.log"].count(b" 080#\n") == 61
+    assert quiet["can0.log"].count(b" 080#01\n") == 61
 
 
 def test_the_recorder_leaves_a_row_of_truth_a_cycle(tmp_path) -> None:

@@ -116,7 +116,7 @@ def test_a_port_that_opens_after_the_user_has_left_is_closed(port):
 def test_what_ports_discard_is_summed_over_reconnections(port, second_port):
     link = Link(Opener(port, second_port), "bench", in_background=at_once)
     link.poll(0)
-    port.discarded.error_frames, port.discarded.own_echoes = 3, 1
+    port.discarded.error_frames, port.discarded.fd_frames = 3, 1
     port.is_broken = True
     link.poll(100 * MS)
     link.poll(1100 * MS)

@@ -155,7 +155,7 @@ def run_dashboard(
     """
     for stream, name in ((sys.__stdin__, "stdin"), (sys.__stderr__, "stderr")):
         if stream is None or not stream.isatty():
-            raise TerminalError(f"{name} is no terminal, and the dashboard needs one; leave it out with --no-tui")
+            raise TerminalError(f"{name} is no terminal, and the dashboard needs one")
     words = [f"-i {interface}", *([] if channel is None else [f"-c {channel}"])]
     where = " ".join([*words, *(f"{key}={value}" for key, value in bus_options.items())])
     app = DashboardApp(
