@@ -20,8 +20,9 @@ LARGEST_RAD = 1e6
 """A reference beyond it is nonsense from the bus."""
 SHORTEST_STRETCH = 100
 """Cycles for which the reference must keep its speed to count as a stretch of constant speed."""
-STEADY_RAD = 1e-6
-"""A reference is steady while its second difference stays below this; in single precision it is known to 1e-7 rad."""
+STEADY_RAD = 5e-7
+"""All steps of a stretch equal its first one to this: in single precision a step is known to 2.4e-7 rad. A motion that
+keeps to it over the shortest stretch accelerates by less than 1e-3 rad/s² at 2.5 ms."""
 
 
 @dataclass(slots=True)
@@ -33,6 +34,7 @@ class SpeedRipple:
 
     last_rad: float = math.nan
     step_rad: float = math.nan
+    """The first step of the stretch."""
     count: int = 0
     mean: float = 0.0
     squares: float = 0.0
@@ -50,7 +52,8 @@ class SpeedRipple:
             self.squares += delta * (speed_rad_s - self.mean)
         else:
             self._end_stretch()
-        self.last_rad, self.step_rad = reference_rad, step
+            self.step_rad = step
+        self.last_rad = reference_rad
 
     @property
     def value(self) -> float:
@@ -99,6 +102,7 @@ class Assessor:
         self._lsb_rad = [sensor_scale(joint, Quantity.POTENTIOMETER).step for joint in cell.joints]
         self._limit_a = [joint.amplifier.max_current_a * (1.0 - 1e-9) for joint in cell.joints]
         self._truth: list[tuple[int, Sequence[JointState]] | None] = [None] * KEPT_CYCLES
+        self._supply_limited: Sequence[int] = [0] * len(cell.joints)
         self.scores = [JointScore(lsb, SpeedRipple()) for lsb in self._lsb_rad]
 
     def begin(self) -> None:
@@ -106,14 +110,20 @@ class Assessor:
         self.scores = [JointScore(lsb, SpeedRipple()) for lsb in self._lsb_rad]
         self._truth = [None] * KEPT_CYCLES
 
-    def truth(self, cycle: int, joints: Sequence[JointState]) -> None:
-        """The true state at the SYNC of `cycle`."""
+    def truth(self, cycle: int, joints: Sequence[JointState], supply_limited: Sequence[int]) -> None:
+        """The true state at the SYNC of `cycle`.
+
+        `supply_limited` counts, a joint, the steps so far in which the supply held the current down. A cycle is
+        saturated when the D669 was asked for all it has, or the supply gave less than was asked for.
+        """
         self._truth[cycle % KEPT_CYCLES] = (cycle, joints)
-        for joint, score, limit in zip(joints, self.scores, self._limit_a, strict=True):
+        before, self._supply_limited = self._supply_limited, supply_limited
+        for index, (joint, score, limit) in enumerate(zip(joints, self.scores, self._limit_a, strict=True)):
             current = joint.current_a if joint.current_a >= 0.0 else -joint.current_a
             if current > score.peak_current_a:
                 score.peak_current_a = current
-            if joint.command_a >= limit or -joint.command_a >= limit:
+            at_limit = joint.command_a >= limit or -joint.command_a >= limit
+            if at_limit or supply_limited[index] > before[index]:
                 score.saturated_cycles += 1
 
     def reference(self, tick: int, joint: int, angle_rad: float) -> None:

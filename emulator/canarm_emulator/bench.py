@@ -341,7 +341,7 @@ class Bench:
             self.assessor.begin()
         joints = self.world.state()
         self.device.cycle, self.device.truth = self.cycle, joints
-        self.assessor.truth(self.cycle, joints)
+        self.assessor.truth(self.cycle, joints, self.world.supply_limited_steps)
         if self.on_cycle is not None:
             self.on_cycle(CycleTruth(self.cycle, now_ns, joints))
 

@@ -99,6 +99,11 @@ class World:
         return [SaturatedSteps(drive.d669_limited_steps, drive.supply_limited_steps) for drive in self._drives]
 
     @property
+    def supply_limited_steps(self) -> list[int]:
+        """For each joint, how many steps the supply held the current down."""
+        return [drive.supply_limited_steps for drive in self._drives]
+
+    @property
     def illegal_directions(self) -> list[int]:
         """For each joint, how often its latch asked for 0b11."""
         return [drive.illegal_directions for drive in self._drives]
