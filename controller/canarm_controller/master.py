@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 
 from canarm_protocol.cell import Bus
-from canarm_protocol.configuration import card_settings
+from canarm_protocol.configuration import Setting, card_settings
 from canarm_protocol.dictionary import (
     ANALOGUE_INPUT,
     CLOCK_MODE,
@@ -140,10 +140,13 @@ def _check_clock(node: CardNode, clock_mode: int) -> Conversation:
 
 def _configuration(node: CardNode, bus: Bus) -> list[tuple[int, int, bytes]]:
     """Index, sub-index and bytes of every object that the master sets, in an order that the cards accept."""
-    return [
-        (s.index, s.subindex, bytes(variable_at(node.dictionary, s.index, s.subindex).encode_raw(s.value)))
-        for s in card_settings(node, bus)
-    ]
+    return [(each.index, each.subindex, _encoded(node, each)) for each in card_settings(node, bus)]
+
+
+def _encoded(node: CardNode, setting: Setting) -> bytes:
+    variable = variable_at(node.dictionary, setting.index, setting.subindex)
+    assert variable is not None
+    return bytes(variable.encode_raw(setting.value))
 
 
 def _read(node: CardNode, index: int, subindex: int, size: int) -> Generator[Ask, Frame, bytes]:

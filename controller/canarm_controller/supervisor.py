@@ -26,7 +26,7 @@ class Verdict:
         return f"{self.detector}: {self.detail}"
 
 
-EMERGENCIES = {
+EMERGENCIES: dict[int, str] = {
     ErrorCode.LIFE_GUARD_OR_HEARTBEAT: ", it missed this controller's heartbeat: a busy machine, or a broken line? "
     "In lockstep (--clock sync) a busy machine does no harm",
 }

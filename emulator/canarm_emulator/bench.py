@@ -9,24 +9,21 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from canarm_protocol.bench_objects import bench_dictionary
-from canarm_protocol.cell import Card, CardModel, Cell, Quantity
+from canarm_protocol.cell import Card, Cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.dictionary import ANALOGUE_INPUT, ANALOGUE_INPUT_8, load_dictionary
+from canarm_protocol.dictionary import load_dictionary
 from canarm_protocol.errors import FrameError
 from canarm_protocol.frames import Cob, Frame, NmtCommand, NmtState, parse_nmt, time_frame
 from canarm_protocol.pdo import PdoLayout
 
 from .assessor import Assessor
 from .bench_device import BenchDevice
-from .cards.adc0809 import Adc0809Card
-from .cards.dac0808 import Dac0808Card
-from .cards.sc300 import Sc300Card
-from .device import AdcDevice, DacDevice, IoDevice, LatchDevice
 from .pdo_rules import SYNCHRONOUS_TYPES
+from .rack import Rack
 from .slave import NEVER, Slave
 from .truth import Truth
 from .wire import Wire
-from .world import JointState, Source, World
+from .world import JointState, World
 
 RUN_ON_NS = 500_000_000
 """How long after the heartbeat time the world runs on when the sender of SYNC is lost in lockstep."""
@@ -93,9 +90,8 @@ class Bench:
         """SYNCs that arrived while the converters were still busy with the last one's scan."""
         self.world = World(cell, truth, seed)
         self.assessor = Assessor(cell)
-        self._adcs: list[tuple[int, AdcDevice, dict[int, Source]]] = []
-        self.slaves = [self._make_slave(card, truth) for card in cell.card]
-        self._conversion_ns = {card.node_id: card.conversion_us * 1000 for card in cell.card}
+        self._rack = Rack(cell, self.world, truth)
+        self.slaves = [self._make_slave(card) for card in cell.card]
         self._takers: dict[int, list[_Taker]] = {}
         self._next_due_ns = NEVER
         self._next_sync_ns = 0
@@ -111,7 +107,7 @@ class Bench:
         )
         self._bench_takers: dict[int, Callable[[bytes], None]] = {}
 
-    def _make_slave(self, card: Card, truth: Truth) -> Slave:
+    def _make_slave(self, card: Card) -> Slave:
         node_id = card.node_id
 
         def emit(time_ns: int, frame: Frame) -> None:
@@ -124,45 +120,7 @@ class Bench:
                     taker.take(frame.data)
 
         dictionary = load_dictionary(card.model, node_id)
-        return Slave(card.name, node_id, dictionary, self._make_device(card, truth), emit, self.clock.value)
-
-    def _make_device(self, card: Card, truth: Truth) -> IoDevice:
-        world = self.world
-        joints = {channel.number - 1: self.cell.joint_names.index(channel.joint) for channel in card.channel}
-        if card.model is CardModel.DAC0808:
-
-            def on_output(channel: int, fraction: float) -> None:
-                if channel in joints:
-                    world.set_dac_output(joints[channel], fraction)
-
-            return DacDevice(Dac0808Card(on_output, truth.dac.nonlinearity))
-        if card.model is CardModel.LATCH:
-
-            def on_direction(channel: int, bits: int) -> None:
-                if channel in joints:
-                    world.set_direction(joints[channel], bits)
-
-            return LatchDevice(Sc300Card(on_direction))
-        sources = {
-            channel.number - 1: world.source(joints[channel.number - 1], Quantity(channel.quantity))
-            for channel in card.channel
-        }
-
-        def sample(channel: int) -> float:
-            return world.sample(sources[channel]) if channel in sources else 0.0
-
-        errors = truth.adc
-        adc = Adc0809Card(
-            sample,
-            self.cell.joints[min(joints.values())].sensors.full_scale_v,
-            card.conversion_us * 1000,
-            errors.offset_lsb,
-            errors.gain_error,
-            errors.nonlinearity_lsb,
-        )
-        device = AdcDevice(adc, sample)
-        self._adcs.append((card.node_id, device, sources))
-        return device
+        return Slave(card.name, node_id, dictionary, self._rack.devices[node_id], emit, self.clock.value)
 
     def start(self) -> None:
         """Power on: every node boots; the bench node starts itself."""
@@ -282,7 +240,7 @@ class Bench:
         """What the wire has carried by `until_ns` arrives, each frame at its end."""
         for delivery in wire.advance(until_ns):
             self.time_ns = max(self.time_ns, delivery.end_ns)
-            is_card = delivery.sender in self._conversion_ns
+            is_card = delivery.sender in self._rack.devices
             missed_by = {*delivery.missed_by, delivery.sender} if is_card else delivery.missed_by
             origin = None if is_card else delivery.sender
             self._arrive(Record(delivery.end_ns, delivery.frame, origin), missed_by)
@@ -320,7 +278,7 @@ class Bench:
         if self.is_operational:
             self._count_cycle(now_ns)
         if self._scan is None and pdos:
-            self._convert(pdos)
+            self._rack.convert([(slave.node_id, mapped) for slave, layout in pdos for mapped in layout.objects])
             self._scan = _Scan(max(world.time_ns, now_ns), pdos)
         if lockstep:
             self.advance(max(world.time_ns, now_ns))
@@ -353,20 +311,6 @@ class Bench:
         is_told = SILENT_CYCLES * self.cell.bus.cycle_ns < silence_ns <= limit_ns
         if is_told and self.cycle >= 0 and self.on_cycle is not None:
             self.on_cycle(CycleTruth(self.cycle, self.time_ns, joints))
-
-    def _convert(self, pdos: Sequence[tuple[Slave, PdoLayout]]) -> None:
-        """Scan the channels that the due TPDOs map, one after the other; the world moves on meanwhile."""
-        for node_id, device, sources in self._adcs:
-            channels = [
-                mapped.subindex - 1
-                for slave, layout in pdos
-                if slave.node_id == node_id
-                for mapped in layout.objects
-                if mapped.index in (ANALOGUE_INPUT, ANALOGUE_INPUT_8) and mapped.subindex - 1 in sources
-            ]
-            volts = self.world.scan([sources[channel] for channel in channels], self._conversion_ns[node_id])
-            for channel, value in zip(channels, volts, strict=True):
-                device.store(channel, value)
 
     def _run_due(self, due_ns: int) -> None:
         wire = self.wire

@@ -1,0 +1,96 @@
+"""The cards of a cell, plugged in: their analogue wires to the world on one side, CiA 401 devices on the other.
+
+Owns which channel drives or measures which joint. Knows no frames, no states and no order of events.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from canarm_protocol.cell import Card, CardModel, Cell, Quantity
+from canarm_protocol.dictionary import ANALOGUE_INPUT, ANALOGUE_INPUT_8
+from canarm_protocol.pdo import MappedObject
+
+from .cards.adc0809 import Adc0809Card
+from .cards.dac0808 import Dac0808Card
+from .cards.sc300 import Sc300Card
+from .device import AdcDevice, DacDevice, IoDevice, LatchDevice
+from .truth import Truth
+from .world import Source, World
+
+
+@dataclass(frozen=True, slots=True)
+class _Converter:
+    """An ADC card with the sensors at its channels (from 0)."""
+
+    node_id: int
+    device: AdcDevice
+    sources: dict[int, Source]
+    conversion_ns: int
+
+
+class Rack:
+    """Every card of `cell` as a device, by node-ID."""
+
+    def __init__(self, cell: Cell, world: World, truth: Truth) -> None:
+        self._cell, self._world, self._truth = cell, world, truth
+        self._converters: list[_Converter] = []
+        self.devices: dict[int, IoDevice] = {card.node_id: self._plug_in(card) for card in cell.card}
+
+    def convert(self, mapped: Sequence[tuple[int, MappedObject]]) -> None:
+        """Scan the analogue inputs among these (node-ID, object), one after the other; the world moves on meanwhile."""
+        for converter in self._converters:
+            channels = [
+                each.subindex - 1
+                for node_id, each in mapped
+                if node_id == converter.node_id
+                and each.index in (ANALOGUE_INPUT, ANALOGUE_INPUT_8)
+                and each.subindex - 1 in converter.sources
+            ]
+            volts = self._world.scan([converter.sources[channel] for channel in channels], converter.conversion_ns)
+            for channel, value in zip(channels, volts, strict=True):
+                converter.device.store(channel, value)
+
+    def _plug_in(self, card: Card) -> IoDevice:
+        joints = {channel.number - 1: self._cell.joint_names.index(channel.joint) for channel in card.channel}
+        if card.model is CardModel.DAC0808:
+            return self._dac(joints)
+        if card.model is CardModel.LATCH:
+            return self._latch(joints)
+        return self._adc(card, joints)
+
+    def _dac(self, joints: dict[int, int]) -> DacDevice:
+        def on_output(channel: int, fraction: float) -> None:
+            if channel in joints:
+                self._world.set_dac_output(joints[channel], fraction)
+
+        return DacDevice(Dac0808Card(on_output, self._truth.dac.nonlinearity))
+
+    def _latch(self, joints: dict[int, int]) -> LatchDevice:
+        def on_direction(channel: int, bits: int) -> None:
+            if channel in joints:
+                self._world.set_direction(joints[channel], bits)
+
+        return LatchDevice(Sc300Card(on_direction))
+
+    def _adc(self, card: Card, joints: dict[int, int]) -> AdcDevice:
+        world, errors = self._world, self._truth.adc
+        sources = {
+            channel.number - 1: world.source(joints[channel.number - 1], Quantity(channel.quantity))
+            for channel in card.channel
+        }
+
+        def sample(channel: int) -> float:
+            return world.sample(sources[channel]) if channel in sources else 0.0
+
+        conversion_ns = card.conversion_us * 1000
+        adc = Adc0809Card(
+            sample,
+            self._cell.joints[min(joints.values())].sensors.full_scale_v,
+            conversion_ns,
+            errors.offset_lsb,
+            errors.gain_error,
+            errors.nonlinearity_lsb,
+        )
+        device = AdcDevice(adc, sample)
+        self._converters.append(_Converter(card.node_id, device, sources, conversion_ns))
+        return device
