@@ -254,7 +254,7 @@ def rest_csv(folder: Path, pose_deg: Sequence[float]) -> str:
 
 
 def sine_csv(folder: Path, amplitude: float) -> str:
-    """The built-in sine with another amplitude, as a file for `--trajectory`; it swells from rest within 1.5 s and ends likewise."""
+    """The built-in sine with another amplitude, as a file for `--trajectory`; 1.5 s from rest and to rest."""
     path = folder / f"sine{amplitude:g}.csv"
     rows = ["time_s,joint2,joint3\n"]
     steps = round(2 * SECONDS / 0.02)

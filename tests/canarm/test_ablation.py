@@ -120,8 +120,8 @@ def test_the_same_figures_give_the_same_bytes(tmp_path: Path) -> None:
 def test_findings_that_the_figures_do_not_bear_out_are_named() -> None:
     """Where every law does equally well nothing is worth anything, and only what says so holds."""
     misfits = ablation_page.misfits(made_up())
-    assert any(finding.text.startswith("**Most of what `mras` gains") for finding in misfits)
-    assert not any(finding.text.startswith("**γ1 and γ2") for finding in misfits)
+    assert any("Most of what `mras` gains" in finding.text for finding in misfits)
+    assert not any("γ1 and γ2" in finding.text for finding in misfits)
 
 
 def test_every_figure_of_the_tables_is_in_its_place() -> None:
