@@ -32,15 +32,16 @@ class Mras(ControlLaw):
     Gains (`control.mras` of the cell), figures for konkuk1 at 2.5 ms with one cycle of delay:
 
     - `gamma_alpha`, `gamma_beta` are divided by the square of the trajectory's amplitude, because ε·u grows with it.
-      Without bias and projection a wrong payload makes α run away from `gamma_alpha` = 0.05 on; with both, the RMS
-      error is about half as large again at 0.2 as at 0.02. Start at 0.02, and at ten times that for `gamma_beta`.
+      Without bias and projection a wrong payload makes α run away from `gamma_alpha` = 0.05 on, and earlier at small
+      amplitudes; with both, the RMS error at +50 % grows from 0.36 LSB at 0.02 to 0.64 at 0.2 (docs/ablation.md).
+      Start at 0.02, and at ten times that for `gamma_beta`.
     - `gamma_bias`: 2ζωn·p22 = 3/2 satisfies Routh's criterion at any γ3 in continuous time; the delay does not. 20 is
       calm, 60 still gains accuracy, from 400 on the loop swings.
     - k1 (`error_rate_gain`) weighs the tachometer: 0.03 to 0.3 s differ little. σ (`leakage`) pulls α and β home when
       nothing excites them.
 
     α and β cannot remove a constant error such as a payload's weight, and adapting without the bias can do worse than
-    not adapting. The bias brings most of the gain at a wrong payload; α and β take a further 5 to 20 % off.
+    not adapting. The bias brings most of the gain at a wrong payload; α and β take a further 1 to 22 % off.
 
     Measurements go in as they are. Where a joint at rest needs no torque, as it does hanging, their noise turns the
     bridge over in a quarter to half of all cycles; the joint moves by 0.1 LSB. `mras-lyapunov` holds its torque there.
