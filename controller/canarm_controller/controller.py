@@ -14,7 +14,7 @@ from canarm_protocol.frames import Cob, Frame, NmtState, heartbeat_frame, sync_f
 from canarm_protocol.pdo import PdoLayout
 from canarm_protocol.wiring import CardNode, InputSlot, OutputFrames
 
-from .errors import BringUpError, ControllerError, LawError
+from .errors import BringUpError, ControllerError, InterruptedRunError
 from .loop import OFF, ControlLoop
 from .master import Ask, Conversation, Silence, bring_up, read_input, start_frames, stop_frames
 from .supervisor import Supervisor, Verdict
@@ -46,8 +46,8 @@ class Controller:
     """One run. Whoever drives it hands in every frame, sends what gathers in `outbox`, and calls `open_cycle` on time.
 
     On the wall clock the runner opens a cycle every period. In lockstep `receive` does so itself when TIME has come.
-    `on_tick` is called at the end of every controlled cycle; a `LawError` (from the law's internals) or an `OSError`
-    (from a recording) that it raises stops the robot.
+    `on_tick` is called at the end of every controlled cycle; a `ControllerError` (from the law's internals) or an
+    `OSError` (from a recording) that it raises stops the robot.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class Controller:
         """The cycle that the last SYNC began; -1 before the first."""
         self.controlled_ticks = 0
         self.missed = 0
-        """Cycles whose inputs were not complete in time."""
+        """Cycles of the run, up to its stop, whose inputs were not complete in time."""
         self.ignored_frames = 0
         """Malformed process data, and frames that CANopen does not know: 29-bit identifiers, remote requests."""
         self.verdict: Verdict | None = None
@@ -115,7 +115,11 @@ class Controller:
         self._converse(None, now_ns)
 
     def receive(self, frame: Frame, now_ns: int) -> None:
-        """Take one frame from the bus. A malformed or foreign one is counted in `ignored_frames`; it stops nothing."""
+        """Take one frame from the bus. A malformed or foreign one is counted in `ignored_frames`; it stops nothing.
+
+        In lockstep every TIME ends a cycle. One that cannot be this cycle's begins the safe stop, to which a TIME too
+        many does no harm.
+        """
         can_id, data, is_extended, is_remote = frame
         if is_extended or is_remote:
             self.ignored_frames += 1
@@ -126,6 +130,8 @@ class Controller:
                 self._take_inputs(layout, data)
         elif can_id == Cob.TIME:
             if self.clock is Clock.SYNC and self.cycle_is_open:
+                if self.state is State.RUNNING:
+                    self._judge(self._supervisor.time(data))
                 self.close_cycle()
                 self.open_cycle()
         elif self._conversation is not None:
@@ -256,24 +262,24 @@ class Controller:
         try:
             torque_nm = self.loop.torque_nm()
         except ControllerError as error:
-            self._judge(Verdict("law-failed", str(error)))
+            self._judge(_law_verdict(error))
             return None
         verdict = self._supervisor.command(torque_nm)
         self._judge(verdict)
-        return torque_nm if verdict is None else None
+        return [float(torque) for torque in torque_nm] if verdict is None else None
 
     def _tell_tick(self) -> None:
         if self.on_tick is not None:
             try:
                 self.on_tick()
-            except LawError as error:
-                self._judge(Verdict("law-failed", str(error)))
+            except ControllerError as error:
+                self._judge(_law_verdict(error))
             except OSError as error:
                 self._judge(Verdict("recording-failed", str(error)))
 
     def _miss(self) -> None:
-        self.missed += 1
         if self.state is State.RUNNING:
+            self.missed += 1
             late = [f"TPDO 0x{cob_id:03X} of node 0x{cob_id & 0x7F:02X}" for cob_id in sorted(self._awaited)]
             self._judge(self._supervisor.missing(" and ".join(late)))
 
@@ -295,3 +301,8 @@ class Controller:
             self.state = State.DONE if self.verdict is None else State.FAILED
         else:
             self.outbox += [Frame(cob_id, data) for cob_id, data in self._zero]
+
+
+def _law_verdict(error: ControllerError) -> Verdict:
+    """Ctrl-C may find the law at work: then the user has stopped the robot, not the law."""
+    return Verdict("interrupted" if isinstance(error, InterruptedRunError) else "law-failed", str(error))

@@ -17,6 +17,10 @@ class LawError(ControllerError):
     """A control law cannot be loaded, or fails while it runs."""
 
 
+class InterruptedRunError(ControllerError):
+    """The user has asked to stop (Ctrl-C) while a law's own code ran."""
+
+
 class MemoryImageError(ControllerError):
     """A table or a log does not fit the Apple II's memory."""
 

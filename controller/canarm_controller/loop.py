@@ -13,7 +13,7 @@ from .dynamics import NominalArm
 from .errors import ControllerError, LawError, TrajectoryError
 from .feedforward import make_feedforward
 from .laws.base import ControlLaw, Cycle
-from .laws.failure import law_failure
+from .laws.failure import law_failure, shown
 from .memory import SAMPLES, MemoryImage
 from .trajectory import Reference, Trajectory, blend_from
 
@@ -48,8 +48,16 @@ class ControlLoop:
             self.law = law(self.arm, cell.control, self.period_s)
             self.internal_names = tuple(self.law.internals())
             """Names of the law's inner values; they stay the same for the whole run."""
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             raise law_failure(law, "__init__ or internals", error) from error
+        for name in self.internal_names:
+            if not _is_plain_name(name):
+                raise LawError(
+                    f"law {law.__name__}: internals() names a value {shown(name, repr, 40)}; "
+                    "names must be ASCII letters, digits and underscores, such as 'bias_a'"
+                )
         self.trajectory = trajectory
         self.feedforward_kind = feedforward or law.default_feedforward
         if self.feedforward_kind != "none" and not law.takes_feedforward:
@@ -63,6 +71,8 @@ class ControlLoop:
             self.feedforward_kind, self.arm, self.memory, law.feedforward_excludes_inertia, LEAD_CYCLES * self.period_s
         )
         self.cycle = Cycle(len(cell.joints))
+        """What is recorded, reported and judged; the law is given a copy."""
+        self._law_cycle = Cycle(len(cell.joints))
         self.saturated_cycles = [0] * len(cell.joints)
         """Cycles in which the law asked for more current than the amplifier has."""
         self._limits_a = limits_a
@@ -79,7 +89,7 @@ class ControlLoop:
         self._currents = self._places[Quantity.CURRENT_SENSE]
         self._block: Reference | None = None
         self._block_tick = self._chunk_tick = 0
-        self._reference: list[tuple[list[float], list[float], list[float]]] = []
+        self._reference: list[tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]] = []
         self._signs = [0.0] * len(cell.joints)
 
     def begin(self, position_codes: Sequence[int]) -> None:
@@ -87,13 +97,15 @@ class ControlLoop:
 
         Raises `TrajectoryError` when the pose lies outside the joint limits, or too far off; `LawError`.
         """
-        start = [(code - zero) * step for code, (_, zero, step, _) in zip(position_codes, self._positions, strict=True)]
+        places = zip(position_codes, self._positions, strict=True)
+        start = tuple([(code - zero) * step for code, (_, zero, step, _) in places])
+        rest = (0.0,) * len(start)
         self.trajectory = self._entered_from(start)
-        self.cycle.position_rad, self.cycle.velocity_rad_s = start, [0.0] * len(start)
+        self.cycle.position_rad, self.cycle.velocity_rad_s = start, rest
         self._prepare(0)
         try:
-            self.law.start(start, [0.0] * len(start), self.trajectory.amplitude_rad)
-        except (Exception, SystemExit) as error:
+            self.law.start(start, rest, self.trajectory.amplitude_rad)
+        except BaseException as error:
             raise law_failure(type(self.law), "start", error) from error
 
     def _entered_from(self, start_rad: Sequence[float]) -> Trajectory:
@@ -110,17 +122,21 @@ class ControlLoop:
 
         The ADC converts one channel after the other; positions are led back to the time of SYNC by the measured speed.
         """
-        velocity = [(codes[place] - zero) * step for place, zero, step, _ in self._velocities]
+        velocity = tuple([(codes[place] - zero) * step for place, zero, step, _ in self._velocities])
         cycle = self.cycle
         cycle.velocity_rad_s = velocity
-        cycle.position_rad = [
-            (codes[place] - zero) * step - skew_s * rate
-            for (place, zero, step, skew_s), rate in zip(self._positions, velocity, strict=True)
-        ]
-        cycle.current_a = [
-            sign * (codes[place] - zero) * step
-            for (place, zero, step, _), sign in zip(self._currents, self._signs, strict=True)
-        ]
+        cycle.position_rad = tuple(
+            [
+                (codes[place] - zero) * step - skew_s * rate
+                for (place, zero, step, skew_s), rate in zip(self._positions, velocity, strict=True)
+            ]
+        )
+        cycle.current_a = tuple(
+            [
+                sign * (codes[place] - zero) * step
+                for (place, zero, step, _), sign in zip(self._currents, self._signs, strict=True)
+            ]
+        )
         self.memory.log(tick, [codes[p[0]] for p in self._positions], [codes[p[0]] for p in self._velocities])
 
     def look_up(self, tick: int) -> None:
@@ -136,11 +152,13 @@ class ControlLoop:
         cycle.reference_rad, cycle.reference_rad_s, cycle.reference_rad_s2 = self._reference[place]
 
     def torque_nm(self) -> Sequence[float]:
-        """What the law asks for in this cycle, N·m a joint, not yet judged. Raises `LawError`."""
-        self.cycle.feedforward_nm = self._feedforward.torque_nm(self.cycle.tick)
+        """What the law asks for in this cycle, N·m, not yet judged. Raises `LawError`, `InterruptedRunError`."""
+        cycle, law_cycle = self.cycle, self._law_cycle
+        cycle.feedforward_nm = tuple(self._feedforward.torque_nm(cycle.tick))
+        law_cycle.copy_from(cycle)
         try:
-            return self.law.update(self.cycle)
-        except (Exception, SystemExit) as error:
+            return self.law.update(law_cycle)
+        except BaseException as error:
             raise law_failure(type(self.law), "update", error) from error
 
     def outputs(self, torque_nm: Sequence[float]) -> tuple[list[int], list[int]]:
@@ -160,21 +178,21 @@ class ControlLoop:
             self._signs[joint] = -1.0 if current < 0.0 else 1.0
             applied.append(current * per_ampere)
             saturated.append(is_saturated)
-        self.cycle.applied_nm, self.cycle.saturated = applied, saturated
+        self.cycle.applied_nm, self.cycle.saturated = tuple(applied), tuple(saturated)
         return codes, directions
 
     def internals(self) -> Mapping[str, Sequence[float]]:
         """The law's named inner values. Raises `LawError` where they are not a number a joint for every name."""
         try:
-            values = self.law.internals()
+            values = {name: [float(value) for value in row] for name, row in self.law.internals().items()}
             names = tuple(values)
-            fit = all(len([float(value) for value in row]) == len(self._limits_a) for row in values.values())
-        except (Exception, SystemExit) as error:
+            fit = all(len(row) == len(self._limits_a) for row in values.values())
+        except BaseException as error:
             raise law_failure(type(self.law), "internals", error) from error
         if names != self.internal_names or not fit:
             raise LawError(
                 f"law {type(self.law).__name__}: internals() must give {len(self._limits_a)} numbers for each of the "
-                f"names that it gave at first ({', '.join(map(str, self.internal_names)) or 'none'})"
+                f"names that it gave at first ({', '.join(self.internal_names) or 'none'})"
             )
         return values
 
@@ -188,5 +206,11 @@ class ControlLoop:
         block, sample = self._block, tick - self._block_tick
         assert block is not None
         parts = (block.position_rad, block.velocity_rad_s, block.acceleration_rad_s2)
-        self._reference = list(zip(*(part[sample : sample + CHUNK].tolist() for part in parts), strict=True))
+        rows = (map(tuple, part[sample : sample + CHUNK].tolist()) for part in parts)
+        self._reference = list(zip(*rows, strict=True))
         self._chunk_tick = tick
+
+
+def _is_plain_name(name: object) -> bool:
+    """Whether it can head a column of a CSV file and name an object on the bench."""
+    return isinstance(name, str) and name.isascii() and name.isidentifier()

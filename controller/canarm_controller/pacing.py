@@ -40,8 +40,11 @@ class Pacer:
         """Seconds to the next deadline; not positive when it has come."""
         return (self.next_ns - self._clock()) * 1e-9
 
-    def begin(self) -> None:
-        """The deadline has come: count how late it is kept, set the next one."""
+    def begin(self, counts: bool = True) -> None:
+        """The deadline has come: count how late it is kept, set the next one.
+
+        A deadline that does not count, such as one of a safe stop, is neither late nor left out.
+        """
         now_ns = self._clock()
         period_ns = self._period_ns
         delay_ns = max(now_ns - self.next_ns, 0)
@@ -49,11 +52,11 @@ class Pacer:
         if self._sync_ns is not None:
             self.jitter.add(abs(now_ns - self._sync_ns - period_ns))
         self._sync_ns = now_ns
-        if delay_ns * LATE_FRACTION > period_ns:
+        skipped = delay_ns // period_ns
+        if counts and delay_ns * LATE_FRACTION > period_ns:
             self.late += 1
             self.stalls += delay_ns > STALL_NS
-        skipped = delay_ns // period_ns
-        self.missed += skipped
+            self.missed += skipped
         self.next_ns += period_ns * (1 + skipped)
 
     def controlled(self, inputs_ns: int) -> None:

@@ -161,7 +161,7 @@ class Runner:
         spin_s = self._spin_s
         pacer = self._pacer = Pacer(controller.cell.bus.cycle_ns, self._clock)
         while not controller.is_finished:
-            pacer.begin()
+            pacer.begin(counts=controller.state is State.RUNNING)
             controller.open_cycle()
             self._flush()
             self._publish()
@@ -222,7 +222,7 @@ class Runner:
         session = self._session()
         if session is not None:
             try:
-                name_internals(session, list(self._controller.loop.internals()))
+                name_internals(session, list(self._controller.loop.internal_names))
             except ProtocolError as error:
                 self._note = f"no bench node answers: {error}"
                 self._bench = None

@@ -6,13 +6,24 @@ Owns thresholds and verdicts, never the reaction: the controller turns a verdict
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Real
+
+import numpy as np
 
 from canarm_protocol.cell import Cell
 from canarm_protocol.errors import FrameError
-from canarm_protocol.frames import Cob, Emergency, ErrorCode, Frame, NmtState
+from canarm_protocol.frames import Cob, Emergency, ErrorCode, Frame, NmtState, parse_time
 from canarm_protocol.wiring import CardNode
 
-FOREIGN_SYNC = "foreign-master"
+from .laws.failure import shown
+
+FOREIGN_MASTER = "foreign-master"
+TIME_STEP_NS = 1_000_000
+"""TIME counts milliseconds."""
+OUTPUT_TYPES = (list, tuple, np.ndarray)
+"""What a law may return. Other things can be iterated as well: a dict would give its keys."""
+SHOWN = 80
+"""Characters of what a law has returned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,13 +66,18 @@ class Supervisor:
         self._missing_limit = limits.missing_cycles
         self._missing = 0
         self._last_position: Sequence[float] | None = None
+        self._cycle_ns = bus.cycle_ns
+        self._first_time_ns: int | None = None
+        self._last_time_ns = 0
+        self._times = 0
+        """TIMEs since the first."""
 
     def message(self, frame: Frame, tick: int) -> Verdict | None:
         """Judge a frame that is not process data: heartbeats, emergencies, another master. Malformed ones may pass."""
         can_id = frame.can_id
         if can_id in (Cob.SYNC, self._controller_heartbeat):
             what = "SYNC" if can_id == Cob.SYNC else "a heartbeat with our node-ID"
-            return Verdict(FOREIGN_SYNC, f"{what} that we did not send: another controller is on the bus")
+            return Verdict(FOREIGN_MASTER, f"{what} that we did not send: another controller is on the bus")
         node_id = can_id & 0x7F
         name = self._cards.get(node_id)
         if name is None:
@@ -85,6 +101,31 @@ class Supervisor:
                     "card-emergency",
                     f"card {name!r} (node 0x{node_id:02X}) reports error 0x{emergency.code:04X}{meaning}",
                 )
+        return None
+
+    def time(self, data: bytes) -> Verdict | None:
+        """Judge the TIME that ends a cycle in lockstep: virtual time advances by about a cycle from one to the next.
+
+        A cycle ends when its inputs have arrived; with the wire's model that may be anywhere in the cycle, so an
+        interval may be anything below two cycles. But virtual time cannot fall a whole cycle behind the number of
+        cycles: then one of the TIMEs was not the emulator's, however well it fitted; milliseconds show it one cycle
+        later at most. The first TIME is taken as it is.
+        """
+        try:
+            time_ns = parse_time(data)
+        except FrameError:
+            return _foreign_time(f"{len(data)} bytes")
+        if self._first_time_ns is None:
+            self._first_time_ns = self._last_time_ns = time_ns
+            return None
+        step_ns = time_ns - self._last_time_ns
+        self._last_time_ns = time_ns
+        self._times += 1
+        if not 0 <= step_ns < 2 * self._cycle_ns + TIME_STEP_NS:
+            return _foreign_time(f"{step_ns // TIME_STEP_NS} ms after the last one")
+        behind_ns = self._times * self._cycle_ns - (time_ns - self._first_time_ns)
+        if behind_ns >= max(self._cycle_ns, TIME_STEP_NS):
+            return _foreign_time(f"{behind_ns / TIME_STEP_NS:g} ms behind the cycles")
         return None
 
     def begin_cycle(self, tick: int) -> Verdict | None:
@@ -133,14 +174,29 @@ class Supervisor:
     def command(self, torque_nm: Sequence[float]) -> Verdict | None:
         """Judge what the law asks for, whatever it may be: a law can be the user's own."""
         try:
-            count = len(torque_nm)
-            finite = [math.isfinite(torque) for torque in torque_nm]
-        except (TypeError, ValueError, OverflowError):
-            text = " ".join(repr(torque_nm).split())[:80]
+            finite = [_is_finite(torque) for torque in torque_nm] if isinstance(torque_nm, OUTPUT_TYPES) else None
+        except (TypeError, OverflowError):
+            finite = None
+        if finite is None:
+            text = shown(torque_nm, repr, SHOWN)
             return Verdict("law-output", f"the law returned {text}; must be {len(self._names)} torques in N m")
+        count = len(finite)
         if count != len(self._names):
             return Verdict("law-output", f"the law returned {count} torques for {len(self._names)} joints")
         if not all(finite):
             joint = finite.index(False)
             return Verdict("law-output", f"the law asks for {torque_nm[joint]} N m at {self._names[joint]}")
         return None
+
+
+def _is_finite(torque: object) -> bool:
+    """Raises `TypeError` for what is no real number, `OverflowError` for an int that no float can hold."""
+    if not isinstance(torque, Real):
+        raise TypeError
+    return math.isfinite(torque)
+
+
+def _foreign_time(what: str) -> Verdict:
+    return Verdict(
+        FOREIGN_MASTER, f"TIME that does not belong to this cycle ({what}): another producer of TIME is on the bus"
+    )

@@ -23,6 +23,8 @@ Bools = NDArray[np.bool_]
 
 BLEND_S = 2.0
 """Time in which a trajectory is entered from the measured pose."""
+CHECKED_AT_ONCE = 4096
+"""Samples of a trajectory that are held at a time while it is checked."""
 BUILT_IN = ("sine", "trapezoid")
 LONGEST_PERIOD_S = 5.12
 """Of the built-in motions: limits that hold for so long hold for ever."""
@@ -64,12 +66,19 @@ class Limits:
 
     def check(self, trajectory: "Trajectory", duration_s: float, source: str) -> None:
         """Raise `TrajectoryError` at the first sample within `duration_s` that a joint cannot follow."""
-        reference = trajectory.sample(0, int(np.ceil(duration_s / self.period_s)) + 1, self.period_s)
+        samples = int(np.ceil(duration_s / self.period_s)) + 1
+        for first in range(0, samples, CHECKED_AT_ONCE):
+            self._check_part(trajectory, first, min(CHECKED_AT_ONCE, samples - first), source)
+
+    def _check_part(self, trajectory: "Trajectory", first: int, count: int, source: str) -> None:
+        reference = trajectory.sample(first, count, self.period_s)
         position_deg = np.degrees(reference.position_rad)
-        outside = (position_deg < np.array(self.low_deg)) | (position_deg > np.array(self.high_deg))
-        too_fast = np.abs(reference.velocity_rad_s) > np.array(self.speed_rad_s)
+        # Negated, so that what is not a number is found as well.
+        outside = ~((position_deg >= np.array(self.low_deg)) & (position_deg <= np.array(self.high_deg)))
+        too_fast = ~(np.abs(reference.velocity_rad_s) <= np.array(self.speed_rad_s))
         for sample, joint in np.argwhere(outside | too_fast)[:1].tolist():
-            where = f"{source}: {self.joint_names[joint]} at sample {sample} ({sample * self.period_s:.4g} s)"
+            number = first + sample
+            where = f"{source}: {self.joint_names[joint]} at sample {number} ({number * self.period_s:.4g} s)"
             if outside[sample, joint]:
                 raise TrajectoryError(
                     f"{where}: {position_deg[sample, joint]:.2f} deg is outside limits_deg = "

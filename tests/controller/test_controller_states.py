@@ -7,8 +7,10 @@ import pytest
 
 from canarm_controller.controller import State
 from canarm_controller.errors import BringUpError, ClockMismatchError, ControllerError
+from canarm_emulator.bench import Bench
+from canarm_emulator.truth import Truth
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Emergency, Frame, NmtState
+from canarm_protocol.frames import Emergency, Frame, NmtState, time_frame
 
 # COB-IDs of CiA 301's predefined connection set, and konkuk1's nodes: DAC 0x12, latch 0x13, ADC 0x14.
 SYNC, TIME, EMERGENCY, HEARTBEAT, SDO_ANSWER = 0x080, 0x100, 0x080, 0x700, 0x580
@@ -17,6 +19,7 @@ NODES = {DAC: "dac", LATCH: "latch", ADC: "adc"}
 POSITIONS_AND_SPEEDS, CURRENTS = 0x294, 0x394
 DAC_OUTPUTS, LATCH_OUTPUTS = 0x312, 0x213
 CYCLES_A_SECOND = 400
+CYCLE_NS = 2_500_000
 
 
 def from_node(frame: Frame, node_id: int) -> bool:
@@ -371,8 +374,10 @@ def test_a_stop_waits_for_standstill_two_seconds_at_most(make_pair, clock: Clock
     pair.to_controller = dropping(lambda frame: frame.can_id == POSITIONS_AND_SPEEDS)
     pair.run_to(State.STOPPING)
     stopped_at = pair.controller.tick
+    missed = pair.controller.missed
     pair.run_to_end()
     assert pair.controller.tick - stopped_at == pytest.approx(2 * CYCLES_A_SECOND, abs=1)
+    assert pair.controller.missed == missed  # cycles of the stop count for nothing
 
 
 def test_an_interruption_is_a_safe_stop_with_its_reason(pair) -> None:
@@ -455,6 +460,32 @@ def test_on_the_wall_clock_a_cycle_without_inputs_is_missed_and_controlled_all_t
     pair.to_controller = dropping(lambda frame: frame.can_id == CURRENTS and pair.controller.tick in (110, 111, 120))
     pair.run_to_end()
     assert (pair.controller.state, pair.controller.controlled_ticks, pair.controller.missed) == (State.DONE, 400, 3)
+
+
+@pytest.mark.parametrize("ahead_ns", [-(10**9), -CYCLE_NS, 0, CYCLE_NS, 10**9])
+def test_in_lockstep_a_time_object_of_somebody_else_stops_the_robot(pair, ahead_ns: int) -> None:
+    pair.run_to_tick(1000)
+    pair.controller.receive(time_frame(pair.bench.time_ns + ahead_ns), pair.bench.time_ns)
+    assert pair.controller.tick == 1001
+    pair.run_to_tick(1004)
+    assert pair.controller.state is not State.RUNNING
+    assert_stopped(pair, "foreign-master", "TIME that does not belong to this cycle", "another producer of TIME")
+
+
+def test_a_jump_of_virtual_time_stops_the_robot_and_does_not_hang_it(pair) -> None:
+    pair.run_to_tick(100)
+    pair.bench.run_on()
+    pair.run_to_end()
+    assert pair.controller.state is State.FAILED
+    assert pair.controller.verdict.detector in ("card-emergency", "foreign-master")
+
+
+def test_the_wires_delays_are_no_foreign_time(make_pair) -> None:
+    pair = make_pair(ticks=800)
+    pair.bench = Bench(pair.cell, Truth.from_settings(pair.cell, {}), Clock.SYNC, 0, with_wire=True)
+    pair.bench.start()
+    pair.run_to_end()
+    assert (pair.controller.state, pair.controller.missed) == (State.DONE, 0), pair.controller.reason
 
 
 def test_a_time_object_of_somebody_else_means_nothing_on_the_wall_clock(make_pair) -> None:

@@ -1,12 +1,14 @@
 """The control loop by itself: codes in, DAC codes and direction bits out, and laws that fail."""
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from canarm_controller.controller import State
 from canarm_controller.errors import ControllerError, LawError, TrajectoryError
 from canarm_controller.laws import ControlLaw, Cycle, load_law
 from canarm_controller.loop import ControlLoop
@@ -114,7 +116,7 @@ def test_the_law_starts_at_rest_at_the_measured_pose_and_so_does_the_reference(l
     measured = [math.radians((146 - 127.5) * STEP_DEG), math.radians(0.5 * STEP_DEG)]
     position, velocity, amplitude = loop.law.started
     assert position == pytest.approx(measured)
-    assert velocity == [0.0, 0.0]
+    assert tuple(velocity) == (0.0, 0.0)
     assert amplitude == pytest.approx([math.radians(35), math.radians(30)])
     loop.look_up(0)
     assert loop.cycle.reference_rad == pytest.approx(measured)
@@ -133,9 +135,9 @@ def test_the_reference_of_any_tick_is_the_trajectory_there(loop: ControlLoop, ti
         ]
         assert cycle.reference_rad == pytest.approx(expected, abs=1e-9)
     row = loop.trajectory.sample(tick, 1, 0.0025)
-    assert cycle.reference_rad == row.position_rad[0].tolist()
-    assert cycle.reference_rad_s == row.velocity_rad_s[0].tolist()
-    assert cycle.reference_rad_s2 == row.acceleration_rad_s2[0].tolist()
+    assert cycle.reference_rad == tuple(row.position_rad[0].tolist())
+    assert cycle.reference_rad_s == tuple(row.velocity_rad_s[0].tolist())
+    assert cycle.reference_rad_s2 == tuple(row.acceleration_rad_s2[0].tolist())
 
 
 def test_ticks_may_be_looked_up_in_any_order(loop: ControlLoop) -> None:
@@ -143,7 +145,7 @@ def test_ticks_may_be_looked_up_in_any_order(loop: ControlLoop) -> None:
     expected = {tick: loop.trajectory.sample(tick, 1, 0.0025).position_rad[0].tolist() for tick in (5000, 70, 4095, 0)}
     for tick, position in expected.items():
         loop.look_up(tick)
-        assert loop.cycle.reference_rad == position
+        assert list(loop.cycle.reference_rad) == position
 
 
 def test_feed_forward_is_what_the_nominal_arm_needs_when_the_command_acts(cell: Cell) -> None:
@@ -242,6 +244,12 @@ def test_a_law_that_cannot_start_is_told_with_its_line(cell: Cell, tmp_path: Pat
         ("raise ValueError('two\\nlines')", "ValueError: two lines"),
         ("raise SystemExit(3)", "SystemExit: 3"),
         ("assert False", "AssertionError"),
+        ("raise GeneratorExit", "GeneratorExit"),
+        ("raise type('Own', (BaseException,), {})('x\\x1b')", r"Own: x\?"),
+        (
+            "raise type('Mute', (Exception,), {'__str__': None})",
+            "Mute: .*cannot be had: TypeError.*",
+        ),
         ("import math; math.sqrt('x')", "TypeError: must be real number, not str"),
         ("import json; json.loads('{')", "JSONDecodeError: Expecting property name.*"),
     ],
@@ -281,7 +289,13 @@ def test_internals_that_do_not_fit_are_refused(cell: Cell, tmp_path: Path, later
         ("return [float('nan'), 0.0]", "law-output", "the law asks for nan N m at joint2"),
         ("return [0.0]", "law-output", "1 torques for 2 joints"),
         ("return None", "law-output", "the law returned None"),
+        ("return {0: 0.0, 1: 0.0}", "law-output", "the law returned {0: 0.0, 1: 0.0}; must be 2 torques"),
+        ("return (0.0 for _ in range(2))", "law-output", "the law returned <generator object"),
+        ("return '12'", "law-output", "the law returned '12'"),
+        ("return [type('Mute', (), {'__repr__': None})(), 0.0]", "law-output", "(a list whose text cannot be had"),
         ("raise ValueError('no')", "law-failed", "law Mine: update() fails at mine.py, line 10: ValueError: no"),
+        ("raise GeneratorExit", "law-failed", "law Mine: update() fails at mine.py, line 10: GeneratorExit"),
+        ("raise KeyboardInterrupt", "interrupted", "KeyboardInterrupt in update() of law Mine"),
     ],
 )
 def test_a_law_that_fails_in_a_run_ends_in_a_safe_stop(
@@ -316,3 +330,55 @@ def test_internals_that_fail_in_a_run_end_in_a_safe_stop(make_pair, tmp_path: Pa
 def test_a_law_with_a_model_of_its_own_takes_no_feed_forward(cell: Cell) -> None:
     with pytest.raises(ControllerError, match="'slotine-li' supplies the torque of the model itself"):
         make_loop(cell, load_law("slotine-li"), "table")
+
+
+@pytest.mark.parametrize("name", ["1", "'a,b'", "'a\"b'", "'a\\nb'", "'α'", "''", "'a b'"])
+def test_names_of_internals_are_ascii_identifiers(cell: Cell, tmp_path: Path, name: str) -> None:
+    law = write_law(tmp_path, internals=f"{{{name}: [0.0, 0.0]}}")
+    with pytest.raises(
+        LawError, match=r"^law Mine: internals\(\) names a value .*; names must be ASCII letters"
+    ) as caught:
+        make_loop(cell, law)
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize(
+    ("statement", "message"),
+    [
+        ("raise GeneratorExit", r"^law Mine: start\(\) fails at mine\.py, line 8: GeneratorExit$"),
+        ("raise KeyboardInterrupt", r"^KeyboardInterrupt in start\(\) of law Mine$"),
+    ],
+)
+def test_a_law_that_cannot_start_ends_the_bring_up(make_pair, tmp_path: Path, statement: str, message: str) -> None:
+    write_law(tmp_path, start=statement)
+    pair = make_pair(law=f"{tmp_path / 'mine.py'}:Mine")
+    pair.run_to_end()
+    assert re.search(message, pair.controller.reason)
+    assert [frame.can_id for frame in pair.sent[-6:]] == [0] * 6
+
+
+CYCLE_VALUES = [
+    *("reference_rad", "reference_rad_s", "reference_rad_s2", "position_rad", "velocity_rad_s"),
+    *("current_a", "feedforward_nm", "applied_nm", "saturated"),
+]
+
+
+def test_a_law_cannot_change_what_it_is_judged_by(make_pair, tmp_path: Path) -> None:
+    spoil = f"""for name in {CYCLE_VALUES}:
+            assert type(getattr(cycle, name)) is tuple, name
+            setattr(cycle, name, (9.0, 9.0))
+        cycle.tick = 7"""
+    write_law(tmp_path, update=spoil)
+    spoilt, honest = make_pair(law=f"{tmp_path / 'mine.py'}:Mine"), make_pair(law=f"{tmp_path / 'mine.py'}:Mine")
+    honest.controller.loop.law.update = lambda cycle: [0.0, 0.0]
+    rows: list[list[object]] = []
+    for pair in (spoilt, honest):
+        cycle, seen = pair.controller.loop.cycle, []
+        rows.append(seen)
+        pair.controller.on_tick = lambda cycle=cycle, seen=seen: seen.append(
+            (cycle.tick, *[getattr(cycle, name) for name in CYCLE_VALUES])
+        )
+        pair.run_to_tick(60)
+    assert spoilt.controller.state is State.RUNNING, spoilt.controller.reason
+    assert rows[0] == rows[1]
+    assert rows[0][59][0] == 59

@@ -119,3 +119,11 @@ def test_the_summary_says_everything_in_microseconds(clock: FakeClock) -> None:
     counts = {name: value for name, value in summary.items() if not isinstance(value, dict)}
     assert counts == {"period_us": 2500.0, "late": 1, "left_out": 1, "stalls": 0}
     assert summary["lateness"]["max_us"] == summary["jitter"]["max_us"] == 2800.0
+
+
+def test_deadlines_of_a_safe_stop_are_neither_late_nor_left_out(clock: FakeClock) -> None:
+    pacer = Pacer(PERIOD_NS, clock)
+    clock.now_ns += 200_000_000
+    pacer.begin(counts=False)
+    assert (pacer.late, pacer.missed, pacer.stalls) == (0, 0, 0)
+    assert pacer.left_s() == pytest.approx(PERIOD_NS * 1e-9)  # the grid goes on all the same

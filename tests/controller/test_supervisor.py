@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Sequence
+from decimal import Decimal
 
 import numpy as np
 import pytest
 
 from canarm_controller.supervisor import Supervisor
 from canarm_protocol.cell_file import load_cell
-from canarm_protocol.frames import Emergency, Frame
+from canarm_protocol.frames import Emergency, Frame, time_frame
 from canarm_protocol.wiring import card_nodes
 
 DAC, LATCH, ADC = 0x12, 0x13, 0x14
@@ -132,6 +133,9 @@ def test_finite_torques_for_every_joint_pass(supervisor: Supervisor, torque: Seq
         (np.zeros(3), "the law returned 3 torques for 2 joints"),
         (None, "the law returned None; must be 2 torques in N m"),
         (1.0, "the law returned 1.0; must be 2 torques in N m"),
+        ({0: 1.0, 1: 2.0}, "the law returned {0: 1.0, 1: 2.0}; must be 2 torques in N m"),
+        (b"12", "the law returned b'12'; must be 2 torques in N m"),
+        ([Decimal(1), Decimal(2)], "the law returned [Decimal('1'), Decimal('2')]; must be 2 torques in N m"),
         (["1", "2"], "the law returned ['1', '2']; must be 2 torques in N m"),
         ([1j, 0.0], "the law returned [1j, 0.0]; must be 2 torques in N m"),
         (np.zeros((2, 2)), "the law returned array([[0., 0.], [0., 0.]]); must be 2 torques in N m"),
@@ -144,3 +148,46 @@ def test_anything_else_that_a_law_returns_is_told_in_one_line(
     verdict = supervisor.command(torque)
     assert verdict is not None
     assert (verdict.detector, verdict.detail) == ("law-output", detail)
+
+
+CYCLE_NS, MS = 2_500_000, 1_000_000
+
+
+def judge_times(supervisor: Supervisor, times_ns: Sequence[int]) -> list[str]:
+    verdicts = [supervisor.time(time_frame(time_ns).data) for time_ns in times_ns]
+    return [verdict.detector for verdict in verdicts if verdict is not None]
+
+
+def test_times_a_cycle_apart_keep_it_quiet_over_midnight_too(supervisor: Supervisor) -> None:
+    start_ns = 86_399_000 * MS + 600_000
+    assert judge_times(supervisor, [start_ns + cycle * CYCLE_NS for cycle in range(800)]) == []
+
+
+def test_the_end_of_a_cycle_may_wander_as_on_a_wire(supervisor: Supervisor) -> None:
+    # Scan and two TPDOs take 0.8 ms; other traffic may delay them to the end of the cycle.
+    ends_ns = np.random.default_rng(1).integers(800_000, CYCLE_NS, 2000).tolist()
+    assert judge_times(supervisor, [800_000] + [n * CYCLE_NS + end for n, end in enumerate(ends_ns, 1)]) == []
+
+
+@pytest.mark.parametrize("step_ms", [-1000, -1, 6, 600])
+def test_a_time_far_from_the_next_cycle_is_foreign(supervisor: Supervisor, step_ms: int) -> None:
+    times_ns = [2000 * MS + cycle * CYCLE_NS for cycle in range(101)]
+    assert judge_times(supervisor, times_ns) == []
+    verdict = supervisor.time(time_frame(times_ns[-1] + step_ms * MS).data)
+    assert verdict is not None
+    assert verdict.detector == "foreign-master"
+    assert "TIME that does not belong to this cycle" in verdict.detail
+
+
+@pytest.mark.parametrize("early_ms", [0, 1, 2, 3])
+def test_a_time_too_many_is_found_within_three_cycles_even_if_it_fits(supervisor: Supervisor, early_ms: int) -> None:
+    times_ns = [cycle * CYCLE_NS for cycle in range(101)]
+    assert judge_times(supervisor, times_ns) == []
+    after_ns = [times_ns[-1] + early_ms * MS, *(times_ns[-1] + cycle * CYCLE_NS for cycle in (1, 2, 3))]
+    assert set(judge_times(supervisor, after_ns)) == {"foreign-master"}
+
+
+def test_a_time_of_another_length_is_foreign(supervisor: Supervisor) -> None:
+    verdict = supervisor.time(b"")
+    assert verdict is not None
+    assert "(0 bytes)" in verdict.detail

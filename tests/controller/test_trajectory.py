@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from canarm_controller.errors import TrajectoryError
-from canarm_controller.trajectory import Reference, Trajectory, blend_from, make_trajectory
+from canarm_controller.trajectory import FileTrajectory, Reference, Trajectory, blend_from, make_trajectory
 from canarm_protocol.cell_file import load_cell
 
 CELL = load_cell("konkuk1")
@@ -157,6 +157,11 @@ def test_straight_part_of_a_file_counts_as_constant_speed(tmp_path: Path) -> Non
         ("time_s,joint2,joint3\n0,1,2\n1,inf,2", "row 3, column joint2: 'inf' is not a finite number"),
         ("time_s,joint2,joint3\n1,1,2\n2,2,2", "row 2: time_s = 1; the first must be 0"),
         ("time_s,joint2,joint3\n0,1,2\n1,1,2\n\n1,2,2", "row 5: time_s = 1; must be later than the row before it, 1"),
+        (f"time_s,joint2,joint3\n0,1,2\n1,{'x' * 999},2", f"row 3, column joint2: '{'x' * 40}' is not a finite number"),
+        ("time_s,joint2,joint3\n0,1,2\n1,1e300,2", r"row 3, column joint2: 1e\+300 deg; must be within \+-1e\+06 deg"),
+        ("time_s,joint2,joint3\n0,1,2\n1e-300,1,2\n1,1,2", "row 3: time_s = 1e-300; .* by at least 1e-06 s"),
+        ("time_s,joint2,joint3\n0,1,2\n1e9,1,2", r"row 3: time_s = 1e\+09; .* may last 86400 s \(24 h\) at most"),
+        ("time_s,joint2,joint3\n0,0,0\n30,0,0\n60,140,0", r"joint2 at sample 2\d{4} \(5\d\..* outside limits_deg"),
         ("time_s,joint2,joint3\n0,0,0\n9,140,0", r"joint2 at sample \d+ .* outside limits_deg = \[-130, 130\]"),
         ("time_s,joint2,joint3\n0,0,0\n0.2,0,60", r"joint3 at sample \d+ .* within \+-2\.5 rad/s"),
     ],
@@ -177,3 +182,18 @@ def test_an_unreadable_file_is_refused(tmp_path: Path) -> None:
 def test_a_misspelt_name_is_refused_with_the_nearest() -> None:
     with pytest.raises(TrajectoryError, match=r"built in: sine, trapezoid; did you mean 'trapezoid'\?"):
         make_trajectory("trapezoidal", CELL)
+
+
+def test_a_long_trajectory_is_checked_a_part_at_a_time(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    path, counts = tmp_path / "long.csv", []
+    path.write_text("time_s,joint2,joint3\n0,0,0\n60,10,10\n")
+    sample = FileTrajectory.sample
+
+    def counting(self: FileTrajectory, first_tick: int, count: int, period_s: float) -> Reference:
+        counts.append((first_tick, count))
+        return sample(self, first_tick, count, period_s)
+
+    monkeypatch.setattr(FileTrajectory, "sample", counting)
+    make_trajectory(str(path), CELL)
+    assert max(count for _, count in counts) == 4096
+    assert [tick for first, count in counts for tick in range(first, first + count)] == list(range(24_001))

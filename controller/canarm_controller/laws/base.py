@@ -10,10 +10,11 @@ from ..dynamics import NominalArm
 
 
 class Cycle:
-    """What a law sees in one cycle, filled anew by the loop; one entry a joint in every sequence.
+    """What a law sees in one cycle, filled anew by the loop; one entry a joint in every sequence, which is a tuple.
 
     `feedforward_nm` is the feed-forward torque for this command; `applied_nm` is what the amplifier could deliver of
-    the last command, and `saturated` whether that was less than asked for.
+    the last command, and `saturated` whether that was less than asked for. A law has an object of its own: what it
+    changes there changes nothing that is recorded, reported or judged.
     """
 
     __slots__ = (
@@ -41,6 +42,19 @@ class Cycle:
         self.feedforward_nm: Sequence[float] = zeros
         self.applied_nm: Sequence[float] = zeros
         self.saturated: Sequence[bool] = (False,) * joint_count
+
+    def copy_from(self, other: "Cycle") -> None:
+        """Take all values of `other`."""
+        self.tick = other.tick
+        self.reference_rad = other.reference_rad
+        self.reference_rad_s = other.reference_rad_s
+        self.reference_rad_s2 = other.reference_rad_s2
+        self.position_rad = other.position_rad
+        self.velocity_rad_s = other.velocity_rad_s
+        self.current_a = other.current_a
+        self.feedforward_nm = other.feedforward_nm
+        self.applied_nm = other.applied_nm
+        self.saturated = other.saturated
 
 
 class ControlLaw(ABC):
@@ -71,8 +85,14 @@ class ControlLaw(ABC):
 
     @abstractmethod
     def update(self, cycle: Cycle) -> Sequence[float]:
-        """Joint torques in N·m for this cycle, `cycle.feedforward_nm` included. Called once every `period_s`."""
+        """Joint torques in N·m for this cycle, `cycle.feedforward_nm` included: a list, tuple or array of numbers.
+
+        Called once every `period_s`.
+        """
 
     def internals(self) -> Mapping[str, Sequence[float]]:
-        """Named inner values for display and recording, one entry a joint, units in the names; none by default."""
+        """Named inner values for display and recording, one entry a joint, units in the names; none by default.
+
+        Names are ASCII identifiers such as `bias_a`, and the same in every cycle.
+        """
         return {}

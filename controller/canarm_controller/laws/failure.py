@@ -2,18 +2,37 @@
 
 import sys
 import traceback
+from collections.abc import Callable
 from pathlib import Path
 
-from ..errors import ControllerError, LawError
+from ..errors import ControllerError, InterruptedRunError, LawError
 from .base import ControlLaw
+
+LONGEST_TEXT = 300
+"""Characters of a message that a law's own code has written."""
 
 
 def law_failure(law: type[ControlLaw], method: str, error: BaseException) -> ControllerError:
-    """What to raise for `error`, which `method` of `law` raised. A `ControllerError` says enough by itself."""
-    if isinstance(error, ControllerError):
-        return error
-    text = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
+    """What to raise for `error`, which `method` of `law` raised. A `ControllerError` says enough by itself.
+
+    Ctrl-C while the law computes is no fault of the law: `InterruptedRunError`.
+    """
+    text = shown(error, str)
+    if isinstance(error, KeyboardInterrupt):
+        return InterruptedRunError(f"KeyboardInterrupt in {method}() of law {law.__name__}")
+    if type(error).__module__ == ControllerError.__module__ and isinstance(error, ControllerError):
+        return type(error)(text)
+    text = f"{type(error).__name__}: {text}" if text else type(error).__name__
     return LawError(f"law {law.__name__}: {method}() fails{_line(law, error)}: {text}")
+
+
+def shown(value: object, text_of: Callable[[object], str], width: int = LONGEST_TEXT) -> str:
+    """`text_of(value)` on one printable line of at most `width` characters, even where the value's own code fails."""
+    try:
+        text = text_of(value)
+    except BaseException as error:
+        return f"(a {type(value).__name__} whose text cannot be had: {type(error).__name__})"
+    return "".join(c if c.isprintable() else "?" for c in " ".join(text.split())[:width])
 
 
 def _line(law: type[ControlLaw], error: BaseException) -> str:
