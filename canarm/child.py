@@ -3,41 +3,45 @@
 import contextlib
 import os
 import re
-import select
 import signal
 import subprocess
 import sys
-import tempfile
+import threading
 import time
 from collections.abc import Sequence
-from typing import Self
+from typing import IO, Self
 
 from .cli import ENVIRONMENT_PREFIX, LOG_LEVEL
 
 END_S = 10.0
 """How long a process may take to end when it is asked to; a safe stop takes 2 s."""
+KEPT = 256 * 1024
+"""Bytes that are kept of what a process says; a summary has some hundred a joint."""
+LAST_WORDS_S = 1.0
+"""How long a pipe may stay open after its process: something that the process has started may hold it."""
 
 
 class Child:
     """`canarm command …` as a process in a session of its own: Ctrl-C at the terminal does not reach it by itself.
 
-    It ends when this process does. With `quiet`, what it says on stderr is kept in `complaints` instead of shown.
-    Leaving a `with` statement ends it.
+    It ends when this process does, and never waits for its output to be read. With `quiet`, what it says on stderr is
+    kept in `complaints` instead of shown. Leaving a `with` statement ends it.
     """
 
     def __init__(self, command: str, arguments: Sequence[str], quiet: bool = False) -> None:
         self.command = command
-        self._errors = tempfile.TemporaryFile() if quiet else None  # noqa: SIM115 (closed by `__exit__`)
         # -P: what lies in the working folder must not be taken for our own packages.
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "canarm", command, *arguments, "--with-parent"],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
-            stderr=self._errors,
+            stderr=subprocess.PIPE if quiet else None,
             start_new_session=True,
             env=_environment(),
         )
-        self._printed = b""
+        assert self._process.stdout is not None
+        self._output = _Drain(self._process.stdout)
+        self._errors = None if self._process.stderr is None else _Drain(self._process.stderr)
 
     @property
     def status(self) -> int | None:
@@ -46,58 +50,86 @@ class Child:
 
     @property
     def printed(self) -> str:
-        """What the process has printed, as far as it was waited for."""
-        return self._printed.decode(errors="replace")
+        """What the process has printed, at most the last `KEPT` bytes of it."""
+        return self._output.text
 
     @property
     def complaints(self) -> str:
-        """What a quiet process has said on stderr."""
-        if self._errors is None:
-            return ""
-        self._errors.seek(0)
-        return self._errors.read().decode(errors="replace")
+        """What a quiet process has said on stderr, at most the last `KEPT` bytes of it."""
+        return "" if self._errors is None else self._errors.text
 
     def wait_for(self, pattern: str, limit_s: float) -> re.Match[str] | None:
         """The first match in what the process prints; None when it ends, or `limit_s` passes, without one."""
-        assert self._process.stdout is not None
-        fd = self._process.stdout.fileno()
-        deadline_s = time.monotonic() + limit_s
-        while (match := re.search(pattern, self.printed, re.MULTILINE)) is None:
-            left_s = deadline_s - time.monotonic()
-            if left_s <= 0.0 or not select.select([fd], [], [], left_s)[0]:
-                return None
-            data = os.read(fd, 4096)
-            if not data:
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    self._process.wait(END_S)
-                return None
-            self._printed += data
+        match = self._output.wait_for(pattern, limit_s)
+        if match is None and self._output.has_ended:
+            self.wait(END_S)
         return match
 
-    def wait(self, limit_s: float) -> None:
-        """Wait for the end of the process; it is killed after `limit_s`."""
-        if self._process.stdout is not None and self._process.stdout.closed:
-            return
+    def wait(self, limit_s: float) -> bool:
+        """Wait for the end of the process and of what it says; False where it has not ended within `limit_s`."""
         try:
-            rest, _ = self._process.communicate(timeout=limit_s)
+            self._process.wait(limit_s)
         except subprocess.TimeoutExpired:
-            self._process.kill()
-            rest, _ = self._process.communicate()
-        self._printed += rest
+            return False
+        for drain in (self._output, self._errors):
+            if drain is not None:
+                drain.join(LAST_WORDS_S)
+        return True
 
     def end(self) -> None:
         """Ask the process to end, and insist when it does not. May be called again."""
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGTERM)
-        self.wait(END_S)
+        if not self.wait(END_S):
+            self._process.kill()
+            self.wait(END_S)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exception: object) -> None:
         self.end()
-        if self._errors is not None:
-            self._errors.close()
+
+
+class _Drain:
+    """Reads a pipe as fast as it fills, in a thread of its own, and keeps the last `KEPT` bytes."""
+
+    def __init__(self, pipe: IO[bytes]) -> None:
+        self._pipe = pipe
+        self._kept = b""
+        self._news = threading.Condition()
+        self.has_ended = False
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    @property
+    def text(self) -> str:
+        return self._kept.decode(errors="replace")
+
+    def wait_for(self, pattern: str, limit_s: float) -> re.Match[str] | None:
+        """The first match in what is kept; None at the end of the pipe, or after `limit_s`."""
+        deadline_s = time.monotonic() + limit_s
+        with self._news:
+            while (match := re.search(pattern, self.text, re.MULTILINE)) is None:
+                left_s = deadline_s - time.monotonic()
+                if self.has_ended or left_s <= 0.0:
+                    return None
+                self._news.wait(left_s)
+        return match
+
+    def join(self, limit_s: float) -> None:
+        """Wait for the end of the pipe."""
+        self._thread.join(limit_s)
+
+    def _read(self) -> None:
+        with contextlib.suppress(OSError), self._pipe:
+            while data := os.read(self._pipe.fileno(), 65536):
+                with self._news:
+                    self._kept = (self._kept + data)[-KEPT:]
+                    self._news.notify_all()
+        with self._news:
+            self.has_ended = True
+            self._news.notify_all()
 
 
 def _environment() -> dict[str, str]:

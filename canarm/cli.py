@@ -3,10 +3,12 @@
 Exit status 0: done. 1: the run failed or ended in a safe stop. 2: the command line, a cell or another file is wrong.
 """
 
+import contextlib
 import importlib.metadata
 import logging
 import os
 import sys
+import threading
 from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError
@@ -54,6 +56,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             sys.stdout.flush()
     except OSError as error:
         status = _lose_stdout(error)
+    if any(thread is not threading.main_thread() and not thread.daemon for thread in threading.enumerate()):
+        _leave_threads_behind(status)
     sys.exit(status)
 
 
@@ -84,6 +88,13 @@ def run(arguments: Sequence[str]) -> int:
         where = f"; {LOG_LEVEL}=debug shows where"
         return _complain(f"this should not happen: {type(error).__name__}: {error}{where}", FAILED)
     return result if isinstance(result, int) else 0
+
+
+def _leave_threads_behind(status: int) -> None:
+    # A control law may have started one that never ends; the interpreter would wait for it.
+    with contextlib.suppress(OSError, ValueError):
+        sys.stderr.flush()
+    os._exit(status)
 
 
 def _set_up_logging() -> None:

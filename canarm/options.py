@@ -24,10 +24,19 @@ ROBOT_BUS, BENCH_BUS = "can0", "bench"
 LOSSY = "udp_multicast"
 """python-can's interface that may lose frames."""
 
+LONGEST_S = 1e6
+"""Eleven days: waiting longer is not meant, and some systems cannot."""
+
 
 def _positive(type_: object, value: float | None) -> None:
     if value is not None and not (math.isfinite(value) and value > 0.0):
         raise ValueError("must be a number of seconds above 0.")
+
+
+def _sensible(type_: object, value: float) -> None:
+    _positive(type_, value)
+    if value > LONGEST_S:
+        raise ValueError(f"must be at most {LONGEST_S:g} s.")
 
 
 def _not_negative(type_: object, value: int) -> None:
@@ -40,6 +49,7 @@ Wire = Annotated[
     Flag, Parameter(help="Wire model: frames queue, arbitrate and take their time at the cell's bit rate.")
 ]
 Seconds = Annotated[float, Parameter(metavar="SECONDS", validator=_positive, show_default=lambda value: f"{value:g} s")]
+Timeout = Annotated[float, Parameter(metavar="SECONDS", validator=_sensible, show_default=lambda value: f"{value:g} s")]
 Address = Annotated[str, Parameter(metavar="HOST:PORT")]
 Seed = Annotated[int, Parameter(validator=_not_negative, help="Seed of the sensor noise.")]
 Words = Annotated[list[str], Parameter(negative=(), metavar="KEY=VALUE", show_default=False)]

@@ -1,26 +1,48 @@
-"""Ending a process on request: signals, a parent that has gone, a time limit."""
+"""Ending a process on request: signals, a parent that has gone, a time limit, user code that does not return."""
 
 import os
 import signal
+import threading
 import time
+from collections.abc import Callable
 from types import FrameType
+
+STUCK_S = 6
+"""Seconds without a question after which the asking loop is taken for stuck: less than a parent waits for an end."""
+AGAIN_S = 0.5
+"""A signal so soon after the first is the same one: timeout(1) sends it to the process and to its group."""
 
 
 class StopRequest:
-    """Asked by a running loop whether it should end, and why. Takes over SIGINT, SIGTERM and SIGHUP."""
+    """Asked by a running loop whether it should end, and why. Takes over SIGINT, SIGTERM and SIGHUP.
 
-    def __init__(self, seconds: float | None = None, with_parent: bool = False) -> None:
+    A loop that runs user code gives `place`, which says how far it has come. Then the process ends at once, with
+    status 1, on a second SIGINT or SIGTERM, and where the loop asks nothing for `STUCK_S` although it should end or
+    nobody watches it (`with_parent`).
+    """
+
+    def __init__(
+        self, seconds: float | None = None, with_parent: bool = False, place: Callable[[], str] | None = None
+    ) -> None:
         self._reason: str | None = None
         self._deadline = None if seconds is None else time.monotonic() + seconds
         self._parent = os.getppid() if with_parent else None
+        self._place = place
+        self._signalled_s: float | None = None
+        self._questions = 0
+        self._watch: threading.Thread | None = None
+        self._is_over = threading.Event()
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             number = getattr(signal, name, None)
             # What nohup has switched off stays off.
             if number is not None and not (name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN):
                 signal.signal(number, self._on_signal)
+        if with_parent:
+            self._start_watch()
 
     def reason(self) -> str | None:
         """Why to stop, or None."""
+        self._questions += 1
         if self._reason is None:
             if self._parent is not None and os.getppid() != self._parent:
                 self._reason = "the process that started this one is gone"
@@ -36,10 +58,52 @@ class StopRequest:
         """Ask for the end from inside the process; an earlier reason stays."""
         self._reason = self._reason or reason
 
+    def is_over(self) -> None:
+        """Say that the loop has ended and will ask no more."""
+        self._is_over.set()
+
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         self.ask(signal.Signals(number).name)
+        now_s = time.monotonic()
+        if self._signalled_s is None:
+            self._signalled_s = now_s
+            self._start_watch()
+        # A terminal that closes sends SIGHUP more than once.
+        elif (
+            self._place is not None
+            and number in (signal.SIGINT, signal.SIGTERM)
+            and now_s - self._signalled_s > AGAIN_S
+        ):
+            _end_now("interrupted twice")
+
+    def _start_watch(self) -> None:
+        if self._place is not None and self._watch is None:
+            self._watch = threading.Thread(target=self._watch_questions, args=(self._place,), daemon=True)
+            self._watch.start()
+
+    def _watch_questions(self, place: Callable[[], str]) -> None:
+        """Count seconds without a question, rather than look at a clock: a suspended machine is not stuck."""
+        asked, silent_s = -1, 0
+        while silent_s < STUCK_S:
+            if self._is_over.wait(1.0):
+                return
+            # What comes before the first question has limits of its own, unless the end was asked for.
+            if self._questions != asked or (not asked and self._signalled_s is None):
+                asked, silent_s = self._questions, 0
+            else:
+                silent_s += 1
+        _end_now(f"{place()} (does the law loop for ever?)")
 
 
 def interrupt_on_terminate() -> None:
     """Let SIGTERM end the program as Ctrl-C does, until a `StopRequest` takes over."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+def _end_now(why: str) -> None:
+    """End the process whatever its other threads do: not even the interpreter's own clean-up can be waited for."""
+    text = f"canarm: {why}: ended without a safe stop; the cards protect themselves\n"
+    try:
+        os.write(2, text.encode(errors="replace"))
+    finally:
+        os._exit(1)

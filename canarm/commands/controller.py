@@ -40,6 +40,7 @@ from ..options import (
     parse_address,
 )
 from ..session import make_controller, provenance, tick_count
+from ..stdout import keep_stdout
 from ..stopping import StopRequest
 from ..summary import JointFigures, Summary
 from ..usage import UsageError
@@ -77,13 +78,14 @@ def controller(
     if robot_bus is None:
         robot_bus = NamedBus("canarm", ROBOT_BUS, {"host": host, "port": port})
         bench_bus = bench_bus or NamedBus("canarm", BENCH_BUS, {"host": host, "port": port})
+    say = keep_stdout()
     try:
         built = make_controller(
             nominal, control.law, control.trajectory, control.feedforward, Clock[clock.upper()], ticks, LISTEN_NS
         )
     except ControllerError as error:
         raise UsageError(str(error)) from None
-    stop = StopRequest(None, with_parent)
+    stop = StopRequest(None, with_parent, lambda: f"the controller sent nothing after cycle {built.tick}")
     recorder = None
     if output.out is not None:
         given = {
@@ -100,18 +102,19 @@ def controller(
             _tell(f"--realtime: {refused}")
     follower = _Follower(built, ticks, recorder, progress, stop)
     result = _run(built, follower, robot_bus, bench_bus, wall.spin * 1000)
+    stop.is_over()
     summary = _summary(nominal, control, clock, built, result, output)
     is_recorded = True
     if recorder is not None and output.out is not None:
         is_recorded = _end_recording(output.out, recorder, summary, result)
     if result.ticks and not output.json:
-        print(summary.as_text(), flush=True)
+        say(summary.as_text())
     elif result.reason:
         _tell(result.reason)
     if result.note:
         _tell(result.note)
     if output.json:
-        print(json.dumps(summary.as_json()), flush=True)
+        say(json.dumps(summary.as_json()))
     if isinstance(built.error, ClockMismatchError):
         return 2
     return 0 if result.state is State.DONE and is_recorded else 1
@@ -140,6 +143,8 @@ class _Follower:
                 self._recorder.state(state)
             except OSError as error:
                 self._stop.ask(f"recording failed: {error}")
+        if state in (State.DONE, State.FAILED):
+            self._stop.is_over()
         if self._progress:
             _tell(state.name.lower().replace("_", " "))
 

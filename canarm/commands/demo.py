@@ -2,7 +2,8 @@
 
 import json
 import sys
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -32,6 +33,7 @@ from ..options import (
     Wire,
 )
 from ..session import make_controller, tick_count
+from ..stdout import keep_stdout
 from ..summary import JointFigures, Summary
 from ..usage import UsageError, parse_settings
 from .emulator import attach_flags
@@ -40,7 +42,8 @@ START_S = 60.0
 """How long the emulator may take to offer its bus: a cold start reads a physics engine from disk."""
 SLOWEST = 10.0
 """A run may take this many times its robot time, and START_S, before it is given up."""
-END_STATUS = {0: 0, 2: 2}
+WRONG_USAGE = 2
+END_STATUS = {0: 0, WRONG_USAGE: WRONG_USAGE}
 """Exit statuses of the controller that are passed on; every other one is a failed run."""
 
 
@@ -62,9 +65,10 @@ def demo(
     """
     nominal = cell.load()
     settings = truth or []
+    with_dashboard = not no_tui and not output.json and _is_terminal()
+    say = keep_stdout()
     _check(nominal, control, clock, seconds, settings)
     folder = create_run_folder(output.out) if output.out is not None else new_run_folder()
-    with_dashboard = not no_tui and not output.json and _is_terminal()
     common = ["--cell", cell.cell, "--clock", clock, "--out", str(folder), "--json"]
     common += _each("--set", cell.settings)
     robot = ["--serve", f"{DEFAULT_HOST}:0", "--seed", str(seed), *_each("--truth", settings)]
@@ -78,10 +82,14 @@ def demo(
             for bus in (ROBOT_BUS, BENCH_BUS):
                 _tell(f"to attach to {bus}: {attach_flags(bus, DEFAULT_HOST, port)}")
         with Child("controller", arguments, quiet=with_dashboard) as controller:
+            limit_s = START_S + SLOWEST * seconds
+            deadline_s = time.monotonic() + limit_s
             try:
                 if with_dashboard:
-                    _show_dashboard(nominal, port, controller)
-                controller.wait(START_S + SLOWEST * seconds)
+                    _show_dashboard(nominal, port, controller, deadline_s)
+                if not controller.wait(max(deadline_s - time.monotonic(), 0.0)):
+                    _tell(f"the controller has not ended within {limit_s:g} s and is given up")
+                    controller.end()
             except KeyboardInterrupt:
                 _tell("stopping")
                 controller.end()
@@ -89,7 +97,7 @@ def demo(
             if emulator.status is not None:
                 complaints += f"canarm: the emulator has ended with status {emulator.status}\n"
     print(complaints, end="", file=sys.stderr)
-    return _report(controller, seed, folder, output.json)
+    return _report(controller, seed, folder, output.json, say)
 
 
 def _each(option: str, words: Sequence[str]) -> list[str]:
@@ -126,28 +134,38 @@ def _port_of(emulator: Child) -> int:
         return int(found.group(1))
     emulator.end()
     print(emulator.complaints, end="", file=sys.stderr)
-    raise BusError(f"the emulator has not offered its buses; it ended with status {emulator.status}")
+    raise _failure(emulator, f"the emulator has not offered its buses; it ended with status {emulator.status}")
 
 
-def _show_dashboard(cell: Cell, port: int, controller: Child) -> None:
-    """The dashboard in this process, until the controller has ended or the user leaves it."""
+def _failure(child: Child, text: str) -> Exception:
+    """The error for a process that has ended too early; what was wrong usage to it is wrong usage to us."""
+    return UsageError(text) if child.status == WRONG_USAGE else BusError(text)
+
+
+def _show_dashboard(cell: Cell, port: int, controller: Child, deadline_s: float) -> None:
+    """The dashboard in this process, until the controller has ended, time is up, or the user leaves it."""
     from canarm_tui.app import run_dashboard
 
     options = {"host": DEFAULT_HOST, "port": port}
-    run_dashboard(cell, "canarm", BENCH_BUS, options, until=lambda: controller.status is not None)
-    if controller.status is None:
+
+    def is_over() -> bool:
+        return controller.status is not None or time.monotonic() > deadline_s
+
+    run_dashboard(cell, "canarm", BENCH_BUS, options, until=is_over)
+    if not is_over():
         _tell("the run goes on to its end; Ctrl-C stops it")
 
 
-def _report(controller: Child, seed: int, folder: Path, as_json: bool) -> int:
+def _report(controller: Child, seed: int, folder: Path, as_json: bool, say: Callable[[str], None]) -> int:
     """Print the summary of the run, complete its record, and return the exit status."""
     try:
         result = dict(json.loads(controller.printed.splitlines()[-1]))
     except (IndexError, ValueError):
-        raise BusError(f"the controller ended with status {controller.status} and without a summary") from None
+        text = f"the controller ended with status {controller.status} and without a summary"
+        raise _failure(controller, text) from None
     summary = _summary(result, seed, str(folder))
     update_run_file(folder, "summary", summary.as_json())
-    print(json.dumps(summary.as_json()) if as_json else summary.as_text(), flush=True)
+    say(json.dumps(summary.as_json()) if as_json else summary.as_text())
     assert controller.status is not None
     return END_STATUS.get(controller.status, 1)
 

@@ -21,7 +21,7 @@ from canarm_protocol.cell import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError
 from canarm_protocol.port import BusPort
-from canarm_protocol.run_folder import create_run_folder, update_run_file
+from canarm_protocol.run_folder import claim_run_folder, update_run_file
 
 from ..options import (
     BENCH_BUS,
@@ -37,6 +37,7 @@ from ..options import (
     OutputOptions,
     Seconds,
     Seed,
+    Timeout,
     Truth,
     Wire,
     WithParent,
@@ -55,7 +56,7 @@ class WorldOptions:
 
     clock: ClockName = "wall"
     sync_timeout: Annotated[
-        Seconds, Parameter(help="Lockstep: wall time after which a silent sender of SYNC is taken for lost.")
+        Timeout, Parameter(help="Lockstep: wall time after which a silent sender of SYNC is taken for lost.")
     ] = 2.0
     seed: Seed = 0
     truth: Truth = field(default_factory=list)
@@ -173,7 +174,7 @@ def _recording(folder: Path | None) -> Iterator[None]:
 
 
 def _start_recording(folder: Path, cell: Cell, given: Mapping[str, Any]) -> Recorder:
-    create_run_folder(folder)
+    claim_run_folder(folder)
     update_run_file(folder, "cell", cell.model_dump(mode="json"))
     update_run_file(folder, "emulator", {**provenance(), **given})
     return Recorder(folder, cell)

@@ -1,7 +1,8 @@
 """Reading a cell: a shipped name or a TOML file, with keys of the command line laid over it."""
 
+import stat
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,12 @@ from .errors import CellError
 
 SETTABLE = ("control", "supervision")
 """The tables whose keys `--set` takes."""
+
+LARGEST_BYTES = 1_000_000
+DEEPEST = 20
+MOST_PROBLEMS = 20
+LONGEST_LINE = 400
+"""What a cell file may be, and how much is said of a wrong one. A cell has a depth of 5 and some 10 kB."""
 
 
 def shipped_cells() -> dict[str, str]:
@@ -36,39 +43,71 @@ def load_cell(name_or_path: str, settings: Mapping[str, str] | None = None) -> C
     Raises `CellError`, one line a problem: file, key, value, and what would be right.
     """
     shipped = shipped_cells()
+    source = printable(name_or_path) or "''"
     if name_or_path in shipped:
         return parse_cell(shipped[name_or_path], f"cell {name_or_path}", settings)
     try:
-        text = Path(name_or_path).read_text(encoding="utf-8")
+        text = _read(Path(name_or_path), source)
     except FileNotFoundError:
         hint = nearest(name_or_path, shipped)
-        raise CellError(f"{name_or_path}: no such file, and no cell of that name{hint}") from None
+        raise CellError(f"{source}: no such file, and no cell of that name{hint}") from None
     except OSError as error:
-        raise CellError(f"{name_or_path}: cannot be read: {error.strerror}") from None
+        raise CellError(f"{source}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise CellError(f"{name_or_path}: is not a text in UTF-8; a cell is a TOML file") from None
-    return parse_cell(text, name_or_path, settings)
+        raise CellError(f"{source}: is not a text in UTF-8; a cell is a TOML file") from None
+    return parse_cell(text, source, settings)
+
+
+def _read(path: Path, source: str) -> str:
+    """The text of a regular file, with or without a byte order mark.
+
+    Raises `OSError`, `UnicodeDecodeError`, and `CellError` for what is no such file or too large.
+    """
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise CellError(f"{source}: is no regular file; a cell is a TOML file")
+    with path.open("rb") as file:
+        data = file.read(LARGEST_BYTES + 1)
+    if len(data) > LARGEST_BYTES:
+        raise CellError(f"{source}: is larger than {LARGEST_BYTES} bytes; is it a cell?")
+    return data.decode("utf-8-sig")
+
+
+def printable(text: str) -> str:
+    """`text` on one line of bearable length, with escapes for what cannot be seen."""
+    if len(text) > LONGEST_LINE:
+        text = f"{text[: LONGEST_LINE // 2]} ... {text[-LONGEST_LINE // 2 :]}"
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
 
 def parse_cell(text: str, source: str, settings: Mapping[str, str] | None = None) -> Cell:
     """Validate the TOML `text` of a cell; `source` names it in error messages. Raises `CellError`."""
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise CellError(f"{source}: not valid TOML: {error}") from None
+    except ValueError as error:  # TOMLDecodeError, and an integer of too many digits
+        raise CellError(f"{source}: not valid TOML: {printable(str(error))}") from None
+    except RecursionError:
+        raise _too_deep(source) from None
     settings = settings or {}
     for key, value in settings.items():
         _lay_over(table, key, value)
-    table = _frozen(table)
+    table = _frozen(table, source)
     try:
         cell = Cell.model_validate(table)
     except ValidationError as error:
-        found = [explain(problem, table) for problem in error.errors() if not _is_echo(problem)]
+        wrong = [problem for problem in error.errors(include_url=False) if not _is_echo(problem)]
+        count, found = len(wrong), [explain(problem, table) for problem in wrong[:MOST_PROBLEMS]]
     else:
         found = list(problems(cell))
         if not found:
             return cell
-    raise CellError("\n".join(f"{_source(line, source, settings)}: {line}" for line in found))
+        count = len(found)
+    raise CellError("\n".join(_lines(found[:MOST_PROBLEMS], count, source, settings)))
+
+
+def _lines(found: Sequence[str], count: int, source: str, settings: Mapping[str, str]) -> list[str]:
+    """A line for each problem `found` of all `count` of them."""
+    lines = [f"{_source(line, source, settings)}: {printable(line)}" for line in found]
+    return [*lines, f"{source}: and {count - len(found)} more"] if count > len(found) else lines
 
 
 def setting_keys(cell: Cell) -> dict[str, object]:
@@ -87,15 +126,25 @@ def setting_keys(cell: Cell) -> dict[str, object]:
     return keys
 
 
-def _frozen(value: Any) -> Any:
-    """TOML arrays as tuples, which is what the strict schema takes."""
+def _frozen(value: Any, source: str, depth: int = 0) -> Any:
+    """TOML arrays as tuples, which is what the strict schema takes. Raises `CellError` for what no cell can hold."""
+    if depth > DEEPEST:
+        raise _too_deep(source)
     if isinstance(value, dict):
-        return {key: _frozen(item) for key, item in value.items()}
-    return tuple(map(_frozen, value)) if isinstance(value, list) else value
+        return {key: _frozen(item, source, depth + 1) for key, item in value.items()}
+    if isinstance(value, list):
+        return tuple(_frozen(item, source, depth + 1) for item in value)
+    if isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise CellError(f"{source}: an integer of {value.bit_length()} bits; TOML's have at most 64")
+    return value
+
+
+def _too_deep(source: str) -> CellError:
+    return CellError(f"{source}: tables or arrays are nested more than {DEEPEST} deep; those of a cell are not")
 
 
 def _lay_over(table: dict[str, Any], key: str, value: str) -> None:
-    where = f"--set {key}={value}"
+    where = printable(f"--set {key}={value}")
     *parents, leaf = key.split(".")
     if not parents or parents[0] not in SETTABLE:
         raise CellError(f"{where}: keys begin with 'control.' or 'supervision.'; see `canarm check --keys`")
@@ -110,8 +159,8 @@ def _lay_over(table: dict[str, Any], key: str, value: str) -> None:
         target = target.setdefault(parent, {}) if isinstance(target, dict) else {}
     try:
         (target[leaf],) = tomllib.loads(f"value = {value}").values()
-    except ValueError:
-        raise CellError(f"{where}: {value!r} is not a value such as {target.get(leaf, 1.0)}") from None
+    except (ValueError, RecursionError):
+        raise CellError(f"{where}: {printable(repr(value))} is not a value such as {target.get(leaf, 1.0)}") from None
 
 
 def _source(line: str, source: str, settings: Mapping[str, str]) -> str:

@@ -30,11 +30,30 @@ class RunFolderError(ProtocolError):
 def create_run_folder(path: Path, reuse: bool = False) -> Path:
     """Make the folder of a run. An earlier run in it is refused unless `reuse`. Raises `RunFolderError`."""
     if not reuse and any((path / file).exists() for file in (CAN_LOG_FILE, CONTROLLER_SIGNALS)):
-        raise RunFolderError(f"--out {path}: holds a run already; name another folder, or remove it")
+        raise _taken(path)
     try:
         (path / SIGNALS_FOLDER).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RunFolderError(f"--out {path}: cannot be made: {error.strerror}") from None
+    return path
+
+
+def _taken(path: Path) -> RunFolderError:
+    return RunFolderError(f"--out {path}: holds a run already; name another folder, or remove it")
+
+
+def claim_run_folder(path: Path) -> Path:
+    """Make the folder of a run for one emulator: of several that try at the same time, all but one are refused.
+
+    Raises `RunFolderError`.
+    """
+    create_run_folder(path)
+    try:
+        os.close(os.open(path / CAN_LOG_FILE, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    except FileExistsError:
+        raise _taken(path) from None
+    except OSError as error:
+        raise RunFolderError(f"{path / CAN_LOG_FILE}: cannot be written: {error.strerror}") from None
     return path
 
 
@@ -54,14 +73,22 @@ def new_run_folder(base: Path = Path("runs")) -> Path:
 
 
 def update_run_file(folder: Path, section: str, content: Any) -> None:
-    """Set one section of `run.json`, in one piece: a reader sees the file before or after, never half of it."""
+    """Set one section of `run.json`, in one piece: a reader sees the file before or after, never half of it.
+
+    Raises `RunFolderError` for a file that cannot be read, `OSError` with its name for one that cannot be written.
+    """
     with _locked(folder / f".{RUN_FILE}.lock"):
         path = folder / RUN_FILE
         document = read_run_file(folder) if path.exists() else {}
         document[section] = content
         draft = folder / f".{RUN_FILE}.{os.getpid()}"
-        draft.write_text(json.dumps(document, indent=2, sort_keys=True) + "\n", encoding="utf-8")
-        draft.replace(path)
+        try:
+            draft.write_text(json.dumps(document, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+            draft.replace(path)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                draft.unlink()
+            raise OSError(error.errno, error.strerror, str(path)) from None
 
 
 def read_run_file(folder: Path) -> dict[str, Any]:

@@ -193,7 +193,7 @@ def test_a_folder_is_no_cell_file(canarm):
     (canarm.folder / "cell").mkdir()
     process = canarm("check", "--cell", "cell")
     assert process.wait() == 2
-    assert process.complaint == "canarm: cell: cannot be read: Is a directory"
+    assert process.complaint == "canarm: cell: is no regular file; a cell is a TOML file"
 
 
 def test_check_shows_what_the_cell_describes_and_that_it_is_right(canarm):

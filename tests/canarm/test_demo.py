@@ -96,7 +96,7 @@ def test_children_of_a_demo_that_was_killed_end_by_themselves(canarm, run_folder
 def test_an_emulator_that_cannot_start_is_explained(canarm):
     (canarm.folder / "run" / "events.jsonl").mkdir(parents=True)
     demo = canarm("demo", "--clock", "sync", "--no-tui", "--out", "run")
-    assert demo.wait() == 1
+    assert demo.wait() == 2
     assert "canarm: run/events.jsonl: cannot be written: Is a directory" in demo.complaint
     assert "canarm: the emulator has not offered its buses; it ended with status 2" in demo.complaint
 
@@ -124,3 +124,102 @@ def test_on_a_terminal_it_shows_the_dashboard_and_then_the_summary(canarm):
     assert terminal.wait() == 0, terminal
     assert any("joint3" in line and "\x1b[" in line for line in terminal.stdout)
     assert json.loads((canarm.folder / "run" / "run.json").read_text())["summary"]["clock"] == "wall"
+
+
+IN_LOCKSTEP = ("demo", "--clock", "sync", "--no-tui")
+PRINTING_LAW = """
+import atexit, os, sys, threading, time
+from canarm_controller.laws.pd import Pd
+
+print("read by the controller, and by the demo before it")
+atexit.register(print, "the law's last words", end="")
+
+class Printing(Pd):
+    name = "printing"
+
+    def update(self, cycle):
+        if cycle.tick == 5:
+            threading.Thread(target=time.sleep, args=(3600,)).start()
+        sys.stdout.write("no line end")
+        os.write(1, b"x" * 2000)
+        return super().update(cycle)
+"""
+LOOPING_LAW = """
+from canarm_controller.laws.pd import Pd
+
+class Looping(Pd):
+    name = "looping"
+
+    def update(self, cycle):
+        while cycle.tick == 100:
+            pass
+        return super().update(cycle)
+"""
+
+
+def test_what_a_law_prints_and_starts_stays_out_of_the_summary(canarm):
+    (canarm.folder / "laws.py").write_text(PRINTING_LAW)
+    demo = canarm(*IN_LOCKSTEP, "--json", "--seconds", "1", "--law", "laws.py:Printing", "--out", "run")
+    assert demo.wait() == 0, demo.stderr[-3:]
+    assert len(demo.stdout) == 1
+    assert (demo.json["law"], demo.json["ticks"]) == ("laws.py:Printing", 400)
+
+
+@pytest.mark.skipif(shutil.which("script") is None, reason="script(1) of util-linux is not installed")
+def test_a_law_that_prints_does_not_stop_a_run_behind_the_dashboard(canarm):
+    (canarm.folder / "laws.py").write_text(PRINTING_LAW)
+    options = [*canarm.for_clock("wall"), "--seconds", "1", "--law", "laws.py:Printing", "--out", "run"]
+    demo = shlex.join([sys.executable, "-m", "canarm", "demo", *options])
+    terminal = canarm.run(
+        "script", "--quiet", "--return", "--command", demo, "/dev/null", env={"TERM": "xterm-256color"}
+    )
+    terminal.wait_for("recorded in run")
+    assert terminal.wait() == 0
+
+
+def test_a_law_that_loops_for_ever_ends_the_demo_with_a_hint(canarm):
+    (canarm.folder / "laws.py").write_text(LOOPING_LAW)
+    demo = canarm(*IN_LOCKSTEP, "--seconds", "3600", "--law", "laws.py:Looping", "--out", "run")
+    assert demo.wait() == 1, demo
+    hint = "the controller sent nothing after cycle 100 (does the law loop for ever?): ended without a safe stop"
+    assert hint in demo.complaint
+    assert canarm.remaining() == []
+
+
+def test_a_controller_whose_law_loops_ends_at_the_second_ctrl_c(canarm, until):
+    (canarm.folder / "laws.py").write_text(LOOPING_LAW)
+    emulator = canarm.emulator("sync")
+    controller = canarm.controller(emulator, "sync", "--law", "laws.py:Looping")
+    emulator.wait_for("SYNC")  # the emulator misses it
+
+    def interrupt() -> bool:
+        if controller.is_running:
+            controller.send(signal.SIGINT)
+        return not controller.is_running
+
+    until(interrupt, "end of the controller")
+    assert controller.wait() == 1
+    expected = "canarm: interrupted twice: ended without a safe stop; the cards protect themselves"
+    assert controller.complaint.endswith(expected)
+
+
+def test_a_run_without_an_end_in_sight_can_be_stopped(canarm):
+    demo = canarm(*IN_LOCKSTEP, "--json", "--seconds", "1e9", "--out", "run")
+    demo.wait_for("1 of 1e")
+    demo.send(signal.SIGINT)
+    assert demo.wait() == 1, demo
+    assert demo.json["state"] == "interrupted"
+
+
+def test_a_wait_beyond_reason_is_refused(canarm):
+    emulator = canarm("emulator", "--sync-timeout", "1e300")
+    assert emulator.wait() == 2
+    assert "must be at most 1e+06 s." in emulator.complaint
+
+
+def test_of_two_demos_started_together_into_one_folder_one_is_refused(canarm, run_folder):
+    demos = [canarm(*IN_LOCKSTEP, "--json", "--seconds", "1", "--out", "run") for _ in range(2)]
+    assert sorted(demo.wait() for demo in demos) == [0, 2], demos
+    (refused,) = [demo for demo in demos if demo.wait() == 2]
+    assert "canarm: --out run: holds a run already; name another folder, or remove it" in refused.complaint
+    run_folder(canarm.folder / "run").check()

@@ -1,5 +1,7 @@
 """A wrong cell is answered with one line a problem: file, key, value, and what would be right."""
 
+import os
+
 import pytest
 
 from canarm_protocol.cell_checks import MOST_JOINTS, problems
@@ -293,7 +295,7 @@ def test_a_cell_that_is_not_there_is_said_with_those_that_are(monkeypatch, tmp_p
 
 
 def test_what_cannot_be_read_as_text_is_no_cell(tmp_path) -> None:
-    with pytest.raises(CellError, match=r"cannot be read: Is a directory$"):
+    with pytest.raises(CellError, match=r"is no regular file; a cell is a TOML file$"):
         load_cell(str(tmp_path))
     path = tmp_path / "binary.toml"
     path.write_bytes(b"\xff\xfe")
@@ -341,7 +343,7 @@ def test_every_key_that_set_takes_is_listed_with_its_nominal_value() -> None:
         (
             "control.damping_ratio",
             "1\nx = 2",
-            "--set control.damping_ratio=1\nx = 2: '1\\nx = 2' is not a value such as 1.0",
+            r"--set control.damping_ratio=1\nx = 2: '1\nx = 2' is not a value such as 1.0",
         ),
         ("supervision.missing_cycles", "", "--set supervision.missing_cycles=: '' is not a value such as 16"),
         (
@@ -364,3 +366,55 @@ def test_a_wrong_key_of_the_command_line_is_named(key: str, value: str, complain
 def test_a_table_cannot_be_set_whole() -> None:
     complaint = setting_complaint("control.mras", "3")
     assert complaint.startswith("--set control.mras=3: is a table; set one of its keys, gamma_alpha, gamma_beta,")
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        (f"a = {'[' * 5000}{']' * 5000}", "nested more than 20 deep"),
+        (f"a = {'[' * 50}{']' * 50}", "nested more than 20 deep"),
+        (f"{'.'.join('a' * 5000)} = 1", "nested more than 20 deep"),
+        (f"a = {'9' * 5000}", "not valid TOML: Exceeds the limit"),
+        (f"a = 0x{'f' * 5000}", "an integer of 20000 bits; TOML's have at most 64"),
+    ],
+    ids=["arrays", "some arrays", "key", "integer", "hexadecimal integer"],
+)
+def test_what_no_cell_can_hold_is_refused_in_one_line(text: str, complaint: str) -> None:
+    with pytest.raises(CellError) as caught:
+        parse_cell(text, "my.toml")
+    assert str(caught.value).startswith("my.toml: ")
+    assert complaint in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_byte_order_mark_is_no_part_of_a_cell(tmp_path) -> None:
+    path = tmp_path / "marked.toml"
+    path.write_text(TEXT, encoding="utf-8-sig")
+    assert load_cell(str(path)) == load_cell("konkuk1")
+
+
+def test_what_is_no_regular_file_is_no_cell(tmp_path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path, "/dev/zero", ""):
+        with pytest.raises(CellError, match="is no regular file; a cell is a TOML file"):
+            load_cell(str(path))
+
+
+def test_a_file_too_large_for_a_cell_is_refused(tmp_path) -> None:
+    path = tmp_path / "large.toml"
+    path.write_text(TEXT + "#" * 1_000_000)
+    with pytest.raises(CellError, match="is larger than 1000000 bytes; is it a cell"):
+        load_cell(str(path))
+
+
+def test_of_many_problems_the_first_are_told() -> None:
+    lines = complaints("[bus]", "".join(f"key{number} = 0\n" for number in range(1000)) + "[bus]")
+    assert len(lines) == 21
+    assert lines[-1] == "my.toml: and 980 more"
+
+
+def test_a_line_end_in_a_name_is_written_as_an_escape() -> None:
+    assert complaints("[bus]", r'"a\nb" = 1' + "\n[bus]")[0].startswith(r"my.toml: a\nb: unknown key")
+    with pytest.raises(CellError) as caught:
+        load_cell("a\nb\x1b[2J")
+    assert str(caught.value).startswith(r"a\nb\x1b[2J: no such file")

@@ -18,6 +18,7 @@ from canarm_protocol.run_folder import (
     RunFolderError,
     SignalLog,
     candump_line,
+    claim_run_folder,
     create_run_folder,
     new_run_folder,
     read_run_file,
@@ -180,3 +181,27 @@ def test_a_log_may_be_closed_twice(tmp_path) -> None:
     log.close()
     log.close()
     assert (tmp_path / "can0.log").stat().st_size == len(candump_line(0, "can0", Frame(1)))
+
+
+def test_of_two_that_claim_a_folder_one_is_refused(tmp_path, monkeypatch) -> None:
+    claim_run_folder(tmp_path / "run")
+    monkeypatch.setattr(run_folder, "create_run_folder", lambda path: path)  # both have looked before either wrote
+    with pytest.raises(RunFolderError, match="holds a run already"):
+        claim_run_folder(tmp_path / "run")
+
+
+def test_a_full_disk_leaves_no_draft_and_names_the_file(tmp_path) -> None:
+    program = """
+import resource, signal, sys
+from pathlib import Path
+from canarm_protocol.run_folder import update_run_file
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+try:
+    update_run_file(Path(sys.argv[1]), "summary", "x" * 5000)
+except OSError as error:
+    print(error.filename)
+"""
+    done = subprocess.run([sys.executable, "-c", program, tmp_path], capture_output=True, text=True, check=True)
+    assert done.stdout == f"{tmp_path / 'run.json'}\n"
+    assert list(tmp_path.iterdir()) == []
