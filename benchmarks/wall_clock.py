@@ -19,7 +19,6 @@ from measure import Ratio, Row
 
 from canarm.session import make_bench, make_controller
 from canarm_controller.controller import State
-from canarm_controller.realtime import PRIORITY
 from canarm_controller.runner import Runner, RunResult
 from canarm_emulator.arrival import SyncArrival
 from canarm_emulator.hub import Detached, Event, Hub, Received
@@ -29,6 +28,7 @@ from canarm_protocol.cell_file import load_cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.frames import Cob, sync_frame
 from canarm_protocol.port import open_port
+from canarm_protocol.realtime import PRIORITY
 
 BLOCKS = 10
 CYCLES = 600
