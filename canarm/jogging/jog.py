@@ -300,7 +300,8 @@ class Jog:
         text = verdict.detail
         is_lost = frame is not None and frame.data[:2] == ErrorCode.LIFE_GUARD_OR_HEARTBEAT.to_bytes(2, "little")
         if is_lost and self.clock is Clock.SYNC:
-            text += " (no step came for the emulator's --sync-timeout; for work by hand: --sync-timeout 3600)"
+            name, _, _ = text.partition(", it missed")
+            text = f"{name} (nothing came for the emulator's --sync-timeout; for work by hand: --sync-timeout 3600)"
         self._raise_alarm(text)
 
     def _raise_alarm(self, text: str) -> None:

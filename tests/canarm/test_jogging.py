@@ -208,7 +208,7 @@ def test_cards_that_went_safe_in_lockstep_because_nobody_stepped_say_so(lockstep
     lockstep.do("current joint2 0.4; step")
     lockstep.bench.run_on()
     lockstep.exchange(())
-    with pytest.raises(JogError, match=r"0x8130 \(no step came for the emulator's --sync-timeout"):
+    with pytest.raises(JogError, match=r"0x8130 \(nothing came for the emulator's --sync-timeout"):
         lockstep.do("step")
     assert lockstep.commands_a() == [0.0, 0.0]
 

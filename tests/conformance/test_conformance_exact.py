@@ -31,7 +31,7 @@ def run(exact, duration_ms: int) -> None:
 
 def wiggle(exact, volts) -> None:
     """The pin of input 1 follows `volts(time_ns)` instead of the arm."""
-    (device,) = [device for _, device, _ in exact.bench._adcs]
+    (device,) = [device for device in exact.bench._rack.devices.values() if isinstance(device, AdcDevice)]
     device._sample = lambda channel: volts(exact.bench.time_ns) if channel == 0 else 0.0
 
 
@@ -194,7 +194,8 @@ def test_a_write_only_object_is_not_read() -> None:
     from canopen import ObjectDictionary
     from canopen.objectdictionary import ODVariable, datatypes
 
-    from canarm_emulator.store import ObjectStore, SdoRefused
+    from canarm_emulator.device import AdcDevice
+from canarm_emulator.store import ObjectStore, SdoRefused
 
     dictionary, variable = ObjectDictionary(), ODVariable("Command", 0x2000)
     variable.data_type, variable.access_type = datatypes.UNSIGNED8, "wo"
