@@ -31,7 +31,7 @@ def run(exact, duration_ms: int) -> None:
 
 def wiggle(exact, volts) -> None:
     """The pin of input 1 follows `volts(time_ns)` instead of the arm."""
-    (device,) = [device for device in exact.bench._rack.devices.values() if isinstance(device, AdcDevice)]
+    device = exact.bench._rack.devices[ADC]
     device._sample = lambda channel: volts(exact.bench.time_ns) if channel == 0 else 0.0
 
 
@@ -128,7 +128,7 @@ def test_a_type_252_tpdo_carries_what_the_last_sync_sampled_and_253_what_is_ther
     exact.sync()
     sampled = adc.sdo[0x6401][1].raw
     wiggle(exact, lambda time_ns: 5.0)
-    (device,) = [device for _, device, _ in exact.bench._adcs]
+    device = exact.bench._rack.devices[ADC]
     device.store(0, 2.0)
     exact.send(TPDO2, remote=True)
     exact.nmt(PRE_OPERATIONAL, ADC)
@@ -194,8 +194,7 @@ def test_a_write_only_object_is_not_read() -> None:
     from canopen import ObjectDictionary
     from canopen.objectdictionary import ODVariable, datatypes
 
-    from canarm_emulator.device import AdcDevice
-from canarm_emulator.store import ObjectStore, SdoRefused
+    from canarm_emulator.store import ObjectStore, SdoRefused
 
     dictionary, variable = ObjectDictionary(), ODVariable("Command", 0x2000)
     variable.data_type, variable.access_type = datatypes.UNSIGNED8, "wo"
