@@ -1,6 +1,8 @@
 """Where the joints ought to be: reference trajectories, their start from the measured pose, and their limits.
 
-Owns position, velocity and acceleration over time. Control, dynamics and the text of CSV files must not enter.
+Owns position, velocity and acceleration over time, and whether the nominal robot can follow. Control and the text of
+CSV
+files must not enter.
 """
 
 import difflib
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 
 from canarm_protocol.cell import Cell
 
+from .dynamics import Arm, nominal_arm
 from .errors import TrajectoryError
 from .spline import RestToRestSpline
 from .trajectory_file import read_trajectory_csv
@@ -45,23 +48,31 @@ class Reference:
 
 @dataclass(frozen=True)
 class Limits:
-    """What the joints can do and their sensors can see, one entry a joint, and the cycle at which it is checked."""
+    """What the joints can do and their sensors can see, one entry a joint, and the cycle at which it is checked.
+
+    `arm` is the nominal model that says which current a motion takes; without one, current is not checked.
+    """
 
     joint_names: tuple[str, ...]
     low_deg: tuple[float, ...]
     high_deg: tuple[float, ...]
     speed_rad_s: tuple[float, ...]
     period_s: float
+    current_a: tuple[float, ...] = ()
+    arm: Arm | None = None
 
     @classmethod
     def of(cls, cell: Cell) -> "Limits":
-        """Joint limits and tachometer ranges of `cell`."""
+        """Joint limits, tachometer ranges and amplifiers of `cell`. Raises `ControllerError` for an arm without a
+        model."""
         return cls(
             joint_names=cell.joint_names,
             low_deg=tuple(joint.limits_deg[0] for joint in cell.joints),
             high_deg=tuple(joint.limits_deg[1] for joint in cell.joints),
             speed_rad_s=tuple(joint.sensors.tachometer_full_scale_rad_s for joint in cell.joints),
             period_s=cell.bus.cycle_s,
+            current_a=tuple(joint.amplifier.max_current_a for joint in cell.joints),
+            arm=nominal_arm(cell.robot[0]) if len(cell.robot) == 1 else None,
         )
 
     def check(self, trajectory: "Trajectory", duration_s: float, source: str) -> None:
@@ -87,6 +98,23 @@ class Limits:
             raise TrajectoryError(
                 f"{where}: {reference.velocity_rad_s[sample, joint]:.3f} rad/s is beyond the tachometer's range; "
                 f"must be within +-{self.speed_rad_s[joint]:g} rad/s"
+            )
+        self._check_current(reference, first, source)
+
+    def _check_current(self, reference: Reference, first: int, source: str) -> None:
+        """The nominal robot must be able to follow with the current that its amplifiers have."""
+        if self.arm is None:
+            return
+        torque_nm = self.arm.torque_batch_nm(
+            reference.position_rad, reference.velocity_rad_s, reference.acceleration_rad_s2
+        )
+        current_a = np.abs(torque_nm / np.array(self.arm.torque_per_ampere))
+        for sample, joint in np.argwhere(~(current_a <= np.array(self.current_a)))[:1].tolist():
+            number = first + sample
+            raise TrajectoryError(
+                f"{source}: {self.joint_names[joint]} at sample {number} ({number * self.period_s:.4g} s): "
+                f"{current_a[sample, joint]:.2f} A by the nominal model; must be at most {self.current_a[joint]:g} A, "
+                "all that the amplifier has"
             )
 
 

@@ -12,9 +12,11 @@ import re
 import shutil
 import signal
 import socket
+import subprocess
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import can
@@ -201,3 +203,18 @@ def check_causal_order(frames: list[Identity]) -> None:
             assert not is_between
     assert cycles >= TICKS
     assert not is_between
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler named cc")
+def test_a_master_in_plain_c_moves_joint_2_to_its_goal(canarm, tmp_path):
+    """examples/c_master: status 0 when the potentiometer says that joint 2 has arrived within 5 degrees."""
+    source = Path(__file__).parents[2] / "examples" / "c_master" / "master.c"
+    program = tmp_path / "master"
+    subprocess.run(["cc", "-std=c11", "-O2", "-Wall", "-Wextra", "-Werror", "-o", program, source], check=True)
+    robot = INTERFACES[0]
+    with on_one_cpu():
+        emulator = canarm.emulator("sync", "--sync-timeout", "600", "-i", "socketcan", "-c", robot)
+        master = subprocess.run([program, robot, "2"], capture_output=True, text=True, timeout=900)
+        emulator.send(signal.SIGTERM)
+        assert emulator.wait() == 0, emulator
+    assert master.returncode == 0, master.stdout + master.stderr

@@ -197,3 +197,17 @@ def test_a_long_trajectory_is_checked_a_part_at_a_time(monkeypatch: pytest.Monke
     make_trajectory(str(path), CELL)
     assert max(count for _, count in counts) == 4096
     assert [tick for first, count in counts for tick in range(first, first + count)] == list(range(24_001))
+
+
+def test_a_motion_that_takes_more_current_than_the_amplifier_has_is_refused(tmp_path) -> None:
+    """3.2° at 5.5 Hz is within position and speed. Its inertia torque alone, 0.1102 kg·m² (D22 of the
+    stretched arm, and the rotor) times 3.2° in rad times (2π·5.5)², is 7.35 N·m: 1.8 A of 1.5 A at 4.08 N·m/A.
+    """
+    times = np.arange(0.0, 6.0, 0.01)
+    swing = np.minimum(1.0, np.minimum(times / 2.0, (6.0 - times) / 2.0))
+    degrees = 20.0 + 3.2 * np.sin(2.0 * np.pi * 5.5 * times) * swing
+    path = tmp_path / "fast.csv"
+    rows = "".join(f"{time:.2f},{angle:.6f},0\n" for time, angle in zip(times, degrees, strict=True))
+    path.write_text("time_s,joint2,joint3\n" + rows)
+    with pytest.raises(TrajectoryError, match=r"joint2 at sample \d+ \(.* s\): 1\.\d\d A by the nominal model"):
+        make_trajectory(str(path), load_cell("konkuk1"))
