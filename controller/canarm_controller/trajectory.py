@@ -64,7 +64,8 @@ class Limits:
     @classmethod
     def of(cls, cell: Cell) -> "Limits":
         """Joint limits, tachometer ranges and amplifiers of `cell`. Raises `ControllerError` for an arm without a
-        model."""
+        model.
+        """
         return cls(
             joint_names=cell.joint_names,
             low_deg=tuple(joint.limits_deg[0] for joint in cell.joints),
