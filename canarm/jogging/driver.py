@@ -15,6 +15,7 @@ from canarm_protocol.port import BusPort
 
 from .jog import Jog, Work
 
+INTERRUPT_AGAIN_S = 0.5
 POLL_S = 0.005
 """How often a wait looks whether a heartbeat is due: a quarter of the shipped cells' heartbeat time."""
 
@@ -94,8 +95,16 @@ class Driver:
                 self._flush(self._jog.heartbeat_if_due())
         except BusError as error:
             self._lost = error
-            # Ends a read from the terminal, which would hide the loss until the user types something.
-            if hasattr(signal, "pthread_kill"):
-                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
-            else:
-                _thread.interrupt_main()
+            # Ends a read from the terminal, which would hide the loss until the user types something. A signal that
+            # comes just before the read is not seen by it, so it is repeated.
+            interrupt_main()
+            while not end.wait(INTERRUPT_AGAIN_S):
+                interrupt_main()
+
+
+def interrupt_main() -> None:
+    """As Ctrl-C does."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+    else:
+        _thread.interrupt_main()
