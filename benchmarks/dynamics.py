@@ -35,6 +35,8 @@ CALLS = 200
 
 def rows() -> list[Row]:
     """Ratios of one state and of a table of 4096, for two planar joints and for five in space."""
+    if roboticstoolbox is None:
+        print("dynamics: without its rows against the Robotics Toolbox; for them: pip install roboticstoolbox-python")
     konkuk = load_cell("konkuk1").robot[0]
     return [
         *_rows("2 joints", konkuk, {PINOCCHIO: "<= 2", LOOP: "<= 0.1", THREADS: "<= 0.5"}),
