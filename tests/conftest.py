@@ -1,8 +1,15 @@
 """Settings that hold for every test: Hypothesis without deadlines, and the same examples every time in CI."""
 
+import contextlib
 import os
+import signal
 
 from hypothesis import settings
+
+# A shell that starts the tests in the background has SIGINT ignored; every process that they start would inherit it.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    with contextlib.suppress(ValueError):  # not in the main thread
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("canarm", deadline=None, derandomize="CI" in os.environ, print_blob=True)
 settings.load_profile("canarm")
