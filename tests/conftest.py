@@ -6,10 +6,12 @@ import signal
 
 from hypothesis import settings
 
-# A shell that starts the tests in the background has SIGINT ignored; every process that they start would inherit it.
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    with contextlib.suppress(ValueError):  # not in the main thread
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+# A shell that starts the tests in the background has SIGINT ignored, nohup SIGHUP; every process that they start would
+# inherit it.
+for ignored, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+    if signal.getsignal(ignored) is signal.SIG_IGN:
+        with contextlib.suppress(ValueError):  # not in the main thread
+            signal.signal(ignored, handler)
 
 settings.register_profile("canarm", deadline=None, derandomize="CI" in os.environ, print_blob=True)
 settings.load_profile("canarm")

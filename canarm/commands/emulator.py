@@ -11,6 +11,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from canarm_emulator.bench import Bench
+from canarm_emulator.bus_trouble import BusTrouble
 from canarm_emulator.errors import EmulatorError, TruthError
 from canarm_emulator.hub import Hub
 from canarm_emulator.recording import Recorder
@@ -198,12 +199,17 @@ def _tell(text: str) -> None:
     print(f"canarm: {text}", file=sys.stderr, flush=True)
 
 
-def _wire_figures(wire: WireModel) -> dict[str, Any]:
-    """Share of the time that the bus was busy, and the longest that a frame of each identifier had to wait and
-    travel.
+def _wire_figures(wire: WireModel, trouble: BusTrouble) -> dict[str, Any]:
+    """Share of the time that the bus was busy, the longest that a frame of each identifier had to wait and travel,
+    errors, and what nodes in bus-off could not send.
     """
     worst = {f"0x{can_id:03X}": round(ns / 1000, 1) for (can_id, _), ns in sorted(wire.worst_response_ns.items())}
-    return {"load": round(wire.load(), 4), "worst_response_us": worst}
+    return {
+        "load": round(wire.load(), 4),
+        "worst_response_us": worst,
+        "error_frames": trouble.error_frames,
+        "lost_frames": trouble.lost_frames,
+    }
 
 
 def _figures(bench: Bench, runner: EmulatorRunner) -> dict[str, Any]:
@@ -216,7 +222,7 @@ def _figures(bench: Bench, runner: EmulatorRunner) -> dict[str, Any]:
         "stalls": runner.stalls,
         "run_ons": runner.run_ons,
         **({"sync_arrival": runner.arrival.summary()} if bench.clock is Clock.WALL else {}),
-        **({} if bench.wire is None else {"wire": _wire_figures(bench.wire)}),
+        **({} if bench.wire is None else {"wire": _wire_figures(bench.wire, bench.trouble)}),
         "current_limited_steps": {
             name: {"d669": limited.d669, "supply": limited.supply}
             for name, limited in zip(bench.cell.joint_names, steps, strict=True)

@@ -4,11 +4,11 @@ Owns virtual time, the order of events on the robot's bus and what a SYNC does. 
 the runner. The same object runs in a process of its own or inside a test.
 """
 
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Hashable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from canarm_protocol.bench_objects import bench_dictionary
+from canarm_protocol.bench_objects import BUS_LOAD, bench_dictionary
 from canarm_protocol.cell import Card, Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.dictionary import load_dictionary
@@ -18,11 +18,14 @@ from canarm_protocol.pdo import PdoLayout
 
 from .assessor import Assessor
 from .bench_device import BenchDevice
+from .bus_figures import BusFigures
+from .bus_trouble import BusTrouble, origin_of, wire_name
+from .error_frames import error_frame
 from .pdo_rules import SYNCHRONOUS_TYPES
 from .rack import Rack
 from .slave import NEVER, Slave
 from .truth import Truth
-from .wire import Wire
+from .wire import StateChange, Wire
 from .world import JointState, World
 
 RUN_ON_NS = 500_000_000
@@ -31,11 +34,16 @@ IDLE_STEP_NS = 5_000_000
 """The world follows in pieces of this length while no SYNC asks for more."""
 SILENT_CYCLES = 4
 """After so many cycles without SYNC the truth is told nevertheless: a test wants to see what the arm does then."""
+SETTLE_NS = 100_000_000
+"""What a wire has not carried after so much time, it never will: nobody is left to acknowledge."""
 HIGHEST_NODE_ID = 127
 
 
 class Record(NamedTuple):
-    """A frame on a bus: its time, and the client that sent it (None: a node of the bench)."""
+    """A frame on a bus: its time, and the client that sent it (None: a node of the bench).
+
+    An error frame's origin is what happened on the wire, an `ErrorFrame` or a `StateChange`.
+    """
 
     time_ns: int
     frame: Frame
@@ -73,8 +81,8 @@ class Bench:
     Whoever drives it empties both.
 
     `with_wire` lets the frames of a running cycle take the time that the wire needs, one after the other by
-    arbitration,
-    stamped with the end of the frame. SYNC and TIME stay outside in lockstep, for they carry time itself.
+    arbitration, stamped with the end of the frame. SYNC and TIME stay outside in lockstep, for they carry time itself;
+    but no card sees the SYNC of a client in bus-off, and a card in bus-off sees none.
     """
 
     def __init__(self, cell: Cell, truth: Truth, clock: Clock, seed: int, with_wire: bool = False) -> None:
@@ -100,7 +108,12 @@ class Bench:
         self._scan: _Scan | None = None
         self.wire = Wire(cell.bus.bitrate, [slave.node_id for slave in self.slaves]) if with_wire else None
         """The wire model, where one was asked for."""
-        self.device = BenchDevice(cell, self.assessor)
+        self.trouble = BusTrouble(self.wire)
+        """What has gone wrong on the wire."""
+        self._off = self.trouble.off
+        self._missed_by: Container[object] = ()
+        node_ids = [slave.node_id for slave in self.slaves]
+        self.device = BenchDevice(cell, self.assessor, BusFigures(self.wire, self.trouble, node_ids))
         self.device.truth = self.world.state()
         self.node = Slave(
             "bench", cell.bus.bench_node_id, bench_dictionary(cell), self.device, self._emit_bench, clock.value
@@ -114,9 +127,11 @@ class Bench:
             if self.wire is not None and self._is_cycling:
                 self.wire.offer(max(time_ns, self.wire.time_ns), frame, node_id)
                 return
+            if node_id in self._off:
+                return
             self.records.append(Record(time_ns, frame))
             for taker in self._takers.get(frame.can_id, ()):
-                if taker.node_id != node_id:
+                if taker.node_id != node_id and taker.node_id not in self._off:
                     taker.take(frame.data)
 
         dictionary = load_dictionary(card.model, node_id)
@@ -178,29 +193,45 @@ class Bench:
 
     def settle(self) -> None:
         """Let the wire carry what still waits on it, at the end of a run."""
-        wire = self.wire
-        while wire is not None and (due_ns := wire.next_due_ns) < NEVER:
+        wire, limit_ns = self.wire, self.time_ns + SETTLE_NS
+        while wire is not None and (due_ns := wire.next_due_ns) <= limit_ns:
             self.advance(due_ns)
 
     def leave(self, origin: object) -> None:
         """A client has left the robot's bus; what it sent before is still carried."""
-        wire = self.wire
-        if wire is None or origin not in wire.nodes:
+        wire, name = self.wire, wire_name(origin)
+        if wire is None or name not in wire.nodes:
             return
         if self.clock is Clock.SYNC:
             self.settle()
-        if not wire.nodes[origin].queue:
-            wire.detach(origin)
+        if not wire.nodes[name].queue:
+            self.trouble.forget(name)
+            wire.detach(name)
+
+    def recover(self, name: Hashable) -> None:
+        """A node that `trouble` holds in bus-off begins its recovery; `name` is its name on the wire.
+
+        Raises `ValueError` for one that is not on the wire, or without a wire.
+        """
+        wire = self.wire
+        if wire is None:
+            raise ValueError(f"node {name!r} is on no wire; this bench was made without the wire model")
+        if _is_silent(wire):
+            # The wire's clock stands where it last carried something.
+            self._carry(wire, max(self.time_ns, wire.time_ns))
+        wire.recover(name)
 
     def receive(self, frame: Frame, origin: object = None) -> None:
         """A frame arrives on the robot's bus at `time_ns`."""
         self.move_on()
-        if frame.can_id == Cob.SYNC and not frame.is_extended and not frame.is_remote:
+        is_lost = bool(self._off) and wire_name(origin) in self._off
+        is_sync = frame.can_id == Cob.SYNC and not frame.is_extended and not frame.is_remote
+        if is_sync and not (is_lost and self.clock is Clock.WALL):
             self._sync(frame, origin)
-        elif self.wire is not None and self._is_cycling:
-            self._queue(self.wire, frame, origin)
+        elif self.wire is not None and (is_lost or self._is_cycling):
+            self._queue(self.wire, frame, wire_name(origin))
         else:
-            self._arrive(Record(self.time_ns, frame, origin))
+            self._arrive(Record(self.time_ns, frame, origin), self._off)
 
     def _arrive(self, record: Record, missed_by: Container[object] = ()) -> None:
         """A frame is on the bus as a whole: it is logged, and who is to take it takes it."""
@@ -212,7 +243,7 @@ class Bench:
         if takers is None or frame.is_extended or frame.is_remote:
             self.ignored_frames += 1
             return
-        data = frame.data
+        data, self._missed_by = frame.data, missed_by
         for taker in takers:
             if taker.node_id not in missed_by:
                 taker.take(data)
@@ -229,12 +260,12 @@ class Bench:
         """
         return self.cycle >= 0 and self.is_operational
 
-    def _queue(self, wire: Wire, frame: Frame, origin: object) -> None:
+    def _queue(self, wire: Wire, frame: Frame, name: Hashable) -> None:
         """A client has a frame to send; in lockstep it took the controller a while to compute it."""
-        if origin not in wire.nodes:
-            wire.attach(origin)
+        if name not in wire.nodes:
+            wire.attach(name)
         delay_ns = self.cell.bus.compute_delay_us * 1000 if self.clock is Clock.SYNC else 0
-        wire.offer(max(self.time_ns + delay_ns, wire.time_ns), frame, origin)
+        wire.offer(max(self.time_ns + delay_ns, wire.time_ns), frame, name)
 
     def _carry(self, wire: Wire, until_ns: int) -> None:
         """What the wire has carried by `until_ns` arrives, each frame at its end."""
@@ -242,8 +273,31 @@ class Bench:
             self.time_ns = max(self.time_ns, delivery.end_ns)
             is_card = delivery.sender in self._rack.devices
             missed_by = {*delivery.missed_by, delivery.sender} if is_card else delivery.missed_by
-            origin = None if is_card else delivery.sender
+            if self._off:
+                missed_by = missed_by | self._off
+            origin = None if is_card else origin_of(delivery.sender)
             self._arrive(Record(delivery.end_ns, delivery.frame, origin), missed_by)
+        if wire.events:
+            self._take_events(wire)
+
+    def _take_events(self, wire: Wire) -> None:
+        """Errors on the wire are told to everybody, changes of a card's error state to the card."""
+        events = list(wire.events)
+        wire.events.clear()
+        for event in events:
+            was = self.trouble.note(event)
+            time_ns, name = event[0], event.node if isinstance(event, StateChange) else event.sender
+            self.time_ns = max(self.time_ns, time_ns)
+            self.records.append(Record(self.time_ns, error_frame(event, was, wire.nodes.get(name)), event))
+            if isinstance(event, StateChange):
+                self._change_state(event)
+
+    def _change_state(self, change: StateChange) -> None:
+        for slave in self.slaves:
+            if slave.node_id == change.node:
+                self._catch_up(self.time_ns)
+                slave.on_error_state(change.state, self.time_ns)
+        self._route()
 
     def receive_bench(self, frame: Frame, origin: object = None) -> None:
         """A frame arrives on the bench bus. It never touches the robot's bus."""
@@ -260,7 +314,8 @@ class Bench:
     def send_telemetry(self) -> None:
         """The bench node sends its TPDOs: for a runner that knows that somebody listens."""
         for layout in self.node.tpdos:
-            self.node.send_tpdo(layout, self.time_ns)
+            if self.wire is not None or layout.objects[0].index != BUS_LOAD:
+                self.node.send_tpdo(layout, self.time_ns)
 
     def _sync(self, frame: Frame, origin: object) -> None:
         lockstep = self.clock is Clock.SYNC
@@ -273,7 +328,8 @@ class Bench:
         if self._scan is not None:
             self.overruns += 1
         self._catch_up(now_ns)
-        pdos = [(slave, layout) for slave in self.slaves for layout in slave.on_sync(frame.data, now_ns)]
+        slaves = self.slaves if not self._off else self._hearers(origin)
+        pdos = [(slave, layout) for slave in slaves for layout in slave.on_sync(frame.data, now_ns)]
         self._hurry()
         if self.is_operational:
             self._count_cycle(now_ns)
@@ -287,9 +343,20 @@ class Bench:
             self.records.append(Record(self.time_ns, time_frame(self.time_ns)))
             self._may_move_on = True
 
+    def _hearers(self, sender: object) -> list[Slave]:
+        """The cards that hear a SYNC while somebody is in bus-off."""
+        if wire_name(sender) in self._off:
+            return []
+        return [slave for slave in self.slaves if slave.node_id not in self._off]
+
     def _finish_transmissions(self, wire: Wire) -> None:
-        """The cycle's inputs reach the controller when the wire has carried them, or never if it is too slow."""
+        """The cycle's inputs reach the controller when the wire has carried them, or never if it is too slow.
+
+        Nobody waits here for a node in bus-off.
+        """
         while (due_ns := wire.next_due_ns) < self._next_sync_ns:
+            if self._off and _is_silent(wire):
+                break
             self.advance(due_ns)
 
     def _count_cycle(self, now_ns: int) -> None:
@@ -348,7 +415,7 @@ class Bench:
         was_operational = self.is_operational
         self._catch_up(self.time_ns)
         for slave in self.slaves:
-            if node_id in (0, slave.node_id):
+            if node_id in (0, slave.node_id) and slave.node_id not in self._missed_by:
                 slave.on_nmt(command, self.time_ns)
         if command is NmtCommand.START and not was_operational:
             self.cycle = -1
@@ -359,12 +426,12 @@ class Bench:
         """Who takes which COB-ID: it changes with NMT states and configuration. Several nodes may take the same one."""
         takers: dict[int, list[_Taker]] = {Cob.NMT: [_Taker(0, self._nmt)]}
         for slave in self.slaves:
-            node_id, watched = slave.node_id, slave.watched_node_id
+            node_id = slave.node_id
             for cob_id in slave.sdo_cob_ids:
                 takers.setdefault(cob_id, []).append(_Taker(node_id, self._sdo(slave, cob_id)))
             for layout in slave.rpdos:
                 takers.setdefault(layout.cob_id, []).append(_Taker(node_id, self._rpdo(slave, layout)))
-            if 1 <= watched <= HIGHEST_NODE_ID:
+            for watched in slave.watched_node_ids:
                 takers.setdefault(Cob.HEARTBEAT + watched, []).append(_Taker(node_id, self._heartbeat(slave, watched)))
         self._takers = takers
         self._schedule()
@@ -414,3 +481,8 @@ class Bench:
 
     def _emit_bench(self, time_ns: int, frame: Frame) -> None:
         self.bench_records.append(Record(time_ns, frame))
+
+
+def _is_silent(wire: Wire) -> bool:
+    """Whether nobody has anything to send. Between two steps of the bench no frame is half sent."""
+    return not any(node.queue for node in wire.nodes.values())

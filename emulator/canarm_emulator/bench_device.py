@@ -1,4 +1,4 @@
-"""The bench node's process data: truth and assessment to be read, the controller's report to be written."""
+"""The bench node's data: truth, assessment and figures of the buses to be read, what the controller reports."""
 
 from collections.abc import Callable
 
@@ -6,6 +6,7 @@ from canarm_protocol import bench_objects as objects
 from canarm_protocol.cell import Cell
 
 from .assessor import Assessor
+from .bus_figures import BusFigures
 from .device import Getter, ReadObject, Setter
 from .world import JointState
 
@@ -13,9 +14,10 @@ from .world import JointState
 class BenchDevice:
     """State of the run as the bench node shows it. The bench fills `cycle` and `truth` at every SYNC."""
 
-    def __init__(self, cell: Cell, assessor: Assessor) -> None:
+    def __init__(self, cell: Cell, assessor: Assessor, buses: BusFigures) -> None:
         count = len(cell.joints)
         self.assessor = assessor
+        self.buses = buses
         self.cycle = 0
         self.truth: list[JointState] = []
         self.tick = 0
@@ -55,7 +57,7 @@ class BenchDevice:
         return store
 
     def getter(self, index: int, subindex: int) -> Getter | None:
-        """Truth, assessment, or what the controller reported last."""
+        """Truth, assessment, figures of the buses, or what the controller reported last."""
         if (index, subindex) in self.report:
             return lambda: self.report[index, subindex]
         if index == objects.CYCLE:
@@ -64,6 +66,9 @@ class BenchDevice:
             return lambda: self.tick
         if index == objects.ASSESSED_CYCLES:
             return lambda: min(score.samples for score in self.assessor.scores)
+        figure = self.buses.getter(index, subindex)
+        if figure is not None:
+            return figure
         joint = subindex - 1
         if not 0 <= joint < len(self.truth):
             return None

@@ -127,6 +127,7 @@ class Hub:
         self._events: list[Event] = []
         self._last_client_id = 0
         self._dropped_before: dict[int, int] = {}
+        self._dropped_on = dict.fromkeys(self._receivers, 0)
         self._update_read_fds()
 
     def poll(self, timeout_s: float) -> list[Event]:
@@ -192,6 +193,16 @@ class Hub:
         counts = {client.client_id: client.dropped for client in self._clients.values() if client.dropped}
         return self._dropped_before | counts
 
+    def dropped_on(self, channel: str) -> int:
+        """Frames dropped on `channel` so far. Raises `HubError` for a channel that is not served."""
+        self._receivers_of(channel)
+        return self._dropped_on[channel]
+
+    def attached_to(self, channel: str) -> int:
+        """Clients that have opened `channel`. Raises `HubError` for a channel that is not served."""
+        self._receivers_of(channel)
+        return sum(client.channel == channel for client in self._clients.values())
+
     @property
     def clients(self) -> tuple[ClientInfo, ...]:
         """Every connection, in order of arrival."""
@@ -221,6 +232,7 @@ class Hub:
             queue = client.output if client.held is None else client.held
             if len(queue) + len(element) > self._queue_bytes:
                 client.dropped += 1
+                self._dropped_on[channel] += 1
             else:
                 queue += element
 

@@ -1,12 +1,16 @@
 """What an emulator leaves in a run folder: every frame of the robot's bus in its order, the true signals, events."""
 
+from collections.abc import Hashable
 from pathlib import Path
 
 from canarm_protocol.cell import Cell
-from canarm_protocol.frames import Cob, Emergency
+from canarm_protocol.frames import ERROR_FLAG, Cob, Emergency
 from canarm_protocol.run_folder import CAN_LOG_FILE, EVENTS_FILE, SIGNALS_FOLDER, CanLog, EventLog, SignalLog
 
 from .bench import CycleTruth, Record
+from .bus_trouble import origin_of
+from .error_frames import ErrorClass
+from .wire import ErrorFrame, StateChange
 
 SIGNALS_FILE = "robot.csv"
 _COLUMNS = (
@@ -31,12 +35,29 @@ class Recorder:
         self._events = EventLog(folder / EVENTS_FILE, "emulator")
 
     def frame(self, record: Record) -> None:
-        """Append a frame of the robot's bus; an emergency of a node is an event as well."""
+        """Append a frame of the robot's bus; an emergency of a node is an event as well, and so is an error frame.
+
+        The log has those error frames only that have an error on the bus as their cause (BUSERROR): python-can's reader
+        takes the others, which tell of a better state, for frames with data.
+        """
+        if record.frame.can_id >= ERROR_FLAG:
+            if record.frame.can_id & ErrorClass.BUSERROR:
+                self._log.write(record.time_ns, record.frame)
+            self._error(record)
+            return
         self._log.write(record.time_ns, record.frame)
         node_id = record.frame.can_id - Cob.EMERGENCY
         if 0 < node_id <= HIGHEST_NODE_ID and len(record.frame.data) == EMERGENCY_LENGTH:
             emergency = Emergency.parse(record.frame.data)
             self.event(record.time_ns, "emergency", node=node_id, code=f"0x{emergency.code:04X}")
+
+    def _error(self, record: Record) -> None:
+        event = record.origin
+        if isinstance(event, ErrorFrame):
+            sent = f"0x{event.frame.can_id:03X}"
+            self.event(record.time_ns, "error-frame", kind=event.kind.value, frame=sent, **_party(event.sender))
+        elif isinstance(event, StateChange):
+            self.event(record.time_ns, "error-state", state=event.state.value, **_party(event.node))
 
     def cycle(self, truth: CycleTruth) -> None:
         """Append the true state at a SYNC."""
@@ -51,3 +72,11 @@ class Recorder:
         """Write out what is left."""
         for file in (self._log, self._signals, self._events):
             file.close()
+
+
+def _party(name: Hashable) -> dict[str, object]:
+    """Who it is on the wire: a card by its node-ID, a client of the virtual bus by its number."""
+    if isinstance(name, int):
+        return {"node": name}
+    client = origin_of(name)
+    return {"client": client if isinstance(client, int | str) else None}

@@ -5,12 +5,13 @@ from collections.abc import Callable, Mapping, Sequence
 
 from canarm_protocol.bench_objects import DIVIDER
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Cob, Frame, NmtState
+from canarm_protocol.frames import ERROR_FLAG, Cob, Frame, NmtState
 from canarm_protocol.port import BusPort
 from canarm_protocol.realtime import Collector, undisturbed
 
 from .arrival import SyncArrival
-from .bench import Bench, CycleTruth
+from .bench import Bench, CycleTruth, Record
+from .bus_figures import ClientCounts
 from .hub import Attached, Detached, Hub, Ready, Received
 from .recording import Recorder
 from .slave import NEVER
@@ -75,6 +76,7 @@ class EmulatorRunner:
                     hub.watch(port)  # type: ignore[arg-type]
         if recorder is not None:
             bench.on_cycle = self._record_cycle
+        bench.device.buses.count_clients = self._count_clients
 
     def run(self) -> None:
         """Power on and serve until `should_stop`. Raises `BusError` when a port's bus is lost."""
@@ -210,7 +212,10 @@ class EmulatorRunner:
         if bench.records:
             records, bench.records = bench.records, []
             for time_ns, frame, origin in records:
-                hub.send(ROBOT_BUS, time_ns, frame, exclude=origin)  # type: ignore[arg-type]
+                if frame.can_id < ERROR_FLAG:
+                    hub.send(ROBOT_BUS, time_ns, frame, exclude=origin)  # type: ignore[arg-type]
+                else:
+                    hub.send_error(ROBOT_BUS, time_ns, frame.can_id - ERROR_FLAG)
             hub.flush()
             self._send_to_ports(ROBOT_BUS, records)
             if self._recorder is not None:
@@ -223,11 +228,19 @@ class EmulatorRunner:
             hub.flush()
             self._send_to_ports(BENCH_BUS, records)
 
-    def _send_to_ports(self, bus: str, records: Sequence[tuple[int, Frame, object]]) -> None:
+    def _send_to_ports(self, bus: str, records: Sequence[Record]) -> None:
+        """Error frames stay away from other buses, which have their own."""
         for port in self._ports[bus]:
-            frames = [(time_ns, frame) for time_ns, frame, origin in records if origin is not port]
+            frames = [
+                (time_ns, frame)
+                for time_ns, frame, origin in records
+                if origin is not port and frame.can_id < ERROR_FLAG
+            ]
             if frames:
                 port.send_stamped(frames)
+
+    def _count_clients(self, bus: str) -> ClientCounts:
+        return ClientCounts(self._hub.attached_to(bus), self._hub.dropped_on(bus))
 
     def _record_cycle(self, truth: CycleTruth) -> None:
         assert self._recorder is not None

@@ -31,9 +31,11 @@ from canarm_protocol.sdo import AbortCode
 
 from . import parameters
 from .analogue_events import AnalogueEvents
+from .confinement import ErrorState
 from .device import Getter, IoDevice, Setter
 from .emergency import EmergencyProducer
 from .event_pdos import EVENT_TIMER, EventPdos
+from .heartbeats import HeartbeatConsumer
 from .pdo_rules import (
     EVENT_DRIVEN_TYPES,
     NO_REMOTE,
@@ -95,7 +97,8 @@ class Slave:
         self._deadlines = RpdoDeadlines()
         self._last_sent: dict[int, bytes] = {}
         self._heartbeat_due_ns = NEVER
-        self._watch_due_ns = NEVER
+        self._watch = HeartbeatConsumer(self._store)
+        self._is_bus_off = False
 
     def boot(self, now_ns: int, everything: bool = True) -> None:
         """Reset: communication objects take their defaults, with `everything` the application's too; then boot-up."""
@@ -110,7 +113,7 @@ class Slave:
         self._window_ns = self._store.optional(SYNC_WINDOW) * MICROSECOND
         heartbeat_ns = self._store.number(PRODUCER_HEARTBEAT) * MILLISECOND
         self._heartbeat_due_ns = now_ns + heartbeat_ns if heartbeat_ns else NEVER
-        self._watch_due_ns = NEVER
+        self._watch.reset()
         self._schedule()
         self._emit(now_ns, heartbeat_frame(self.node_id, NmtState.BOOT_UP))
         self.state = NmtState.PRE_OPERATIONAL
@@ -136,18 +139,18 @@ class Slave:
 
     @property
     def watch_due_ns(self) -> int:
-        """When the watched node's heartbeat is lost."""
-        return self._watch_due_ns
+        """When the next heartbeat of a watched node is lost."""
+        return self._watch.due_ns
 
     @property
     def world_due_ns(self) -> int:
         """When `run_timers` has something to do that reads the card's inputs or sets its outputs."""
-        return min(self._watch_due_ns, self._events.due_ns)
+        return min(self._watch.due_ns, self._events.due_ns)
 
     @property
-    def watched_node_id(self) -> int:
-        """The node whose heartbeat is monitored (0x1016:1); none is where the node-ID is 0 or above 127."""
-        return self._store.number(CONSUMER_HEARTBEAT, 1) >> 16 & 0xFF
+    def watched_node_ids(self) -> list[int]:
+        """The nodes whose heartbeats are monitored (0x1016)."""
+        return self._watch.node_ids
 
     def on_sdo(self, cob_id: int, data: bytes, now_ns: int) -> None:
         """Serve one SDO request that came on `cob_id`; answered at `now_ns`, not answered in STOPPED."""
@@ -276,12 +279,29 @@ class Slave:
 
     def on_heartbeat(self, node_id: int, now_ns: int) -> None:
         """A heartbeat of another node: monitoring begins with the first one (CiA 301, 7.5.2.19)."""
-        entry = self._store.number(CONSUMER_HEARTBEAT, 1)
-        timeout_ms = entry & 0xFFFF
-        if entry >> 16 & 0xFF != node_id or not timeout_ms:
+        if not self._watch.heard(node_id, now_ns):
             return
-        self._watch_due_ns = now_ns + timeout_ms * MILLISECOND
-        self._emergency.end(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, now_ns)
+        if not self._watch.is_any_lost:
+            self._emergency.end(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, now_ns)
+        self._schedule()
+
+    def on_error_state(self, state: ErrorState, now_ns: int) -> None:
+        """The node's CAN controller has changed its error state.
+
+        EMCY 0x8120 for as long as it is error-passive. Bus-off acts as a lost heartbeat does (CiA 301, 0x1029:1); back
+        from there the node sends EMCY 0x8140, and that all is well.
+        """
+        if state is ErrorState.PASSIVE:
+            self._emergency.begin(ErrorCode.ERROR_PASSIVE, now_ns)
+        elif state is ErrorState.BUS_OFF:
+            self._is_bus_off = True
+            self._communication_lost()
+        else:
+            if self._is_bus_off:
+                self._is_bus_off = False
+                self._emergency.begin(ErrorCode.RECOVERED_FROM_BUS_OFF, now_ns)
+            self._emergency.end(ErrorCode.ERROR_PASSIVE, now_ns)
+            self._emergency.end(ErrorCode.RECOVERED_FROM_BUS_OFF, now_ns)
         self._schedule()
 
     def run_timers(self, now_ns: int) -> None:
@@ -289,9 +309,10 @@ class Slave:
         if self._heartbeat_due_ns <= now_ns:
             self._emit(self._heartbeat_due_ns, heartbeat_frame(self.node_id, self.state))
             self._heartbeat_due_ns += self._store.number(PRODUCER_HEARTBEAT) * MILLISECOND
-        if self._watch_due_ns <= now_ns:
-            at, self._watch_due_ns = self._watch_due_ns, NEVER
-            self._heartbeat_lost(at)
+        if self._watch.due_ns <= now_ns:
+            self._emergency.begin(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, self._watch.due_ns)
+            self._watch.run(now_ns)
+            self._communication_lost()
         if self._deadlines.due_ns <= now_ns:
             self._emergency.begin(ErrorCode.RPDO_TIMEOUT, self._deadlines.due_ns)
             self._deadlines.run(now_ns)
@@ -301,8 +322,7 @@ class Slave:
             self._events.run(now_ns)
         self._schedule()
 
-    def _heartbeat_lost(self, now_ns: int) -> None:
-        self._emergency.begin(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, now_ns)
+    def _communication_lost(self) -> None:
         self.device.take_error_values(self._store.number)
         behaviour = self._store.number(ERROR_BEHAVIOUR, 1)
         if behaviour == 0 and self.state is NmtState.OPERATIONAL:
@@ -364,7 +384,7 @@ class Slave:
     def _schedule(self) -> None:
         self.next_due_ns = min(
             self._heartbeat_due_ns,
-            self._watch_due_ns,
+            self._watch.due_ns,
             self._deadlines.due_ns,
             self._emergency.due_ns,
             self._events.due_ns,
@@ -408,7 +428,7 @@ class Slave:
             self._heartbeat_due_ns = self._now_ns + value * MILLISECOND if value else NEVER
             self._schedule()
         elif index == CONSUMER_HEARTBEAT:
-            self._watch_due_ns = NEVER
+            self._watch.rewrite(subindex, value)
             self._schedule()
         elif index == ERROR_HISTORY:
             if value:

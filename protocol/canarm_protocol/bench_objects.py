@@ -20,6 +20,11 @@ REFERENCE, MEASURED_ANGLE, MEASURED_SPEED, CURRENT_COMMAND, FEED_FORWARD = 0x212
 INTERNAL_NAME, INTERNAL = 0x2130, 0x2131
 RMS_ERROR, MAX_ERROR, PEAK_CURRENT, SATURATED_CYCLES, SPEED_RIPPLE = 0x2200, 0x2201, 0x2202, 0x2203, 0x2204
 ASSESSED_CYCLES = 0x2210
+BUS_LOAD, TOTAL_BUS_LOAD, WORST_RESPONSE, WORST_COB_ID, ERROR_FRAMES, LOST_FRAMES = range(0x2300, 0x2306)
+TRANSMIT_ERRORS, RECEIVE_ERRORS, ERROR_STATE = 0x2310, 0x2311, 0x2312
+DROPPED_FRAMES, ATTACHED_CLIENTS = 0x2320, 0x2321
+BUSES = "can0", "bench"
+"""The sub-indices 1 and 2 of DROPPED_FRAMES and ATTACHED_CLIENTS."""
 CONTROLLER_STATES: dict[int, str] = {0: "idle", 1: "bringing up", 2: "running", 3: "stopping", 4: "done", 5: "failed"}
 """The values of CONTROLLER_STATE in words."""
 INTERNALS = 4
@@ -48,6 +53,23 @@ _JOINT_OBJECTS = (
     (PEAK_CURRENT, "Peak of motor current, A", "ro", _F32),
     (SATURATED_CYCLES, "Cycles in which the amplifier was at its limit", "ro", _U32),
     (SPEED_RIPPLE, "Speed ripple on stretches of constant reference speed, standard deviation over mean", "ro", _F32),
+)
+_BUS_OBJECTS = (
+    (BUS_LOAD, "Load of the robot's bus in the last second (0 to 1)", _F32),
+    (TOTAL_BUS_LOAD, "Load of the robot's bus since start (0 to 1)", _F32),
+    (WORST_RESPONSE, "Longest time from offer to last bit of a frame, us", _F32),
+    (WORST_COB_ID, "COB-ID of the frame that took longest", _U32),
+    (ERROR_FRAMES, "Error frames so far", _U32),
+    (LOST_FRAMES, "Frames lost in bus-off so far", _U32),
+)
+_CARD_OBJECTS = (
+    (TRANSMIT_ERRORS, "Transmit error counter of a card", _U16),
+    (RECEIVE_ERRORS, "Receive error counter of a card", _U16),
+    (ERROR_STATE, "Error state of a card (0 error-active / 1 error-passive / 2 bus-off)", _U8),
+)
+_CLIENT_OBJECTS = (
+    (DROPPED_FRAMES, "Frames dropped for slow clients of a bus", _U32),
+    (ATTACHED_CLIENTS, "Clients attached to a bus", _U16),
 )
 
 
@@ -88,6 +110,12 @@ def bench_dictionary(cell: Cell) -> Dictionary:
     for index, name, access, data_type in _JOINT_OBJECTS:
         _array(dictionary, index, name, data_type, access, joints, mappable=True)
     _variable(dictionary, ASSESSED_CYCLES, "Cycles assessed", _U32, "ro", 0)
+    for index, name, data_type in _BUS_OBJECTS:
+        _variable(dictionary, index, name, data_type, "ro", 0, mappable=True)
+    for index, name, data_type in _CARD_OBJECTS:
+        _array(dictionary, index, name, data_type, "ro", len(cell.card), mappable=True)
+    for index, name, data_type in _CLIENT_OBJECTS:
+        _array(dictionary, index, name, data_type, "ro", len(BUSES), mappable=True)
     _add_pdos(dictionary, node_id, joints)
     return dictionary
 
@@ -104,6 +132,7 @@ def _add_pdos(dictionary: Dictionary, node_id: int, joints: int) -> None:
         receive.append((0x281 + pair, [(CURRENT_COMMAND, joint), (FEED_FORWARD, joint)]))
         receive.append((0x2C0 + pair, [(INTERNAL, joint), (INTERNAL + 1, joint)]))
         receive.append((0x2C1 + pair, [(INTERNAL + 2, joint), (INTERNAL + 3, joint)]))
+    transmit.append((0x380 + node_id, [(BUS_LOAD, 0), (ERROR_FRAMES, 0)]))
     for communication, mapping, pdos in ((0x1800, 0x1A00, transmit), (0x1400, 0x1600, receive)):
         for number, (cob_id, objects) in enumerate(pdos):
             record = _array(dictionary, communication + number, "PDO communication parameter", _U32, "ro", 2)
@@ -122,6 +151,8 @@ class BenchPdos:
     status: PdoLayout
     truth: tuple[PdoLayout, ...]
     drive: tuple[PdoLayout, ...]
+    bus: PdoLayout
+    """Sent where the wire model runs."""
     controller: PdoLayout
     reference: tuple[PdoLayout, ...]
     measured: tuple[PdoLayout, ...]
@@ -143,6 +174,7 @@ def bench_pdos(cell: Cell) -> BenchPdos:
         status=transmit[CYCLE, 0],
         truth=tuple(transmit[TRUE_ANGLE, joint] for joint in joints),
         drive=tuple(transmit[TRUE_CURRENT, joint] for joint in joints),
+        bus=transmit[BUS_LOAD, 0],
         controller=receive[CONTROLLER_STATE, 0],
         reference=tuple(receive[REFERENCE, joint] for joint in joints),
         measured=tuple(receive[MEASURED_SPEED, joint] for joint in joints),

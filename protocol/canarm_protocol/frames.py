@@ -10,14 +10,27 @@ from typing import NamedTuple
 
 from .errors import FrameError
 
+ERROR_FLAG = 0x2000_0000
+"""In the `can_id` of an error frame, above all identifiers (CAN_ERR_FLAG of linux/can.h)."""
+EXTENDED_FLAG = 0x2000_0000
+"""In a COB-ID that an object holds: the identifier has 29 bits (CiA 301, 7.5.2.35, bit 29)."""
+
 
 class Frame(NamedTuple):
-    """A classical CAN frame. `can_id` has 11 bits, or 29 when `is_extended`."""
+    """A classical CAN frame. `can_id` has 11 bits, or 29 when `is_extended`.
+
+    An error frame is told of as Linux does: `ERROR_FLAG` and the classes of the error in `can_id`, 8 bytes of details.
+    """
 
     can_id: int
     data: bytes = b""
     is_extended: bool = False
     is_remote: bool = False
+
+    @property
+    def is_error(self) -> bool:
+        """Whether it tells of an error on the bus. Such a frame is never sent."""
+        return self.can_id >= ERROR_FLAG
 
 
 class Cob(IntEnum):
@@ -55,7 +68,9 @@ class ErrorCode(IntEnum):
     """EMCY error codes in use (CiA 301, table 26)."""
 
     NO_ERROR = 0x0000
+    ERROR_PASSIVE = 0x8120
     LIFE_GUARD_OR_HEARTBEAT = 0x8130
+    RECOVERED_FROM_BUS_OFF = 0x8140
     PDO_LENGTH = 0x8210
     SYNC_LENGTH = 0x8240
     RPDO_TIMEOUT = 0x8250

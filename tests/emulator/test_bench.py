@@ -554,3 +554,19 @@ def test_telemetry_is_the_truth_at_the_last_sync() -> None:
         drive = pdos.drive[joint].unpack(data[pdos.drive[joint].cob_id])
         assert motion == pytest.approx((state.angle_rad, state.speed_rad_s), rel=1e-6)
         assert drive == pytest.approx((state.current_a, state.command_a), rel=1e-6)
+
+
+def test_cards_listen_to_every_node_that_they_watch() -> None:
+    """The second entry of 0x1016 names another card, whose heartbeat ends."""
+    bench = new_bench()
+    watch(bench, DAC, MASTER, 1000)
+    write(bench, DAC, 0x1016, 2, struct.pack("<I", ADC << 16 | 20))
+    write(bench, ADC, 0x1017, 0, struct.pack("<H", 10))
+    bench.receive(START)
+    run_cycles(bench, 8)
+    assert 0x80 + DAC not in [can_id for _, can_id in ids(bench)]
+    write(bench, ADC, 0x1017, 0, struct.pack("<H", 0))
+    end_ns = bench.time_ns
+    told = [record for record in run_cycles(bench, 20) if record.frame.can_id == 0x80 + DAC]
+    assert [record.frame.data[:2] for record in told] == [b"\x30\x81"]
+    assert end_ns < told[0].time_ns <= end_ns + 20 * MS

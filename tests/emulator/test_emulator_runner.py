@@ -12,11 +12,14 @@ from pathlib import Path
 import pytest
 
 from canarm_emulator import runner as runner_module
-from canarm_emulator.bench import Bench
+from canarm_emulator.bench import Bench, Record
+from canarm_emulator.confinement import ErrorKind, ErrorState
+from canarm_emulator.error_frames import error_frame
 from canarm_emulator.hub import Hub
 from canarm_emulator.recording import Recorder
 from canarm_emulator.runner import EmulatorRunner
 from canarm_emulator.truth import Truth
+from canarm_emulator.wire import ErrorFrame
 from canarm_protocol.bench_objects import bench_pdos, sdo_channel
 from canarm_protocol.cell_file import load_cell
 from canarm_protocol.clock import Clock
@@ -328,3 +331,26 @@ def test_further_ports_are_part_of_their_bus() -> None:
         client = emulator.client()
         cycle(client, Frame(0x123, b"\1"))
         emulator.until(lambda: port.sent[-1].can_id == TIME and Frame(0x123, b"\1") in port.sent)
+
+
+def test_the_bench_node_shows_who_is_attached() -> None:
+    with serving() as emulator:
+        emulator.client()
+        request_id, answer_id = sdo_channel(0x70, 3)
+        clients = emulator.client("bench"), emulator.client("bench")
+        for subindex, expected in ((1, 1), (2, 2)):
+            clients[0].send([Frame(request_id, next(upload(0x2321, subindex)))])
+            answer = hear(clients[0], lambda frame: frame.can_id == answer_id)[-1]
+            assert answer.data[:6] == bytes((0x4B, 0x21, 0x23, subindex, expected, 0))
+
+
+def test_error_frames_stay_away_from_other_buses() -> None:
+    """They reach clients of the virtual bus; a real bus has errors of its own, and no driver sends any."""
+    port = ListPort()
+    emulator = Emulator(Clock.SYNC, None, NOBODY_WAITS_S, {"can0": [port]})
+    event = ErrorFrame(0, ErrorKind.BIT, Frame(0x294), 0x14)
+    emulator.bench.records.append(Record(0, error_frame(event, ErrorState.ACTIVE, None), event))
+    emulator.is_over.set()
+    emulator.runner.run()
+    emulator.hub.close()
+    assert [frame.can_id for frame in port.sent] == [0x712, 0x713, 0x714]

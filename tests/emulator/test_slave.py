@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from canarm_emulator.cards.adc0809 import Adc0809Card
 from canarm_emulator.cards.dac0808 import Dac0808Card
+from canarm_emulator.confinement import ErrorState
 from canarm_emulator.device import AdcDevice, DacDevice
 from canarm_emulator.slave import NEVER, Slave
 from canarm_protocol.cell import CardModel
@@ -615,3 +616,89 @@ def test_a_reset_ends_monitoring_and_clears_errors(node: Node) -> None:
     node.slave.on_heartbeat(MASTER, 0)
     assert node.take() == []
     assert node.slave.next_due_ns == NEVER
+
+
+SECOND_MASTER = 0x2A
+INCOMPATIBLE = 0x0604_0043
+
+
+def watch_two(node: Node) -> None:
+    node.write(0x1016, 1, MASTER << 16 | 100, 4)
+    node.write(0x1016, 3, SECOND_MASTER << 16 | 30, 4)
+    node.take()
+
+
+def test_every_entry_of_the_heartbeat_consumer_watches_its_node(node: Node) -> None:
+    """CiA 301, 7.5.2.19: an entry a node, each with its own time."""
+    watch_two(node)
+    assert node.read(0x1016) == 4
+    assert set(node.slave.watched_node_ids) == {MASTER, SECOND_MASTER}
+    node.slave.on_heartbeat(MASTER, 0)
+    node.slave.on_heartbeat(SECOND_MASTER, 0)
+    node.run_until(29 * MILLISECOND)
+    assert node.take() == []
+    node.run_until(99 * MILLISECOND)
+    assert node.take() == [(30 * MILLISECOND, Frame(0x92, bytes.fromhex("3081110000000000")))]
+    assert node.slave.watch_due_ns == 100 * MILLISECOND
+
+
+@pytest.mark.parametrize("lost", [MASTER, SECOND_MASTER])
+def test_the_loss_of_any_watched_node_gives_the_outputs_their_error_values(node: Node, lost: int) -> None:
+    watch_two(node)
+    node.write(0x1029, 1, 1, 1)
+    node.slave.on_nmt(START, 0)
+    node.rpdo(outputs_frame(9, 9, 9, 9))
+    node.slave.apply_outputs()
+    node.slave.on_heartbeat(lost, 0)
+    node.run_until(1000 * MILLISECOND)
+    assert node.outputs() == [0, 0, 0, 0]
+
+
+def test_the_error_is_over_when_the_last_lost_node_is_back(node: Node) -> None:
+    watch_two(node)
+    for node_id in (MASTER, SECOND_MASTER):
+        node.slave.on_heartbeat(node_id, 0)
+    node.run_until(100 * MILLISECOND)
+    node.take()
+    node.slave.on_heartbeat(MASTER, 101 * MILLISECOND)
+    assert node.take() == []
+    assert node.read(0x1001) == 0x11
+    node.slave.on_heartbeat(SECOND_MASTER, 102 * MILLISECOND)
+    assert node.take() == [(102 * MILLISECOND, Frame(0x92, bytes(8)))]
+
+
+def test_a_second_entry_for_the_same_node_is_refused(node: Node) -> None:
+    """CiA 301, 7.5.2.19: abort 0604 0043h where both times are not 0; one entry may be written again."""
+    watch_two(node)
+    assert node.refused(0x1016, 2, (MASTER << 16 | 50).to_bytes(4, "little")) == INCOMPATIBLE
+    assert node.read(0x1016, 2) == 0
+    node.write(0x1016, 2, MASTER << 16, 4)
+    node.write(0x1016, 1, MASTER << 16 | 50, 4)
+    node.write(0x1016, 1, 0, 4)
+    node.write(0x1016, 2, MASTER << 16 | 50, 4)
+    assert set(node.slave.watched_node_ids) == {MASTER, SECOND_MASTER}
+
+
+def test_writing_one_entry_leaves_the_others_monitoring(node: Node) -> None:
+    watch_two(node)
+    for node_id in (MASTER, SECOND_MASTER):
+        node.slave.on_heartbeat(node_id, 0)
+    node.write(0x1016, 3, 0, 4)
+    assert node.slave.watch_due_ns == 100 * MILLISECOND
+    node.write(0x1016, 1, 0, 4)
+    assert node.slave.watch_due_ns == NEVER
+
+
+@pytest.mark.parametrize("behaviour", [0, 1])
+def test_error_passive_is_reported_once_and_changes_nothing_else(node: Node, behaviour: int) -> None:
+    node.write(0x1029, 1, behaviour, 1)
+    node.slave.on_nmt(START, 0)
+    node.rpdo(outputs_frame(9, 9, 9, 9))
+    node.slave.apply_outputs()
+    node.take()
+    node.slave.on_error_state(ErrorState.PASSIVE, 5)
+    node.slave.on_error_state(ErrorState.ACTIVE, 8)
+    assert node.take() == [(5, Frame(0x92, bytes.fromhex("2081110000000000"))), (8, Frame(0x92, bytes(8)))]
+    assert node.outputs() == [9, 9, 9, 9]
+    assert node.slave.state is NmtState.OPERATIONAL
+    assert (node.read(0x1001), node.read(0x1003, 1)) == (0, 0x8120)

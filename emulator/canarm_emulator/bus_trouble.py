@@ -1,0 +1,69 @@
+"""Who is in trouble on the wire: error states as they were last, nodes in bus-off, counts of errors and lost frames.
+
+Keeps books on the wire's events. What a card or a client makes of them belongs to the bench.
+"""
+
+from collections.abc import Hashable
+from typing import NamedTuple
+
+from .confinement import ErrorState
+from .wire import ErrorFrame, StateChange, Wire
+
+
+class ClientNode(NamedTuple):
+    """A client of the virtual bus as a node of the wire: its number there is no node-ID."""
+
+    client_id: int
+
+
+def wire_name(origin: object) -> Hashable:
+    """The name on the wire of a client, apart from the cards, whose names are their node-IDs."""
+    return ClientNode(origin) if isinstance(origin, int) else origin
+
+
+def origin_of(name: Hashable) -> object:
+    """The client behind a name on the wire."""
+    return name.client_id if isinstance(name, ClientNode) else name
+
+
+class BusTrouble:
+    """The trouble on `wire` so far; without a wire there is none."""
+
+    def __init__(self, wire: Wire | None) -> None:
+        self.error_frames = 0
+        self.off: set[Hashable] = set()
+        """Nodes in bus-off: they hear and send nothing."""
+        self.held: set[Hashable] = set()
+        """Nodes that, once in bus-off, stay there until `Bench.recover` is called for them."""
+        self._wire = wire
+        self._states: dict[Hashable, ErrorState] = {}
+        self._lost_before = 0
+
+    @property
+    def lost_frames(self) -> int:
+        """Frames that nodes in bus-off had to send and threw away, those of nodes that have left included."""
+        nodes = () if self._wire is None else self._wire.nodes.values()
+        return self._lost_before + sum(node.discarded for node in nodes)
+
+    def note(self, event: ErrorFrame | StateChange) -> ErrorState:
+        """Take down an event; returns the state that its node was in before. In bus-off, recovery begins."""
+        if isinstance(event, ErrorFrame):
+            self.error_frames += 1
+            return self._states.get(event.sender, ErrorState.ACTIVE)
+        node = event.node
+        was = self._states.get(node, ErrorState.ACTIVE)
+        self._states[node] = event.state
+        if event.state is ErrorState.BUS_OFF:
+            self.off.add(node)
+            if self._wire is not None and node not in self.held:
+                self._wire.recover(node)
+        else:
+            self.off.discard(node)
+        return was
+
+    def forget(self, name: Hashable) -> None:
+        """A node is about to leave the bus."""
+        if self._wire is not None:
+            self._lost_before += self._wire.nodes[name].discarded
+        self._states.pop(name, None)
+        self.off.discard(name)
