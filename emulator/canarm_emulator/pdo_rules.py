@@ -58,7 +58,7 @@ def check_pdo_write(
 
 
 def check_emergency_cob_id(value: int, present: int) -> None:
-    """0x1014 (CiA 301, 7.5.2.16): bit 31 disables EMCY. Raises `SdoRefused`."""
+    """0x1014 (CiA 301, 7.5.2.17): bit 31 disables EMCY. Raises `SdoRefused`."""
     if value & NO_REMOTE:
         raise SdoRefused(AbortCode.INVALID_VALUE)
     _check_cob_id(value, present)

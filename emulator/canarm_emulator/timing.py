@@ -3,4 +3,4 @@
 NEVER = 1 << 62
 MICROSECOND, MILLISECOND = 1_000, 1_000_000
 INHIBIT_UNIT = 100 * MICROSECOND
-"""Inhibit times of PDOs and EMCY count in 100 µs (CiA 301, 7.5.2.17 and 7.5.2.37)."""
+"""Inhibit times of PDOs and EMCY count in 100 µs (CiA 301, 7.5.2.18 and 7.5.2.37)."""

@@ -34,7 +34,7 @@ class Frame(NamedTuple):
 
 
 class Cob(IntEnum):
-    """COB-IDs of the predefined connection set (CiA 301, 7.3.5). Those of a node are bases: its node-ID is added."""
+    """COB-IDs of the predefined connection set (CiA 301, 7.3.3). Those of a node are bases: its node-ID is added."""
 
     NMT = 0x000
     SYNC = 0x080

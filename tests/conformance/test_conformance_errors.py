@@ -1,4 +1,4 @@
-"""Heartbeat both ways (CiA 301, 7.2.8.2.2), EMCY (7.2.7), error register and history, error behaviour."""
+"""Heartbeat both ways (CiA 301, 7.2.8.3.2.2), EMCY (7.2.7), error register and history, error behaviour."""
 
 import struct
 
@@ -50,7 +50,7 @@ def test_a_lost_heartbeat_brings_emcy_error_values_and_the_error_behaviour(link,
 
 
 def test_monitoring_begins_with_the_first_heartbeat(link) -> None:
-    """7.2.8.2.2.2."""
+    """7.5.2.19."""
     latch = link.card(LATCH)
     watch(latch, 20)
     latch.sdo[0x1017].raw = 10
@@ -124,7 +124,7 @@ def test_emcy_is_moved_and_switched_off(link) -> None:
 
 
 def test_no_emcy_in_stopped(link) -> None:
-    """7.3.2.2.3, table 38; register and history are kept."""
+    """7.3.2.2.5, table 37; register and history are kept."""
     dac = link.card(DAC)
     watch(dac, 20)
     dac.sdo[0x1017].raw = 10

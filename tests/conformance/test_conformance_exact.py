@@ -31,7 +31,7 @@ def run(exact, duration_ms: int) -> None:
 
 def wiggle(exact, volts) -> None:
     """The pin of input 1 follows `volts(time_ns)` instead of the arm."""
-    device = exact.bench._rack.devices[ADC]
+    device = exact.bench.rack.devices[ADC]
     device._sample = lambda channel: volts(exact.bench.time_ns) if channel == 0 else 0.0
 
 
@@ -128,7 +128,7 @@ def test_a_type_252_tpdo_carries_what_the_last_sync_sampled_and_253_what_is_ther
     exact.sync()
     sampled = adc.sdo[0x6401][1].raw
     wiggle(exact, lambda time_ns: 5.0)
-    device = exact.bench._rack.devices[ADC]
+    device = exact.bench.rack.devices[ADC]
     device.store(0, 2.0)
     exact.send(TPDO2, remote=True)
     exact.nmt(PRE_OPERATIONAL, ADC)

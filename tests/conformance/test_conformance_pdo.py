@@ -146,7 +146,7 @@ def test_a_remote_frame_is_not_answered_where_bit_30_forbids_it_or_out_of_operat
 
 
 def test_remote_frames_elsewhere_do_nothing(link) -> None:
-    """Node guarding (7.2.8.2.1) is optional and not offered; RPDOs, SDO, NMT and SYNC are not asked for."""
+    """Node guarding (7.2.8.3.2.1) is optional and not offered; RPDOs, SDO, NMT and SYNC are not asked for."""
     link.nmt(START)
     for can_id in (0x700 + DAC, 0x300 + DAC, 0x600 + DAC, 0x000, 0x080):
         link.send(can_id, remote=True)
@@ -199,7 +199,7 @@ def test_a_disabled_pdo_is_not_there(link) -> None:
 
 
 def test_a_mapping_is_changed_only_while_the_pdo_is_disabled_and_maps_nothing(link) -> None:
-    """7.5.2.36."""
+    """7.5.2.38."""
     sdo = link.card(ADC).sdo
     entry = (0x64010110).to_bytes(4, "little")
     assert code_of(lambda: sdo.download(0x1A01, 0, b"\0")) == STATE
@@ -215,7 +215,7 @@ def test_a_mapping_is_changed_only_while_the_pdo_is_disabled_and_maps_nothing(li
     [(0x5FFF0010, 0x0602_0000), (0x64010910, 0x0609_0011), (0x10170010, 0x0604_0041), (0x64010108, 0x0604_0041)],
 )
 def test_what_cannot_be_mapped_is_refused(link, entry: int, code: int) -> None:
-    """7.5.2.36, abort codes 0604 0041h and those of missing objects."""
+    """7.5.2.38, abort codes 0604 0041h and those of missing objects."""
     sdo = link.card(ADC).sdo
     sdo[0x1801][1].raw = 0x8000_0000 | TPDO2
     sdo[0x1A01][0].raw = 0
@@ -223,7 +223,7 @@ def test_what_cannot_be_mapped_is_refused(link, entry: int, code: int) -> None:
 
 
 def test_more_than_can_be_mapped_is_refused(link) -> None:
-    """7.5.2.36, abort code 0604 0042h."""
+    """7.5.2.38, abort code 0604 0042h."""
     sdo = link.card(ADC).sdo
     sdo[0x1801][1].raw = 0x8000_0000 | TPDO2
     sdo[0x1A01][0].raw = 0
@@ -275,7 +275,7 @@ def test_transmission_types_that_an_rpdo_does_not_have_are_refused(link, kind: i
 
 
 def test_pdos_are_not_changed_in_operational(link) -> None:
-    """7.5.2.36: in PRE-OPERATIONAL, and in OPERATIONAL where a device supports it; these do not."""
+    """7.5.2.38: in PRE-OPERATIONAL, and in OPERATIONAL where a device supports it; these do not."""
     sdo = link.card(ADC).sdo
     link.nmt(START, ADC)
     for index, subindex, data in ((0x1801, 1, bytes(4)), (0x1801, 2, b"\1"), (0x1801, 5, b"\1\0"), (0x1A01, 0, b"\0")):
@@ -283,7 +283,7 @@ def test_pdos_are_not_changed_in_operational(link) -> None:
 
 
 def test_a_longer_rpdo_is_taken_and_a_shorter_one_is_an_error(link) -> None:
-    """7.2.2.1, EMCY 0x8210."""
+    """7.5.2.36, EMCY 0x8210."""
     dac = link.card(DAC)
     link.nmt(START, DAC)
     link.send(0x312, bytes(7))

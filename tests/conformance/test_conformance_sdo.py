@@ -36,7 +36,7 @@ def test_every_object_of_the_eds_is_read_with_its_access_and_size(link, node_id:
 
 @pytest.mark.parametrize("node_id", [DAC, LATCH, ADC])
 def test_identity_and_names(link, node_id: int) -> None:
-    """0x1000, 0x1008 (segmented upload, 7.2.4.3.6), 0x1018."""
+    """0x1000, 0x1008 (segmented upload, 7.2.4.3.6 and 7.2.4.3.7), 0x1018."""
     node = link.card(node_id)
     name, product = PRODUCT[node_id]
     assert node.sdo.upload(0x1008, 0) == name
@@ -123,7 +123,7 @@ def test_a_transfer_can_be_cut_anywhere_and_the_next_one_starts_anew(link) -> No
 
 @pytest.mark.parametrize("length", [0, 1, 7])
 def test_a_request_that_has_not_eight_bytes_is_not_answered(link, length: int) -> None:
-    """7.2.4.2: SDO messages have eight bytes."""
+    """7.2.4.3: SDO messages have eight bytes."""
     link.send(0x600 + DAC, bytes(length))
     link.exchange(ADC, "4000100000000000")
     assert link.data(0x580 + DAC) == []
