@@ -6,13 +6,14 @@ the runner. The same object runs in a process of its own or inside a test.
 
 from collections.abc import Callable, Container, Hashable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from canarm_protocol.bench_objects import BUS_LOAD, bench_dictionary
 from canarm_protocol.cell import Card, Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.dictionary import load_dictionary
 from canarm_protocol.errors import FrameError
+from canarm_protocol.faults import FaultScript
 from canarm_protocol.frames import Cob, Frame, NmtCommand, NmtState, parse_nmt, time_frame
 from canarm_protocol.pdo import PdoLayout
 
@@ -20,13 +21,20 @@ from .assessor import Assessor
 from .bench_device import BenchDevice
 from .bus_figures import BusFigures
 from .bus_trouble import BusTrouble, origin_of, wire_name
+from .card_port import CardPort
+from .device import IoDevice
 from .error_frames import error_frame
+from .fault_hooks import CycleLength, FaultHooks
 from .pdo_rules import SYNCHRONOUS_TYPES
 from .rack import Rack
 from .slave import NEVER, Slave
 from .truth import Truth
 from .wire import StateChange, Wire
 from .world import JointState, World
+
+if TYPE_CHECKING:
+    from .faults.engine import FaultEngine
+    from .faults.messages import MessagePoint
 
 RUN_ON_NS = 500_000_000
 """How long after the heartbeat time the world runs on when the sender of SYNC is lost in lockstep."""
@@ -98,7 +106,11 @@ class Bench:
         """SYNCs that arrived while the converters were still busy with the last one's scan."""
         self.world = World(cell, truth, seed)
         self.assessor = Assessor(cell)
-        self._rack = Rack(cell, self.world, truth)
+        self.rack = Rack(cell, self.world, truth)
+        self.hooks = FaultHooks()
+        """What faults have changed."""
+        self._faults: FaultEngine | None = None
+        self._seed = seed
         self.slaves = [self._make_slave(card) for card in cell.card]
         self._takers: dict[int, list[_Taker]] = {}
         self._next_due_ns = NEVER
@@ -120,22 +132,36 @@ class Bench:
         )
         self._bench_takers: dict[int, Callable[[bytes], None]] = {}
 
-    def _make_slave(self, card: Card) -> Slave:
-        node_id = card.node_id
+    def _make_slave(self, card: Card, device: IoDevice | None = None) -> Slave:
+        node_id, hooks = card.node_id, self.hooks
 
         def emit(time_ns: int, frame: Frame) -> None:
-            if self.wire is not None and self._is_cycling:
-                self.wire.offer(max(time_ns, self.wire.time_ns), frame, node_id)
-                return
-            if node_id in self._off:
-                return
-            self.records.append(Record(time_ns, frame))
-            for taker in self._takers.get(frame.can_id, ()):
-                if taker.node_id != node_id and taker.node_id not in self._off:
-                    taker.take(frame.data)
+            if hooks.send_filters and node_id in hooks.send_filters:
+                passed = hooks.send_filters[node_id](frame)
+                if passed is None:
+                    return
+                frame = passed
+            if hooks.from_cards is not None and node_id not in self.trouble.unplugged:
+                hooks.from_cards.take(time_ns, frame, node_id)
+            else:
+                self.put_out(time_ns, frame, node_id)
 
         dictionary = load_dictionary(card.model, node_id)
-        return Slave(card.name, node_id, dictionary, self._rack.devices[node_id], emit, self.clock.value)
+        return Slave(card.name, node_id, dictionary, device or self.rack.devices[node_id], emit, self.clock.value)
+
+    def put_out(self, time_ns: int, frame: Frame, node_id: Hashable) -> None:
+        """A frame leaves a card for the bus."""
+        if self._off and node_id in self.trouble.unplugged:
+            return
+        if self.wire is not None and self._is_cycling:
+            self.wire.offer(max(time_ns, self.wire.time_ns), frame, node_id)
+            return
+        if node_id in self._off:
+            return
+        self.records.append(Record(time_ns, frame))
+        for taker in self._takers.get(frame.can_id, ()):
+            if taker.node_id != node_id and taker.node_id not in self._off:
+                taker.take(frame.data)
 
     def start(self) -> None:
         """Power on: every node boots; the bench node starts itself."""
@@ -153,6 +179,8 @@ class Bench:
     def next_due_ns(self) -> int:
         """When `advance` has something to send."""
         due_ns = self._next_due_ns if self._scan is None else min(self._next_due_ns, self._scan.due_ns)
+        if self._faults is not None:
+            due_ns = min(due_ns, self.hooks.due_ns)
         return due_ns if self.wire is None else min(due_ns, self.wire.next_due_ns)
 
     @property
@@ -169,6 +197,8 @@ class Bench:
             if until_ns - self.world.time_ns > IDLE_STEP_NS:
                 self.world.advance(until_ns)
                 self._tell_idle_truth()
+                if self._faults is not None:
+                    self._faults.update(until_ns, self.cycle)
 
     def run_on(self) -> None:
         """In lockstep, the sender of SYNC is lost: time runs on until the cards' own protection has acted."""
@@ -179,6 +209,8 @@ class Bench:
             self.advance(min(self.time_ns + IDLE_STEP_NS, end_ns))
             self._catch_up(self.time_ns)
             self._tell_idle_truth()
+            if self._faults is not None:
+                self._faults.update(self.time_ns, self.cycle)
         self._next_sync_ns = self.time_ns
 
     def move_on(self) -> None:
@@ -228,10 +260,28 @@ class Bench:
         is_sync = frame.can_id == Cob.SYNC and not frame.is_extended and not frame.is_remote
         if is_sync and not (is_lost and self.clock is Clock.WALL):
             self._sync(frame, origin)
-        elif self.wire is not None and (is_lost or self._is_cycling):
+        elif self.hooks.towards_cards is not None and not is_lost:
+            self.hooks.towards_cards.take(self.time_ns, frame, origin)
+        else:
+            self.take_in(self.time_ns, frame, origin)
+
+    def take_in(self, time_ns: int, frame: Frame, origin: object) -> None:
+        """A frame of a client gets on the bus."""
+        is_lost = bool(self._off) and wire_name(origin) in self._off
+        if self.wire is not None and (is_lost or self._is_cycling):
             self._queue(self.wire, frame, wire_name(origin))
         else:
-            self._arrive(Record(self.time_ns, frame, origin), self._off)
+            self._arrive(Record(time_ns, frame, origin), self._off)
+
+    def intrude(self, time_ns: int, frame: Frame, origin: Hashable) -> None:
+        """A frame of nobody that belongs to the cell gets on the bus."""
+        wire = self.wire
+        if wire is None or not self._is_cycling:
+            self._arrive(Record(time_ns, frame, origin), self._off)
+            return
+        if origin not in wire.nodes:
+            wire.attach(origin)
+        wire.offer(max(time_ns, wire.time_ns), frame, origin)
 
     def _arrive(self, record: Record, missed_by: Container[object] = ()) -> None:
         """A frame is on the bus as a whole: it is logged, and who is to take it takes it."""
@@ -250,7 +300,7 @@ class Bench:
 
     def _answer_remote(self, can_id: int) -> bool:
         self._catch_up(self.time_ns)
-        answers = [slave.on_remote(can_id, self.time_ns) for slave in self.slaves]
+        answers = [slave.on_remote(can_id, self.time_ns) for slave in self._running()]
         return any(answers)
 
     @property
@@ -271,7 +321,7 @@ class Bench:
         """What the wire has carried by `until_ns` arrives, each frame at its end."""
         for delivery in wire.advance(until_ns):
             self.time_ns = max(self.time_ns, delivery.end_ns)
-            is_card = delivery.sender in self._rack.devices
+            is_card = delivery.sender in self.rack.devices
             missed_by = {*delivery.missed_by, delivery.sender} if is_card else delivery.missed_by
             if self._off:
                 missed_by = missed_by | self._off
@@ -299,6 +349,51 @@ class Bench:
                 slave.on_error_state(change.state, self.time_ns)
         self._route()
 
+    @property
+    def faults(self) -> "FaultEngine":
+        """What is broken, or will be."""
+        if self._faults is None:
+            from .faults.engine import FaultEngine
+
+            self._faults = FaultEngine(self, self._seed)
+        return self._faults
+
+    def inject(self, script: FaultScript) -> str:
+        """Do what a fault script asks for; returns what was done. Raises `FaultError` with the reason of a refusal."""
+        done = self.faults.accept(script)
+        if not self._is_cycling:
+            self.catch_up()
+            self.faults.update(self.time_ns, self.cycle)
+        return done
+
+    def set_message_point(self, is_towards_cards: bool, point: "MessagePoint | None") -> None:
+        """Let all frames but SYNC and TIME pass through `point` in one direction."""
+        if is_towards_cards:
+            self.hooks.towards_cards = point
+        else:
+            self.hooks.from_cards = point
+
+    def set_cycle_length(self, length: CycleLength | None) -> None:
+        """Let lockstep's cycles last as long as `length` says."""
+        self.hooks.cycle_length = length
+
+    def node_port(self, node_id: int) -> CardPort:
+        """What a fault can do to the card with this node-ID."""
+        return CardPort(self, next(slave for slave in self.slaves if slave.node_id == node_id))
+
+    def make_double(self, node_id: int) -> Slave:
+        """A second card like that with this node-ID, wired to nothing."""
+        card = next(card for card in self.cell.card if card.node_id == node_id)
+        return self._make_slave(card, self.rack.spare(card))
+
+    def nodes_changed(self) -> None:
+        """A node has booted, stopped or changed its state by itself."""
+        self._route()
+
+    def catch_up(self) -> None:
+        """The world moves on to the bench's time."""
+        self._catch_up(self.time_ns)
+
     def receive_bench(self, frame: Frame, origin: object = None) -> None:
         """A frame arrives on the bench bus. It never touches the robot's bus."""
         self.bench_records.append(Record(self.time_ns, frame, origin))
@@ -321,20 +416,24 @@ class Bench:
         lockstep = self.clock is Clock.SYNC
         if lockstep:
             self.advance(self._next_sync_ns)
-            self._next_sync_ns = self.time_ns + self.cell.bus.cycle_ns
+            self._next_sync_ns = self.time_ns + self._cycle_length_ns()
         now_ns = self.time_ns
         self.records.append(Record(now_ns, frame, origin))
         world = self.world
         if self._scan is not None:
             self.overruns += 1
         self._catch_up(now_ns)
-        slaves = self.slaves if not self._off else self._hearers(origin)
+        faults = self._faults
+        if faults is not None:
+            faults.update(now_ns, self.cycle + self.is_operational)
+        slaves = self.slaves if faults is None and not self._off else self._hearers(origin, now_ns)
         pdos = [(slave, layout) for slave in slaves for layout in slave.on_sync(frame.data, now_ns)]
         self._hurry()
         if self.is_operational:
             self._count_cycle(now_ns)
         if self._scan is None and pdos:
-            self._rack.convert([(slave.node_id, mapped) for slave, layout in pdos for mapped in layout.objects])
+            mapped = [(slave.node_id, each) for slave, layout in pdos for each in layout.objects]
+            self.rack.convert(mapped if not self.hooks.doubles else list(dict.fromkeys(mapped)))
             self._scan = _Scan(max(world.time_ns, now_ns), pdos)
         if lockstep:
             self.advance(max(world.time_ns, now_ns))
@@ -343,11 +442,23 @@ class Bench:
             self.records.append(Record(self.time_ns, time_frame(self.time_ns)))
             self._may_move_on = True
 
-    def _hearers(self, sender: object) -> list[Slave]:
-        """The cards that hear a SYNC while somebody is in bus-off."""
+    def _hearers(self, sender: object, now_ns: int) -> list[Slave]:
+        """The cards that hear a SYNC while somebody is in bus-off or broken."""
         if wire_name(sender) in self._off:
             return []
-        return [slave for slave in self.slaves if slave.node_id not in self._off]
+        sees = self.hooks.sees_sync
+        return [each for each in self._running() if each.node_id not in self._off and sees(each, now_ns)]
+
+    def _running(self) -> list[Slave]:
+        """The cards, and second ones with the same node-ID, whose processors run."""
+        hooks = self.hooks
+        if not (hooks.halted or hooks.doubles):
+            return self.slaves
+        return [slave for slave in (*self.slaves, *hooks.doubles.values()) if slave.node_id not in hooks.halted]
+
+    def _cycle_length_ns(self) -> int:
+        nominal_ns, changed = self.cell.bus.cycle_ns, self.hooks.cycle_length
+        return nominal_ns if changed is None else max(1, changed(nominal_ns, self.time_ns))
 
     def _finish_transmissions(self, wire: Wire) -> None:
         """The cycle's inputs reach the controller when the wire has carried them, or never if it is too slow.
@@ -384,13 +495,15 @@ class Bench:
         if wire is not None and wire.next_due_ns <= due_ns:
             self._carry(wire, due_ns)
         self.time_ns = max(self.time_ns, due_ns)
+        if self._faults is not None:
+            self.hooks.release(due_ns)
         scan = self._scan
         if scan is not None and scan.due_ns <= due_ns:
             self._scan = None
             for slave, layout in scan.pdos:
                 slave.send_tpdo(layout, due_ns)
         if self._next_due_ns <= due_ns:
-            for slave in self.slaves:
+            for slave in self._running():
                 if slave.next_due_ns <= due_ns:
                     state = slave.state
                     if slave.world_due_ns <= due_ns:
@@ -414,7 +527,7 @@ class Bench:
             return
         was_operational = self.is_operational
         self._catch_up(self.time_ns)
-        for slave in self.slaves:
+        for slave in self._running():
             if node_id in (0, slave.node_id) and slave.node_id not in self._missed_by:
                 slave.on_nmt(command, self.time_ns)
         if command is NmtCommand.START and not was_operational:
@@ -425,7 +538,7 @@ class Bench:
     def _route(self) -> None:
         """Who takes which COB-ID: it changes with NMT states and configuration. Several nodes may take the same one."""
         takers: dict[int, list[_Taker]] = {Cob.NMT: [_Taker(0, self._nmt)]}
-        for slave in self.slaves:
+        for slave in self._running():
             node_id = slave.node_id
             for cob_id in slave.sdo_cob_ids:
                 takers.setdefault(cob_id, []).append(_Taker(node_id, self._sdo(slave, cob_id)))
@@ -437,11 +550,11 @@ class Bench:
         self._schedule()
 
     def _schedule(self) -> None:
-        self._next_due_ns = min(self.node.next_due_ns, *[slave.next_due_ns for slave in self.slaves])
+        self._next_due_ns = min([self.node.next_due_ns, *[slave.next_due_ns for slave in self._running()]])
 
     def _hurry(self) -> None:
         """A node may have something to do earlier than was known."""
-        for slave in self.slaves:
+        for slave in self._running():
             if slave.next_due_ns < self._next_due_ns:
                 self._next_due_ns = slave.next_due_ns
 

@@ -84,6 +84,9 @@ class BenchDevice:
     def configure(self, read: ReadObject) -> None:
         """There are no parameters."""
 
+    def power_off(self) -> None:
+        """Nothing that this node does moves the robot."""
+
     def take_error_values(self, read: ReadObject) -> None:
         """Nothing that this node does moves the robot."""
 

@@ -32,9 +32,11 @@ class BusTrouble:
     def __init__(self, wire: Wire | None) -> None:
         self.error_frames = 0
         self.off: set[Hashable] = set()
-        """Nodes in bus-off: they hear and send nothing."""
+        """Nodes in bus-off, or unplugged: they hear and send nothing."""
         self.held: set[Hashable] = set()
         """Nodes that, once in bus-off, stay there until `Bench.recover` is called for them."""
+        self.unplugged: set[Hashable] = set()
+        """Nodes that are not connected to the bus."""
         self._wire = wire
         self._states: dict[Hashable, ErrorState] = {}
         self._lost_before = 0
@@ -57,9 +59,20 @@ class BusTrouble:
             self.off.add(node)
             if self._wire is not None and node not in self.held:
                 self._wire.recover(node)
-        else:
+        elif node not in self.unplugged:
             self.off.discard(node)
         return was
+
+    def unplug(self, name: Hashable) -> None:
+        """A node loses its connection to the bus."""
+        self.unplugged.add(name)
+        self.off.add(name)
+
+    def plug_in(self, name: Hashable) -> None:
+        """It is connected again; in bus-off it stays off until it has recovered."""
+        self.unplugged.discard(name)
+        if self._states.get(name) is not ErrorState.BUS_OFF:
+            self.off.discard(name)
 
     def forget(self, name: Hashable) -> None:
         """A node is about to leave the bus."""

@@ -25,6 +25,7 @@ from .cards.adc0809 import Adc0809Card
 from .cards.dac0808 import CHANNELS as DAC_CHANNELS
 from .cards.dac0808 import Dac0808Card
 from .cards.sc300 import Sc300Card
+from .signals import Distortion
 
 Setter = Callable[[Any], None]
 Getter = Callable[[], float]
@@ -54,6 +55,10 @@ class IoDevice(Protocol):
 
     def configure(self, read: ReadObject) -> None:
         """Take over parameters, at a reset and after a client has changed one; `read(index, subindex)` gives them."""
+        ...
+
+    def power_off(self) -> None:
+        """The outputs are as the hardware has them without power."""
         ...
 
     def take_error_values(self, read: ReadObject) -> None:
@@ -98,6 +103,11 @@ class DacDevice:
     def configure(self, read: ReadObject) -> None:
         """No parameter acts on the values in passing."""
 
+    def power_off(self) -> None:
+        """No reference, no current."""
+        for channel in range(1, DAC_CHANNELS + 1):
+            self._load(channel, 0)
+
     def take_error_values(self, read: ReadObject) -> None:
         """0x6443 = 1 selects 0x6444, a 32-bit value of which the upper 16 bits are the output's."""
         for channel in range(1, DAC_CHANNELS + 1):
@@ -133,6 +143,10 @@ class LatchDevice:
         """The filter mask."""
         self._mask = read(DIGITAL_FILTER_MASK, 1)
 
+    def power_off(self) -> None:
+        """All bridges open."""
+        self._card.write(0, 0, 0)
+
     def take_error_values(self, read: ReadObject) -> None:
         """Bits that are 1 in 0x6206 take the bit of 0x6207; the others stay."""
         mode = read(DIGITAL_ERROR_MODE, 1)
@@ -150,10 +164,21 @@ class AdcDevice:
         self._card = card
         self._sample = sample
         self._values = [0] * 8
+        self._distortions: dict[int, Distortion] = {}
 
     def store(self, channel: int, volts: float) -> None:
         """Convert the volts that the multiplexer saw at `channel` (from 0)."""
-        self._values[channel] = self._card.code(volts) << CODE_SHIFT
+        code = self._card.code(volts)
+        if self._distortions and channel in self._distortions:
+            code = int(self._distortions[channel](code))
+        self._values[channel] = code << CODE_SHIFT
+
+    def distort(self, channel: int, distortion: Distortion | None) -> None:
+        """Let another code, 0 to 255, be read than the converter of `channel` (from 0) has given."""
+        if distortion is None:
+            self._distortions.pop(channel, None)
+        else:
+            self._distortions[channel] = distortion
 
     def setter(self, index: int, subindex: int) -> Setter | None:
         """Inputs are not written."""
@@ -175,6 +200,9 @@ class AdcDevice:
 
     def configure(self, read: ReadObject) -> None:
         """No parameter acts on the values in passing."""
+
+    def power_off(self) -> None:
+        """Inputs have no state that lasts."""
 
     def take_error_values(self, read: ReadObject) -> None:
         """Inputs have no error values."""

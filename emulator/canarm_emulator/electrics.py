@@ -8,6 +8,7 @@ from enum import IntEnum
 
 from canarm_protocol.cell import Joint
 
+from .signals import Distortion
 from .truth import JointTruth
 
 DAC_FULL_SCALE = 255 / 256
@@ -39,7 +40,11 @@ class Drive:
 
     __slots__ = (
         "_back_emf_v_s_rad",
+        "_braking_nm_s",
         "_dac_fraction",
+        "_distort_current",
+        "_distort_opamp",
+        "_joint",
         "_max_current_a",
         "_sign",
         "_supply_is_on",
@@ -56,16 +61,14 @@ class Drive:
     )
 
     def __init__(self, joint: Joint, truth: JointTruth) -> None:
-        motor, amplifier = joint.motor, joint.amplifier
-        self._torque_nm_a = truth.torque_constant_nm_a * motor.gear_ratio * motor.gear_efficiency
-        self._back_emf_v_s_rad = truth.torque_constant_nm_a * motor.gear_ratio  # K_e = K_t in SI units
-        self._winding_ohm = truth.winding_ohm
-        self._max_current_a = amplifier.max_current_a
-        self._supply_v = truth.supply_v
+        self._joint = joint
+        self._max_current_a = joint.amplifier.max_current_a
         self._supply_is_on = True
         self._dac_fraction = 0.0
         self._sign = 0
-        self.time_constant_s = motor.winding_mh * 1e-3 / truth.winding_ohm
+        self._distort_opamp: Distortion | None = None
+        self._distort_current: Distortion | None = None
+        self.change(truth)
         self.command_a = 0.0
         """Signed current that amplifier and bridge ask for."""
         self.current_a = 0.0
@@ -76,9 +79,23 @@ class Drive:
         self.supply_limited_steps = 0
         self.illegal_directions = 0
 
+    def change(self, truth: JointTruth) -> None:
+        """Motor and supply are others from now on; the current goes on from where it is."""
+        motor, turns = self._joint.motor, 1.0 - truth.shorted_turns
+        self._torque_nm_a = truth.torque_constant_nm_a * motor.gear_ratio * motor.gear_efficiency
+        self._back_emf_v_s_rad = truth.torque_constant_nm_a * motor.gear_ratio  # K_e = K_t in SI units
+        # Shorted turns are a loop of their own: s·e drives e/R through s·R, which brakes with s·K_I·e/R.
+        self._braking_nm_s = truth.shorted_turns * self._torque_nm_a * self._back_emf_v_s_rad / truth.winding_ohm
+        # Of the others, N in number, K_I ∝ N, K_e ∝ N, R ∝ N and L ∝ N².
+        self._torque_nm_a *= turns
+        self._back_emf_v_s_rad *= turns
+        self._winding_ohm = truth.winding_ohm * turns
+        self._supply_v = truth.supply_v
+        self.time_constant_s = motor.winding_mh * 1e-3 / truth.winding_ohm * turns
+
     @property
     def torque_nm_a(self) -> float:
-        """K_I: joint torque per ampere, N·m/A."""
+        """K_I: joint torque per ampere that the amplifier drives, N·m/A."""
         return self._torque_nm_a
 
     @property
@@ -89,7 +106,7 @@ class Drive:
     def set_dac_output(self, fraction: float) -> None:
         """DAC output I_out/I_ref, 0 to 255/256. The op-amp and the D669 saturate outside their range."""
         self._dac_fraction = fraction
-        self._refresh_command()
+        self.refresh_command()
 
     def set_direction(self, bits: int) -> None:
         """Latch bits, a `Direction`; 0b11 opens the bridge and is counted. Raises `ValueError` outside 0..3."""
@@ -98,15 +115,23 @@ class Drive:
         if bits == ILLEGAL_DIRECTION:
             self.illegal_directions += 1
         self._sign = _SIGN[bits]
-        self._refresh_command()
+        self.refresh_command()
 
     def set_supply(self, is_on: bool) -> None:
         """Close or open the amplifier's supply; open, the current decays as with the bridge off."""
         self._supply_is_on = is_on
-        self._refresh_command()
+        self.refresh_command()
+
+    def distort_opamp(self, distortion: Distortion | None) -> None:
+        """Change the op-amp's voltage (V, 0 to opamp_full_scale_v), or no longer (None), from the next refresh on."""
+        self._distort_opamp = distortion
+
+    def distort_current(self, distortion: Distortion | None) -> None:
+        """Change the current that the D669 stage regulates to (A, 0 to max_current_a), from the next refresh on."""
+        self._distort_current = distortion
 
     def step(self, motor_speed_rad_s: float, decay: float, mean_weight: float) -> float:
-        """Advance the current by one step and return the mean joint torque over it, N·m.
+        """Advance the current by one step and return the mean joint torque over it, N·m, shorted turns included.
 
         `motor_speed_rad_s` is the motor's speed seen at the joint; `decay` and `mean_weight` come from `decay_over`.
         """
@@ -130,19 +155,27 @@ class Drive:
         deviation_a = self.current_a - target_a
         self.target_a = target_a
         self.current_a = target_a + deviation_a * decay
-        return self._torque_nm_a * (target_a + deviation_a * mean_weight)
+        torque_nm = self._torque_nm_a * (target_a + deviation_a * mean_weight)
+        return torque_nm - self._braking_nm_s * motor_speed_rad_s
 
     def current_after(self, elapsed_s: float, old_current_a: float) -> float:
         """Signed current `elapsed_s` into the last step, which began at `old_current_a`."""
         return self.target_a + (old_current_a - self.target_a) * math.exp(-elapsed_s / self.time_constant_s)
 
-    def _refresh_command(self) -> None:
+    def refresh_command(self) -> None:
+        """Work out the command anew: from the DAC's output through op-amp and D669 stage to the bridge."""
         if not self.is_on:
             self.command_a = 0.0
             return
         # The op-amp's full-scale voltage cancels: the D669 stage gives max_current_a there.
-        of_full_scale = self._dac_fraction / DAC_FULL_SCALE
-        self.command_a = self._sign * self._max_current_a * min(max(of_full_scale, 0.0), 1.0)
+        of_full_scale = min(max(self._dac_fraction / DAC_FULL_SCALE, 0.0), 1.0)
+        if self._distort_opamp is not None:
+            full_scale_v = self._joint.amplifier.opamp_full_scale_v
+            of_full_scale = self._distort_opamp(of_full_scale * full_scale_v) / full_scale_v
+        magnitude_a = self._max_current_a * of_full_scale
+        if self._distort_current is not None:
+            magnitude_a = self._distort_current(magnitude_a)
+        self.command_a = self._sign * magnitude_a
 
 
 def decay_over(step_s: float, time_constant_s: float) -> tuple[float, float]:

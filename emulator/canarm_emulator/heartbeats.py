@@ -53,13 +53,16 @@ class HeartbeatConsumer:
         self.due_ns = min(self._due_ns.values(), default=NEVER)
         self._times_ns = None
 
-    def heard(self, node_id: int, now_ns: int) -> bool:
-        """A heartbeat came; returns whether its node is monitored. Monitoring begins with the first one."""
+    def heard(self, node_id: int, now_ns: int, scale: float = 1.0) -> bool:
+        """A heartbeat came; returns whether its node is monitored. Monitoring begins with the first one.
+
+        `scale` multiplies the time that is waited for the next one.
+        """
         time_ns = self._times().get(node_id)
         if time_ns is None:
             return False
         self._lost.discard(node_id)
-        self._due_ns[node_id] = now_ns + time_ns
+        self._due_ns[node_id] = now_ns + (time_ns if scale == 1.0 else round(time_ns * scale))
         self.due_ns = min(self._due_ns.values())
         return True
 

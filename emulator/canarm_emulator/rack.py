@@ -14,6 +14,8 @@ from .cards.adc0809 import Adc0809Card
 from .cards.dac0808 import Dac0808Card
 from .cards.sc300 import Sc300Card
 from .device import AdcDevice, DacDevice, IoDevice, LatchDevice
+from .sensors import DistortedSource
+from .signals import Distortion
 from .truth import Truth
 from .world import Source, World
 
@@ -25,6 +27,8 @@ class _Converter:
     node_id: int
     device: AdcDevice
     sources: dict[int, Source]
+    """By channel, as they are now; `sound` is how they are with nothing broken."""
+    sound: dict[int, Source]
     conversion_ns: int
 
 
@@ -34,6 +38,9 @@ class Rack:
     def __init__(self, cell: Cell, world: World, truth: Truth) -> None:
         self._cell, self._world, self._truth = cell, world, truth
         self._converters: list[_Converter] = []
+        self._dacs: dict[int, tuple[Dac0808Card, int]] = {}
+        """By joint: the card that drives it, and the channel."""
+        self._latches: dict[int, tuple[Sc300Card, int]] = {}
         self.devices: dict[int, IoDevice] = {card.node_id: self._plug_in(card) for card in cell.card}
 
     def convert(self, mapped: Sequence[tuple[int, MappedObject]]) -> None:
@@ -50,6 +57,49 @@ class Rack:
             for channel, value in zip(channels, volts, strict=True):
                 converter.device.store(channel, value)
 
+    def spare(self, card: Card) -> IoDevice:
+        """Another card of the same kind, wired to nothing."""
+        if card.model is CardModel.DAC0808:
+            return DacDevice(Dac0808Card(lambda channel, fraction: None))
+        if card.model is CardModel.LATCH:
+            return LatchDevice(Sc300Card(lambda channel, bits: None))
+        full_scale_v = self._cell.joints[0].sensors.full_scale_v
+        return AdcDevice(Adc0809Card(lambda channel: 0.0, full_scale_v, card.conversion_us * 1000), lambda channel: 0.0)
+
+    def distort_input(self, joint: int, quantity: Quantity, distortion: Distortion | None) -> None:
+        """Change a sensor's voltage on its way to the ADC, or no longer (None)."""
+        for converter in self._converters:
+            for channel, source in converter.sound.items():
+                if (source.joint_index, source.quantity) == (joint, quantity):
+                    broken = None if distortion is None else DistortedSource.of(source, distortion)
+                    converter.sources[channel] = broken or source
+
+    def distort_conversion(self, node_id: int, channel: int, distortion: Distortion | None) -> None:
+        """Change the code of an ADC's channel (from 0)."""
+        for converter in self._converters:
+            if converter.node_id == node_id:
+                converter.device.distort(channel, distortion)
+
+    def distort_code(self, joint: int, distortion: Distortion | None) -> None:
+        """Change the code that a joint's DAC converts."""
+        card, channel = self._dacs[joint]
+        card.distort(channel, distortion)
+
+    def refresh_code(self, joint: int) -> None:
+        """Let the joint's DAC convert anew."""
+        card, channel = self._dacs[joint]
+        card.refresh(channel)
+
+    def distort_latch(self, joint: int, distortion: Distortion | None) -> None:
+        """Change a joint's direction bits behind the latch."""
+        card, channel = self._latches[joint]
+        card.distort(channel, distortion)
+
+    def refresh_latch(self, joint: int) -> None:
+        """Let the joint's latch put out its bits anew."""
+        card, channel = self._latches[joint]
+        card.refresh(channel)
+
     def _plug_in(self, card: Card) -> IoDevice:
         joints = {channel.number - 1: self._cell.joint_names.index(channel.joint) for channel in card.channel}
         if card.model is CardModel.DAC0808:
@@ -63,14 +113,18 @@ class Rack:
             if channel in joints:
                 self._world.set_dac_output(joints[channel], fraction)
 
-        return DacDevice(Dac0808Card(on_output, self._truth.dac.nonlinearity))
+        card = Dac0808Card(on_output, self._truth.dac.nonlinearity)
+        self._dacs.update({joint: (card, channel) for channel, joint in joints.items()})
+        return DacDevice(card)
 
     def _latch(self, joints: dict[int, int]) -> LatchDevice:
         def on_direction(channel: int, bits: int) -> None:
             if channel in joints:
                 self._world.set_direction(joints[channel], bits)
 
-        return LatchDevice(Sc300Card(on_direction))
+        card = Sc300Card(on_direction)
+        self._latches.update({joint: (card, channel) for channel, joint in joints.items()})
+        return LatchDevice(card)
 
     def _adc(self, card: Card, joints: dict[int, int]) -> AdcDevice:
         world, errors = self._world, self._truth.adc
@@ -92,5 +146,5 @@ class Rack:
             errors.nonlinearity_lsb,
         )
         device = AdcDevice(adc, sample)
-        self._converters.append(_Converter(card.node_id, device, sources, conversion_ns))
+        self._converters.append(_Converter(card.node_id, device, sources, dict(sources), conversion_ns))
         return device

@@ -6,12 +6,14 @@ Conversion to a code, and its errors, belong to the ADC card.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from canarm_protocol.cell import Joint, Quantity
 
 from .errors import EmulatorError
+from .signals import Distortion
 from .truth import JointTruth
 
 _BLOCK = 4096  # normal deviates drawn at once: 12 ns each instead of 1 µs
@@ -34,6 +36,31 @@ class Source:
         if volts < 0.0:
             return 0.0
         return volts if volts < self.full_scale_v else self.full_scale_v
+
+
+@dataclass(frozen=True, slots=True)
+class DistortedSource(Source):
+    """A wire to an ADC pin on which something is broken: what the sensor gives is changed on its way."""
+
+    distortion: Distortion
+
+    @classmethod
+    def of(cls, source: Source, distortion: Distortion) -> Self:
+        """`source`, broken."""
+        return cls(
+            source.joint_index,
+            source.quantity,
+            source.gain,
+            source.zero_v,
+            source.noise_v,
+            source.full_scale_v,
+            distortion,
+        )
+
+    def volts(self, value: float, deviate: float) -> float:
+        """The voltage at the pin, 0 to full_scale_v."""
+        volts = self.distortion(Source.volts(self, value, deviate))
+        return min(max(volts, 0.0), self.full_scale_v)
 
 
 def source(joint_index: int, joint: Joint, truth: JointTruth, quantity: Quantity) -> Source:

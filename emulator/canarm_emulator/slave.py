@@ -72,6 +72,8 @@ class Slave:
         self.rpdos: list[PdoLayout] = []
         self.tpdos: list[PdoLayout] = []
         self.ignored_frames = 0
+        self.timer_scale = 1.0
+        """How long the periods of its heartbeat and of those that it waits for last, of what they should."""
         self._emit = emit
         self._clock_mode = clock_mode
         self._now_ns = 0
@@ -117,6 +119,13 @@ class Slave:
         self._schedule()
         self._emit(now_ns, heartbeat_frame(self.node_id, NmtState.BOOT_UP))
         self.state = NmtState.PRE_OPERATIONAL
+
+    def resume(self, now_ns: int) -> None:
+        """Go on after a standstill of the node: its heartbeat starts anew, and so does its watch over others'."""
+        if self._heartbeat_due_ns != NEVER:
+            self._heartbeat_due_ns = now_ns
+        self._watch.reset()
+        self._schedule()
 
     def on_nmt(self, command: NmtCommand, now_ns: int) -> None:
         """Obey an NMT command addressed to this node."""
@@ -279,7 +288,7 @@ class Slave:
 
     def on_heartbeat(self, node_id: int, now_ns: int) -> None:
         """A heartbeat of another node: monitoring begins with the first one (CiA 301, 7.5.2.19)."""
-        if not self._watch.heard(node_id, now_ns):
+        if not self._watch.heard(node_id, now_ns, self.timer_scale):
             return
         if not self._watch.is_any_lost:
             self._emergency.end(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, now_ns)
@@ -308,7 +317,7 @@ class Slave:
         """Do what has fallen due by `now_ns`: produce a heartbeat, notice that one is missing, send what was due."""
         if self._heartbeat_due_ns <= now_ns:
             self._emit(self._heartbeat_due_ns, heartbeat_frame(self.node_id, self.state))
-            self._heartbeat_due_ns += self._store.number(PRODUCER_HEARTBEAT) * MILLISECOND
+            self._heartbeat_due_ns += self._scaled(self._store.number(PRODUCER_HEARTBEAT) * MILLISECOND)
         if self._watch.due_ns <= now_ns:
             self._emergency.begin(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, self._watch.due_ns)
             self._watch.run(now_ns)
@@ -380,6 +389,9 @@ class Slave:
         self.state = state
         self._deactivate_pdos()
         self._schedule()
+
+    def _scaled(self, period_ns: int) -> int:
+        return period_ns if self.timer_scale == 1.0 else round(period_ns * self.timer_scale)
 
     def _schedule(self) -> None:
         self.next_due_ns = min(

@@ -16,7 +16,7 @@ from .errors import TruthError
 
 @dataclass(frozen=True, slots=True)
 class JointTruth:
-    """True parameters of one joint."""
+    """True parameters of one joint. Those with a default are no keys of `--truth`: faults alone set them."""
 
     mass_kg: float
     viscous_friction_nm_s: float
@@ -31,6 +31,16 @@ class JointTruth:
     noise_lsb: float
     supply_v: float
     initial_deg: float
+    payload_kg: float = 0.0
+    """Point mass at the far end of the link, where the next link's axis is."""
+    is_jammed: bool = False
+    """The joint is held on the link's side of the drive wire."""
+    wire_dead_band_rad: float = 0.0
+    """Twist of an elastic wire, either way, over which it has no tension."""
+    wire_is_broken: bool = False
+    """An elastic wire connects nothing: the motor turns alone and the link hangs."""
+    shorted_turns: float = 0.0
+    """Share of the winding's turns that are shorted."""
 
 
 @dataclass(frozen=True, slots=True)

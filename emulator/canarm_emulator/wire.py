@@ -186,18 +186,20 @@ class Wire:
         times: int = 1,
         receivers: Iterable[Hashable] | None = None,
         bit: int | None = None,
+        is_unacknowledged: bool = False,
     ) -> None:
         """The `nth` transmission of an identifier from now (1: the next), and `times` in a row, end in an error.
 
         A CRC error at the `receivers` (None: at all of them, so that nobody acknowledges), or with `bit` a bit error
-        that the transmitter sees, so many bits after the arbitration field. A retransmission is a transmission.
+        that the transmitter sees, so many bits after the arbitration field, or with `is_unacknowledged` an ACK error. A
+        retransmission is a transmission.
 
         Raises `ValueError` for numbers that count nothing.
         """
         if nth < 1 or times < 1 or (bit is not None and bit < 0):
             raise ValueError(f"nth = {nth} and times = {times} must be at least 1, bit = {bit} at least 0")
         chosen = None if receivers is None else frozenset(receivers)
-        self._disturbances.add((can_id, is_extended), Disturbance(nth - 1, times, chosen, bit))
+        self._disturbances.add((can_id, is_extended), Disturbance(nth - 1, times, chosen, bit, is_unacknowledged))
         self._plan = None
 
     def recover(self, name: Hashable) -> None:

@@ -32,13 +32,15 @@ class Disturbance:
     """Coming transmissions of an identifier that shall fail: after `spare` good ones, `times` of them.
 
     With `bit` the transmitter itself finds that bit inverted (counted from the end of the arbitration field, stuff bits
-    included, the last bit of the CRC at most). Without, the `receivers` named (None: all) find a CRC error.
+    included, the last bit of the CRC at most). Without, the `receivers` named (None: all) find a CRC error, or nobody
+    acknowledges.
     """
 
     spare: int
     times: int
     receivers: frozenset[Hashable] | None
     bit: int | None
+    is_unacknowledged: bool = False
 
 
 @dataclass(slots=True)
@@ -114,6 +116,9 @@ def foresee(attempt: Attempt, nodes: Iterable[Node], disturbance: Disturbance | 
         monitored = sent[:index] + ("1" if sent[index] == "0" else "0")
         signal = bit_error(monitored, transmitter.is_active, any(node.is_active for node in receivers))
         attempt.spoil(ErrorKind.BIT, signal, bit_ns)
+        return
+    if disturbance is not None and disturbance.is_unacknowledged:
+        attempt.spoil(ErrorKind.ACK, no_acknowledge(waiting.bits, transmitter.is_active, False), bit_ns)
         return
     if disturbance is not None:
         chosen = disturbance.receivers

@@ -16,6 +16,7 @@ from .electrics import Direction, Drive, decay_over
 from .errors import EmulatorError
 from .plant import Plant
 from .sensors import Source
+from .signals import Distortion
 from .truth import Truth
 
 __all__ = ["Direction", "JointState", "Quantity", "SaturatedSteps", "Source", "World"]
@@ -81,17 +82,41 @@ class World:
         """Close or open the supply of the joint's amplifier, as the emergency stop does."""
         self._drives[joint_index].set_supply(is_on)
 
-    def change(self, truth: Truth) -> None:
-        """The mechanics of the true robot change while it moves: a payload is taken up or dropped, friction rises.
+    def distort_opamp(self, joint_index: int, distortion: Distortion | None) -> None:
+        """Change the voltage of the joint's op-amp, or no longer (None), from the next `refresh_command` on."""
+        self._drives[joint_index].distort_opamp(distortion)
 
-        Electrics and sensors keep the truth they began with. Raises `EmulatorError` if a drive wire would change its
-        kind.
+    def distort_current(self, joint_index: int, distortion: Distortion | None) -> None:
+        """Change the current that the joint's amplifier regulates to, from the next `refresh_command` on."""
+        self._drives[joint_index].distort_current(distortion)
+
+    def refresh_command(self, joint_index: int) -> None:
+        """Let the joint's amplifier follow its input anew."""
+        self._drives[joint_index].refresh_command()
+
+    @property
+    def truth(self) -> Truth:
+        """The truth as it is now."""
+        return self._truth
+
+    def change(self, truth: Truth) -> None:
+        """The true robot changes while it moves: a payload is taken up or dropped, friction rises, a winding burns.
+
+        Sensors and converters keep the truth they began with. `Plant.changed` says how the motion goes on.
         """
-        plant = Plant(self._cell, truth)
-        if plant.motor_dof != self._plant.motor_dof:
-            raise EmulatorError(f"cell {self._cell.name!r}: a drive wire cannot turn elastic or rigid during a run")
-        plant.set_state(self._plant.angle, self._plant.speed)
-        self._plant = plant
+        self._plant = self._plant.changed(truth)
+        self._truth = truth
+        for drive, joint_truth in zip(self._drives, truth.joints, strict=True):
+            drive.change(joint_truth)
+        self._grid.cache_clear()
+
+    def strike(self, joint_index: int, impulse_nm_s: float) -> None:
+        """Something hits the joint's link, counter-clockwise if positive. An arm at rest on its support stays there."""
+        if self._rests():
+            return
+        impulses_nm_s = [0.0] * len(self._drives)
+        impulses_nm_s[joint_index] = impulse_nm_s
+        self._plant.strike(impulses_nm_s)
 
     @property
     def saturated_steps(self) -> list[SaturatedSteps]:

@@ -69,7 +69,7 @@ def _error_settings(node: CardNode) -> Iterator[Setting]:
 
 
 def _pdo_settings(layout: PdoLayout) -> Iterator[Setting]:
-    """Disable, map, enable (CiA 301, 7.5.2.36)."""
+    """Disable, map, enable (CiA 301, 7.5.2.36, 7.5.2.38)."""
     communication = COMMUNICATION[layout.kind] + layout.number - 1
     mapping = MAPPING[layout.kind] + layout.number - 1
     yield Setting(communication, 1, DISABLED | layout.cob_id)

@@ -19,3 +19,7 @@ class FrameError(ProtocolError):
 
 class BusError(ProtocolError):
     """A CAN bus cannot be opened, or is lost."""
+
+
+class FaultError(ProtocolError):
+    """A fault file, a set of faults or one of their conditions is wrong, or not supported where it is to act."""

@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -9,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 from canarm_emulator.errors import EmulatorError
-from canarm_emulator.plant import WIRE_LOSS_TIME_S, Plant, model_xml
+from canarm_emulator.plant import BEARING_SHARE, WIRE_LOSS_TIME_S, Plant, model_xml
 from canarm_emulator.truth import JointTruth, Truth
 from canarm_protocol.cell import Cell, Joint, Robot
 from canarm_protocol.cell_file import load_cell
@@ -72,6 +74,8 @@ def pinocchio_model(robot: Robot, truth: Sequence[JointTruth], rotors: bool) -> 
         inertia = np.diag(joint.link.inertia_kg_m2) * true.mass_kg / joint.link.mass_kg
         body = pin.Inertia(true.mass_kg, np.array(joint.link.centre_of_mass_m), inertia)
         model.appendBodyToJoint(parent, body, frame)
+        payload = pin.Inertia(true.payload_kg, np.zeros(3), np.zeros((3, 3)))
+        model.appendBodyToJoint(parent, payload, frame)
     if rotors:
         model.armature = np.array([joint.motor.reflected_inertia_kg_m2 for joint in robot.joint])
     return model
@@ -237,3 +241,246 @@ def test_a_wire_under_load_stretches_by_torque_over_stiffness() -> None:
     for _ in range(round(0.5 / STEP_S)):
         plant.step([0.0, 0.3 * G * 0.18], STEP_S)  # joint 3 carries its own link
     assert plant.angle == pytest.approx([-stretch_rad, stretch_rad, 0.0], abs=0.01 * stretch_rad)
+
+
+def truth_with(settings: dict[str, str] | None = None, cell: Cell = CELL, **fields: Any) -> Truth:
+    """The truth of `settings`, with `fields` of every joint replaced."""
+    truth = Truth.from_settings(cell, settings)
+    return replace(truth, joints=tuple(replace(joint, **fields) for joint in truth.joints))
+
+
+ELASTIC: dict[str, Any] = {"has_elastic_wire": True}
+SLACK = ELASTIC | {"wire_dead_band_rad": math.radians(5)}
+BROKEN = ELASTIC | {"wire_is_broken": True}
+
+
+def run(plant: Plant, seconds: float, *torque_nm: float) -> None:
+    for _ in range(round(seconds / STEP_S)):
+        plant.step(torque_nm, STEP_S)
+
+
+def test_payloads_are_point_masses_at_the_ends_of_the_links() -> None:
+    cell = cell_of(rhino_like_robot())
+    truth = truth_with(cell=cell, payload_kg=0.7)
+    ours, theirs = mujoco_model(cell, truth, rotors=False), pinocchio_model(cell.robot[0], truth.joints, rotors=False)
+    data = mujoco.MjData(ours)
+    random = np.random.default_rng(3)
+    for _ in range(100):
+        q, v, a = random.uniform(-2.2, 2.2, 5), random.uniform(-3, 3, 5), random.uniform(-20, 20, 5)
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, v, a
+        mujoco.mj_inverse(ours, data)
+        np.testing.assert_allclose(
+            data.qfrc_inverse, pin.rnea(theirs, theirs.createData(), q, v, a), rtol=1e-9, atol=1e-9
+        )
+
+
+@pytest.mark.parametrize("fields", [{}, ELASTIC, SLACK, BROKEN], ids=["rigid", "elastic", "slack", "broken"])
+def test_an_arm_rebuilt_as_it_was_moves_on_bit_for_bit(fields: dict[str, Any]) -> None:
+    truth, other = truth_with(**fields), truth_with(payload_kg=0.1, **fields)
+    plants = [Plant(CELL, truth), Plant(CELL, truth)]
+    for plant in plants:
+        run(plant, 0.2, 2.4, 0.5)
+    plants[1] = plants[1].changed(other).changed(truth)
+    for _ in range(300):
+        for plant in plants:
+            plant.step([2.4, 0.5], STEP_S)
+        assert plants[0].angle == plants[1].angle
+        assert plants[0].speed == plants[1].speed
+
+
+def test_an_arm_whose_mechanics_stay_is_not_rebuilt() -> None:
+    plant = Plant(CELL, truth_with())
+    assert plant.changed(truth_with(supply_v=12.0, winding_ohm=3.0)) is plant
+    assert plant.changed(truth_with(mass_kg=0.7)) is not plant
+
+
+@pytest.mark.parametrize("fields", [{}, ELASTIC], ids=["rigid", "elastic"])
+def test_an_impulse_changes_the_speeds_by_the_inverse_inertia_that_pinocchio_has(fields: dict[str, Any]) -> None:
+    truth = truth_with(**fields)
+    plant = Plant(CELL, truth)
+    motors = [0.3, -0.2] if fields else []
+    plant.set_state([0.4, 0.9, *([0.4, 0.9] if fields else [])], [0.3, -0.2, *motors])
+    plant.strike([0.05, -0.02])
+    oracle = pinocchio_model(CELL.robot[0], truth.joints, rotors=not fields)
+    inertia = pin.crba(oracle, oracle.createData(), np.array([0.4, 0.9]))
+    arm = np.array([0.3, -0.2]) + np.linalg.solve(inertia, [0.05, -0.02])
+    np.testing.assert_allclose(plant.speed, [*arm, *motors], rtol=1e-9)
+
+
+def test_an_impulse_turns_a_rod_by_impulse_over_inertia() -> None:
+    cell = one_joint_cell()
+    plant = Plant(cell, Truth.from_settings(cell))
+    plant.strike([-0.03])
+    assert plant.speed == pytest.approx([-0.03 / (LINK_INERTIA + ROTOR_INERTIA)], rel=1e-9)
+
+
+def test_wires_that_turn_rigid_conserve_the_momentum_of_arm_and_motors() -> None:
+    plant = Plant(CELL, truth_with(**BROKEN))
+    q, v, w = np.array([0.4, 0.9]), np.array([1.0, -2.0]), np.array([3.0, 4.0])
+    plant.set_state([*q, 17.0, -40.0], [*v, *w])
+    sound = plant.changed(truth_with())
+    arm = pinocchio_model(CELL.robot[0], truth_with().joints, rotors=False)
+    rotors = np.diag([0.054, 0.024])  # 60² and 40² times 1.5e-5 kg·m²
+    inertia = pin.crba(arm, arm.createData(), q)
+    np.testing.assert_allclose((inertia + rotors) @ sound.speed, inertia @ v + rotors @ w, rtol=1e-9)
+    assert sound.angle == list(q)
+    before = v @ inertia @ v + w @ rotors @ w
+    assert np.array(sound.speed) @ (inertia + rotors) @ sound.speed < before  # as in any plastic impact
+
+
+def test_a_wire_that_turns_elastic_keeps_joint_and_motor_together() -> None:
+    plant = Plant(CELL, truth_with())
+    plant.set_state([0.4, 0.9], [1.0, -2.0])
+    elastic = plant.changed(truth_with(**ELASTIC))
+    assert elastic.angle == [0.4, 0.9, 0.4, 0.9]
+    assert elastic.speed == [1.0, -2.0, 1.0, -2.0]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "twist_deg", "kept_deg"),
+    [
+        (BROKEN, ELASTIC, 400.0, 0.0),  # tied anew
+        (BROKEN, SLACK, -400.0, -5.0),
+        (SLACK, ELASTIC, 3.0, 0.0),  # the slack is wound up
+        (SLACK, ELASTIC, 5.5, 0.5),  # and the tension stays
+        (ELASTIC, SLACK, -0.5, -0.5),  # falls slack
+        (ELASTIC | {"wire_stiffness_nm_rad": 50.0}, ELASTIC | {"wire_stiffness_nm_rad": 200.0}, 4.0, 1.0),
+        (ELASTIC | {"wire_stiffness_nm_rad": 200.0}, ELASTIC | {"wire_stiffness_nm_rad": 50.0}, 1.0, 1.0),
+        (ELASTIC, BROKEN, 1.0, 1.0),
+    ],
+)
+def test_no_wire_gains_tension_when_it_is_mended(
+    before: dict[str, Any], after: dict[str, Any], twist_deg: float, kept_deg: float
+) -> None:
+    cell = one_joint_cell()
+    plant = Plant(cell, truth_with(cell=cell, **before))
+    plant.set_state([0.1, 0.1 + math.radians(twist_deg)], [1.0, 2.0])
+    changed = plant.changed(truth_with(cell=cell, **after))
+    assert changed.angle[0] == 0.1
+    assert math.degrees(changed.angle[1] - 0.1) == pytest.approx(kept_deg, abs=1e-9)
+    assert changed.speed == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("jammed", [0, 1])
+@pytest.mark.parametrize("wire", [{}, ELASTIC], ids=["rigid", "elastic"])
+def test_a_jammed_joint_stops_at_once_and_holds_against_full_torque_from_both_motors(
+    jammed: int, wire: dict[str, Any]
+) -> None:
+    sound = truth_with(**wire)
+    joints = list(sound.joints)
+    joints[jammed] = replace(joints[jammed], is_jammed=True)
+    plant = Plant(CELL, sound)
+    plant.set_state([0.3, 0.0] * (2 if wire else 1), [2.0, -2.0] * (2 if wire else 1))
+    at_rad = plant.angle[jammed]
+    plant = plant.changed(replace(sound, joints=tuple(joints)))
+    plant.step([1.5 * 4.08, 1.5 * 2.72], STEP_S)
+    assert plant.speed[jammed] == pytest.approx(0.0, abs=2e-3)
+    run(plant, 1.0, 1.5 * 4.08, 1.5 * 2.72)
+    assert plant.angle[jammed] == pytest.approx(at_rad, abs=2.0 * STEP_S)
+    assert plant.angle[1 - jammed] > 1.0
+    if wire:  # the motor pulls at the wire with all its torque, 200 and 80 N·m/rad
+        stretch_rad = (1.5 * 4.08 / 200, 1.5 * 2.72 / 80)[jammed]
+        assert plant.angle[2 + jammed] - plant.angle[jammed] == pytest.approx(stretch_rad, abs=0.1 * stretch_rad)
+    free = plant.changed(sound)
+    run(free, 0.1, 1.5 * 4.08, 1.5 * 2.72)
+    assert free.angle[jammed] > at_rad + 1e-3
+
+
+def half_period(plant: Plant, dof: int, centre_rad: float) -> float:
+    """Time between two passages through `centre_rad`, interpolated."""
+    passages: list[float] = []
+    old = plant.angle[dof] - centre_rad
+    for step in range(1, 5000):
+        plant.step([0.0] * len(plant.motor_dof), STEP_S)
+        new = plant.angle[dof] - centre_rad
+        if old * new < 0:
+            passages.append((step - 1 + old / (old - new)) * STEP_S)
+            if len(passages) == 2:
+                return passages[1] - passages[0]
+        old = new
+    raise AssertionError("no oscillation")
+
+
+def test_with_joint_2_jammed_joint_3_swings_as_a_pendulum_with_its_rotor() -> None:
+    truth = Truth.from_settings(CELL, FRICTIONLESS)
+    plant = Plant(CELL, replace(truth, joints=(replace(truth.joints[0], is_jammed=True), truth.joints[1])))
+    plant.set_state([0.0, -math.pi / 2 + 0.02], [0.0, 0.0])
+    natural = math.sqrt(0.6 * G * 0.09 / (0.6 * 0.18**2 / 3 + 0.024))
+    assert half_period(plant, 1, -math.pi / 2) == pytest.approx(math.pi / natural, rel=2e-3)
+
+
+def test_on_a_broken_wire_the_link_swings_as_a_rod_and_the_motor_turns_with_its_rotor_alone() -> None:
+    cell = one_joint_cell((0.0, -G, 0.0))
+    frictionless = {"joint2.viscous": "0", "joint2.coulomb": "0"}
+    plant = Plant(cell, truth_with(frictionless, cell, **BROKEN))
+    plant.set_state([-math.pi / 2 + 0.02, 0.0], [0.0, 0.0])
+    assert half_period(plant, 0, -math.pi / 2) == pytest.approx(math.pi / math.sqrt(3 * G / (2 * 0.18)), rel=1e-3)
+    before = plant.speed[1]
+    run(plant, 0.13, 0.2)
+    assert plant.speed[1] - before == pytest.approx(0.2 * 0.13 / ROTOR_INERTIA, rel=1e-6)
+    assert abs(plant.angle[0] + math.pi / 2) < 0.0201
+
+
+def test_the_bearing_of_a_link_on_a_broken_wire_keeps_its_share_of_the_friction_and_the_motor_the_rest() -> None:
+    cell = one_joint_cell()
+    plant = Plant(cell, truth_with({"joint2.viscous": "0.5", "joint2.coulomb": "0"}, cell, **BROKEN))
+    plant.set_state([0.0, 0.0], [1.0, 1.0])
+    run(plant, 0.13, 0.0)
+    left = [math.exp(-0.5 * share * 0.13 / inertia) for share, inertia in
+            ((BEARING_SHARE, LINK_INERTIA), (1 - BEARING_SHARE, ROTOR_INERTIA))]  # fmt: skip
+    assert plant.speed == pytest.approx(left, rel=5e-3)
+
+
+def test_a_slack_wire_carries_nothing_inside_its_dead_band() -> None:
+    cell = one_joint_cell()
+    frictionless = {"joint2.viscous": "0", "joint2.coulomb": "0"}
+    plant = Plant(cell, truth_with(frictionless, cell, **SLACK))
+    plant.set_state([0.0, 0.0], [0.0, 0.0])
+    run(plant, 0.15, 0.3)
+    assert plant.angle[1] == pytest.approx(0.3 * (231 * STEP_S) ** 2 / 2 / ROTOR_INERTIA, rel=1e-6)  # 3.6°
+    assert plant.angle[0] == 0.0
+    run(plant, 0.15, 0.3)
+    assert plant.angle[0] > 0.01  # taken along
+
+
+def test_under_load_a_slack_wire_gives_way_by_its_dead_band_and_stretches() -> None:
+    cell = one_joint_cell((0.0, -G, 0.0))
+    plant = Plant(cell, truth_with({"joint2.coulomb": "100", "joint2.initial_deg": "0"}, cell, **SLACK))
+    run(plant, 3.0, 0.0)
+    load_nm = 1.0 * G * 0.09 * math.cos(math.radians(5.25))
+    assert plant.angle[0] == pytest.approx(-math.radians(5) - load_nm / 200, abs=1e-4)
+    assert plant.speed[0] == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("dead_band_deg", [0.1, 5.0, 45.0])
+def test_slack_wires_never_make_energy(dead_band_deg: float) -> None:
+    truth = truth_with(FRICTIONLESS, **ELASTIC, wire_dead_band_rad=math.radians(dead_band_deg))
+    plant = Plant(CELL, truth)
+    plant.set_state([-1.4, 0.3, -1.4, 0.3], [0.0, 0.0, 2.0, -3.0])
+    arm = pinocchio_model(CELL.robot[0], truth.joints, rotors=False)
+    data = arm.createData()
+
+    def energy() -> float:
+        q, v, w = np.array(plant.angle[:2]), np.array(plant.speed[:2]), np.array(plant.speed[2:])
+        stretch = np.maximum(np.abs(np.array(plant.angle[2:]) - q) - math.radians(dead_band_deg), 0.0)
+        kinetic = v @ pin.crba(arm, data, q) @ v / 2 + [0.054, 0.024] @ w**2 / 2
+        return float(kinetic + [200.0, 80.0] @ stretch**2 / 2 + pin.computePotentialEnergy(arm, data, q))
+
+    least = energy()
+    for _ in range(round(3.0 / STEP_S)):
+        plant.step([0.0, 0.0], STEP_S)
+        now = energy()
+        assert now < least + 1e-3  # J, of 4.9 J between the arm's highest and lowest pose
+        least = min(least, now)
+        assert max(map(abs, plant.angle[:2])) < 2.0  # the stops have no part in it
+
+
+def test_the_shipped_step_is_short_enough_for_a_slack_wire() -> None:
+    angles = []
+    for divisor in (1, 13):
+        plant = Plant(CELL, truth_with(**SLACK))
+        for _ in range(400 * divisor):
+            plant.step([2.6, 0.6], STEP_S / divisor)
+        angles.append(plant.angle)
+    assert angles[0] == pytest.approx(angles[1], abs=0.5 * math.radians(270 / 255))  # ½ LSB after 0.26 s
+    assert max(abs(angles[0][2 + joint] - angles[0][joint]) for joint in (0, 1)) > math.radians(4)

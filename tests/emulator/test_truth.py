@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from canarm_emulator.errors import EmulatorError, TruthError
-from canarm_emulator.truth import Truth, truth_keys
+from canarm_emulator.truth import JointTruth, Truth, truth_keys
 from canarm_protocol.cell_file import load_cell
 
 CELL = load_cell("konkuk1")
@@ -18,6 +18,13 @@ def test_nothing_set_means_the_nominal_robot() -> None:
     assert [joint.initial_deg for joint in truth.joints] == [20.0, 0.0]
     assert not any(joint.has_elastic_wire for joint in truth.joints)
     assert (truth.adc.offset_lsb, truth.adc.gain_error, truth.adc.nonlinearity_lsb, truth.dac.nonlinearity) == (0,) * 4
+
+
+def test_what_only_faults_set_is_absent_from_a_sound_robot() -> None:
+    for joint in Truth.from_settings(CELL).joints:
+        of_faults = [field for field in dataclasses.fields(joint) if field.default is not dataclasses.MISSING]
+        assert {"payload_kg", "is_jammed", "wire_dead_band_rad", "wire_is_broken"} <= {each.name for each in of_faults}
+        assert not any(getattr(joint, field.name) for field in of_faults)
 
 
 def test_every_key_takes_its_own_nominal_value_and_changes_nothing() -> None:
@@ -40,7 +47,8 @@ def test_every_key_reaches_a_field_of_its_own() -> None:
             for field in new
             if new[field] != old[field]
         ]
-    fields = 2 * len(nominal["joints"][0]) + len(nominal["adc"]) + len(nominal["dac"])
+    of_faults = [field for field in dataclasses.fields(JointTruth) if field.default is not dataclasses.MISSING]
+    fields = 2 * (len(nominal["joints"][0]) - len(of_faults)) + len(nominal["adc"]) + len(nominal["dac"])
     assert len(changed) == len(set(changed)) == len(truth_keys(CELL)) == fields
 
 

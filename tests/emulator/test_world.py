@@ -3,6 +3,8 @@
 import math
 import random
 import statistics
+from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -279,3 +281,69 @@ def test_a_sample_is_the_first_of_a_scan_and_takes_no_time() -> None:
             assert world.time_ns == twin.time_ns
             assert [sampled_v] == twin.scan([twin.source(joint, quantity)], 1)
             world.advance(twin.time_ns)
+
+
+def changed(world: World, **fields: Any) -> Truth:
+    """The truth of `world` with `fields` of joint 2 replaced."""
+    joint2, *others = world.truth.joints
+    return replace(world.truth, joints=(replace(joint2, **fields), *others))
+
+
+@pytest.mark.parametrize("settings", [{}, {"joint2.wire": "1", "joint3.wire": "1"}], ids=["rigid", "elastic"])
+def test_a_change_to_the_same_truth_changes_no_bit_of_the_motion_to_come(settings: dict[str, str]) -> None:
+    worlds = [new_world(settings, seed=4) for _ in range(3)]
+    for k in range(1, 120):
+        if k == 60:
+            worlds[1].change(Truth.from_settings(CELL, settings))
+            worlds[2].change(changed(worlds[2], payload_kg=0.3, supply_v=9.0, winding_ohm=4.0))
+            worlds[2].change(Truth.from_settings(CELL, settings))
+        for world in worlds:
+            set_currents(world, 0.6 + 0.3 * math.sin(k / 30), 0.2 * math.cos(k / 20))
+            volts = world.scan([world.source(joint, quantity) for joint in range(2) for quantity in SENSED], 100_000)
+            world.advance(k * CYCLE_NS)
+            assert (volts, world.state()) == (volts, worlds[0].state())
+
+
+def test_on_a_broken_wire_the_tachometer_and_the_back_emf_follow_the_motor_and_the_potentiometer_the_joint() -> None:
+    world = new_world(SILENT | {"joint2.initial_deg": "-90"})  # it hangs down already
+    set_currents(world, 1.5, 0.0)
+    world.change(changed(world, has_elastic_wire=True, wire_is_broken=True))
+    world.advance(2_000_000_000)
+    joint = world.state()[0]
+    # No-load speed: 4.08·(15 − 4.8·ω)/2.5 N·m of the motor equals its share of the friction, 0.9·(0.15 + 0.05·ω).
+    assert joint.motor_speed_rad_s == pytest.approx((4.08 * 6 - 0.135) / (4.08 * 1.92 + 0.045), rel=1e-4)
+    assert joint.current_a == pytest.approx((15 - 4.8 * joint.motor_speed_rad_s) / 2.5, abs=1e-6)
+    assert joint.angle_rad == pytest.approx(-math.pi / 2, abs=0.01)
+    assert abs(joint.speed_rad_s) < 0.05
+    assert joint.motor_angle_rad > 4.0
+    potentiometer, tachometer = (world.source(0, q) for q in (Quantity.POTENTIOMETER, Quantity.TACHOMETER))
+    assert world.sample(potentiometer) == pytest.approx(2.5 + math.degrees(joint.angle_rad) * 5 / 270, abs=1e-9)
+    assert world.sample(tachometer) == 5.0  # beyond its 2.5 rad/s
+    world.change(Truth.from_settings(CELL, SILENT))
+    mended = world.state()[0]
+    assert mended.motor_angle_rad == mended.angle_rad == joint.angle_rad
+    assert mended.motor_speed_rad_s == mended.speed_rad_s
+    assert 0.0 < mended.speed_rad_s < joint.motor_speed_rad_s
+
+
+def test_a_blow_turns_the_arm_once_it_is_off_its_support() -> None:
+    world = new_world(FRICTIONLESS)
+    world.strike(0, 0.05)
+    assert world.parked
+    assert world.state()[0].speed_rad_s == 0.0
+    set_currents(world, 0.6, 0.2)
+    world.advance(1)
+    world.strike(0, 0.05)
+    assert world.state()[0].speed_rad_s > 0.3
+    assert world.state()[1].speed_rad_s < 0.0
+
+
+def test_a_supply_that_changes_limits_the_current_from_then_on() -> None:
+    world = new_world(SILENT)
+    set_currents(world, 1.5, 0.0)
+    world.advance(10_000_000)
+    world.change(changed(world, supply_v=1.0))
+    world.advance(20_000_000)
+    joint = world.state()[0]
+    # The arm sinks by 35 rad/s², which raises the limit while the winding lags 0.5 ms behind: 0.034 A.
+    assert joint.current_a == pytest.approx((1.0 - 4.8 * joint.motor_speed_rad_s) / 2.5, abs=0.05)

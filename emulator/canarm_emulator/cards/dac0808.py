@@ -7,6 +7,7 @@ code that changes in both nibbles passes through an intermediate value between t
 
 from collections.abc import Callable
 
+from ..signals import Distortion
 from .registers import OPEN_BUS
 
 CHANNELS = 4
@@ -25,6 +26,7 @@ class Dac0808Card:
         self._latches = [0] * (2 * CHANNELS)
         self._on_output = on_output
         self._transfer = [self._output(code, nonlinearity) for code in range(STEPS)]
+        self._distortions: dict[int, Distortion] = {}
 
     @staticmethod
     def _output(code: int, nonlinearity: float) -> float:
@@ -39,8 +41,21 @@ class Dac0808Card:
         """Load one 4-bit latch."""
         if address < 2 * CHANNELS and self._latches[address] != value & 0x0F:
             self._latches[address] = value & 0x0F
-            channel = address >> 1
-            self._on_output(channel, self._transfer[self.code(channel)])
+            self.refresh(address >> 1)
+
+    def refresh(self, channel: int) -> None:
+        """Convert what stands in the latches, as changed by whatever breaks between them and the converter."""
+        code = self.code(channel)
+        if self._distortions and channel in self._distortions:
+            code = int(self._distortions[channel](code))
+        self._on_output(channel, self._transfer[code])
+
+    def distort(self, channel: int, distortion: Distortion | None) -> None:
+        """Let the converter see another code than its latches hold, 0 to 255, from the next `refresh` on."""
+        if distortion is None:
+            self._distortions.pop(channel, None)
+        else:
+            self._distortions[channel] = distortion
 
     def code(self, channel: int) -> int:
         """The 8-bit code in front of a converter."""

@@ -6,6 +6,7 @@ selects it, since an I/O selector decodes none of A3-A0.
 
 from collections.abc import Callable
 
+from ..signals import Distortion
 from .registers import OPEN_BUS
 
 CHANNELS = 4
@@ -18,6 +19,8 @@ class Sc300Card:
     def __init__(self, on_output: Callable[[int, int], None]) -> None:
         self._on_output = on_output
         self.value = 0
+        self._bits = [0] * CHANNELS
+        self._distortions: dict[int, Distortion] = {}
 
     def read(self, address: int, now_ns: int) -> int:
         """The latch has no way back to the data bus."""
@@ -29,4 +32,20 @@ class Sc300Card:
         self.value = value & 0xFF
         for channel in range(CHANNELS):
             if changed >> BITS * channel & 0b11:
-                self._on_output(channel, value >> BITS * channel & 0b11)
+                self.refresh(channel)
+
+    def refresh(self, channel: int) -> None:
+        """Put out a channel's bits, as changed by whatever breaks behind the latch."""
+        bits = self.value >> BITS * channel & 0b11
+        if self._distortions and channel in self._distortions:
+            bits = int(self._distortions[channel](bits))
+        if bits != self._bits[channel]:
+            self._bits[channel] = bits
+            self._on_output(channel, bits)
+
+    def distort(self, channel: int, distortion: Distortion | None) -> None:
+        """Let other bits go out than the latch holds, 0 to 3, from the next `refresh` on."""
+        if distortion is None:
+            self._distortions.pop(channel, None)
+        else:
+            self._distortions[channel] = distortion

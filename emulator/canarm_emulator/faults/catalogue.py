@@ -1,0 +1,109 @@
+"""What can be injected where: the declared faults at the taps of a cell, and the check of one that is asked for."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from canarm_protocol.cell import Cell
+from canarm_protocol.cell_messages import nearest
+from canarm_protocol.errors import FaultError
+from canarm_protocol.faults import FaultSpec, ParameterValue
+
+from .declaration import Fault, Parameter, Tap, declared_faults, parameters_at
+from .taps import taps_of
+
+
+class Entry(NamedTuple):
+    """A fault at a tap, with its parameters there."""
+
+    tap: Tap
+    fault: type[Fault]
+    parameters: tuple[Parameter, ...]
+
+
+def catalogue(cell: Cell) -> list[Entry]:
+    """Every fault at every tap of `cell` that supports it, in the order of the signal path."""
+    faults = declared_faults()
+    return [
+        Entry(tap, fault, tuple(parameters_at(fault, tap)))
+        for tap in taps_of(cell).values()
+        for (_, kind), fault in faults.items()
+        if kind is tap.kind
+    ]
+
+
+def as_plain(entries: list[Entry]) -> list[dict[str, Any]]:
+    """The catalogue as plain values, for JSON: one object a tap."""
+    taps: dict[str, dict[str, Any]] = {}
+    for tap, fault, parameters in entries:
+        described = taps.setdefault(
+            tap.name, {"tap": tap.name, "about": tap.about, "unit": tap.unit, "kind": tap.kind.value, "faults": []}
+        )
+        described["faults"].append(
+            {
+                "fault": fault.name,
+                "family": fault.family.value,
+                "about": about(fault),
+                "needs_wire": fault.needs_wire,
+                "parameters": [_plain_parameter(each) for each in parameters],
+            }
+        )
+    return list(taps.values())
+
+
+def about(fault: type[Fault]) -> str:
+    """What the fault does, in a sentence: the first line of its docstring."""
+    return (fault.__doc__ or "").strip().splitlines()[0]
+
+
+def resolve(taps: Mapping[str, Tap], spec: FaultSpec) -> tuple[Tap, type[Fault], dict[str, ParameterValue | None]]:
+    """The tap, the fault and all its parameters that `spec` asks for. Raises `FaultError`: what would be right."""
+    tap = taps.get(spec.tap)
+    if tap is None:
+        raise FaultError(f"no tap {spec.tap!r}{nearest(spec.tap, taps)}; see `canarm fault list`")
+    faults = declared_faults()
+    fault = faults.get((spec.fault, tap.kind))
+    if fault is None:
+        here = [name for name, kind in faults if kind is tap.kind]
+        elsewhere = sorted({kind.value for name, kind in faults if name == spec.fault})
+        why = f" acts at: {', '.join(elsewhere)};" if elsewhere else ""
+        raise FaultError(
+            f"fault {spec.fault!r} is not supported at {tap.name} ({tap.kind.value});{why} "
+            f"supported here are {', '.join(here) or 'none'}"
+        )
+    parameters = {each.name: each for each in parameters_at(fault, tap)}
+    for name in spec.parameters:
+        if name not in parameters:
+            raise FaultError(f"{spec.fault} at {tap.name}: no parameter {name!r}{nearest(name, parameters)}")
+    values = {
+        name: _checked(spec, each, spec.parameters[name]) if name in spec.parameters else each.default
+        for name, each in parameters.items()
+    }
+    return tap, fault, values
+
+
+def make_fault(taps: Mapping[str, Tap], spec: FaultSpec) -> Fault:
+    """A fresh fault as `spec` asks for it. Raises `FaultError`."""
+    _, fault, values = resolve(taps, spec)
+    return fault(**values)
+
+
+def _checked(spec: FaultSpec, parameter: Parameter, value: ParameterValue) -> ParameterValue:
+    where = f"{spec.fault} at {spec.tap}: {parameter.name} = {value!r}"
+    if parameter.choices:
+        if value not in parameter.choices:
+            raise FaultError(f"{where}: must be one of {', '.join(parameter.choices)} ({parameter.about})")
+        return value
+    if isinstance(value, bool | str) or not parameter.minimum <= value <= parameter.maximum:
+        unit = f" {parameter.unit}" if parameter.unit else ""
+        bounds = f"from {parameter.minimum:g} to {parameter.maximum:g}{unit}"
+        raise FaultError(f"{where}: must be a number {bounds} ({parameter.about})")
+    if parameter.is_whole and value != int(value):
+        raise FaultError(f"{where}: must be a whole number ({parameter.about})")
+    return int(value) if parameter.is_whole else float(value)
+
+
+def _plain_parameter(parameter: Parameter) -> dict[str, Any]:
+    plain: dict[str, Any] = {"name": parameter.name, "about": parameter.about, "default": parameter.default}
+    if parameter.choices:
+        return {**plain, "choices": list(parameter.choices)}
+    return {**plain, "unit": parameter.unit, "minimum": parameter.minimum, "maximum": parameter.maximum}

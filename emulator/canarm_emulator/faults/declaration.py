@@ -1,0 +1,331 @@
+"""What a fault is: a name, its parameters, the kinds of tap where it may act, and what it does there.
+
+A fault is a dataclass derived from one of the bases below; deriving with `name=...` declares it. Its fields are its
+parameters, each made by `parameter` or `of_tap`. Nothing here knows when a fault acts; `engine.py` decides that.
+"""
+
+import dataclasses
+import importlib
+import pkgutil
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from random import Random
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from canarm_protocol.frames import Frame
+
+from ..truth import JointTruth
+
+if TYPE_CHECKING:
+    from ..wire import Wire
+    from ..world import World
+
+
+class TapKind(Enum):
+    """What flows at a tap; it decides which faults can act there."""
+
+    DAC_CODE = "code of a DAC"
+    LATCH = "direction bits"
+    OPAMP = "voltage of the op-amp"
+    CURRENT = "current command of the amplifier"
+    SUPPLY = "supply of the amplifier"
+    MOTOR = "motor and its leads"
+    LINK = "link of the arm"
+    DRIVE_WIRE = "drive wire"
+    SENSOR = "voltage of a sensor"
+    ADC_CODE = "code of an ADC channel"
+    MESSAGES = "messages on the bus"
+    BUS = "the bus as a wire"
+    NODE = "a node"
+    CLOCK = "time base of the bench"
+
+
+class Family(Enum):
+    """Where a fault belongs."""
+
+    SIGNAL = "signal"
+    CONVERTER = "converter"
+    WIRING = "wiring"
+    ACTUATOR = "actuator"
+    MECHANICS = "mechanics"
+    MESSAGE = "message"
+    BUS = "bus"
+    NODE = "node"
+    CLOCK = "clock"
+
+
+SCALAR_KINDS = frozenset({TapKind.DAC_CODE, TapKind.OPAMP, TapKind.CURRENT, TapKind.SENSOR, TapKind.ADC_CODE})
+"""Taps that a number flows through."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tap:
+    """A named point of the signal path. A scalar's value lies in `low` to `high`, in `unit`; `step` is its resolution.
+
+    `joint` is an index into `Cell.joints`; `node_id` and `channel` (from 1) belong to a card.
+    """
+
+    name: str
+    kind: TapKind
+    about: str
+    unit: str = ""
+    low: float = 0.0
+    high: float = 1.0
+    step: float = 0.0
+    joint: int = -1
+    node_id: int = 0
+    channel: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter at a tap: a number in `unit` from `minimum` to `maximum`, or a text where `choices` are given.
+
+    A `default` of None means that the fault finds a value by itself, as `about` says.
+    """
+
+    name: str
+    about: str
+    unit: str
+    default: float | str | None
+    minimum: float = 0.0
+    maximum: float = 0.0
+    choices: tuple[str, ...] = ()
+    is_whole: bool = False
+
+
+def parameter(
+    about: str,
+    unit: str,
+    default: float | None,
+    minimum: float,
+    maximum: float,
+    *,
+    is_whole: bool = False,
+) -> Any:
+    """A numeric parameter of a fault, bounds included."""
+    meta = Parameter("", about, unit, default, minimum, maximum, is_whole=is_whole)
+    return field(default=default, metadata={"parameter": meta})
+
+
+def of_tap(about: str, default: float | None, minimum: float, maximum: float, per: str = "") -> Any:
+    """A numeric parameter in the unit of the tap (`per` something, such as "s"), given in multiples of its range.
+
+    Bounds and default here are multiples of high - low; what the fault gets is in the tap's unit.
+    """
+    meta = Parameter("", about, per, default, minimum, maximum)
+    return field(default=default, metadata={"parameter": meta, "of_tap": True})
+
+
+def level(about: str, default: float | None) -> Any:
+    """A parameter that is a value of the tap itself, from its low to its high. `default`: 0 is low, 1 is high."""
+    meta = Parameter("", about, "", default, 0.0, 1.0)
+    return field(default=default, metadata={"parameter": meta, "level": True})
+
+
+def choice(about: str, choices: tuple[str, ...]) -> Any:
+    """A parameter that is one of some words; the first is the default."""
+    meta = Parameter("", about, "", choices[0], choices=choices)
+    return field(default=choices[0], metadata={"parameter": meta})
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What a fault is told when it begins: where, when, and a source of randomness of its own."""
+
+    tap: Tap
+    now_ns: int
+    cycle_ns: int
+    random: Random
+
+
+class Fault(ABC):
+    """Base of all faults. Deriving with a `name` declares one:
+
+    ```python
+    @dataclass
+    class Offset(SignalFault, name="offset", family=Family.SIGNAL, acts_on=SCALAR_KINDS):
+        '''A constant is added.'''
+
+        value: float = of_tap("what is added", 0.1, -1.0, 1.0)
+
+        def apply(self, value: float, now_ns: int) -> float:
+            return value + self.value
+    ```
+    """
+
+    name: ClassVar[str]
+    family: ClassVar[Family]
+    acts_on: ClassVar[frozenset[TapKind]]
+    needs_wire: ClassVar[bool]
+    """Whether it acts on the wire model alone, and is refused without."""
+    is_dangerous: ClassVar[bool]
+    """Whether it can drive the arm: uncontrolled torque, a wrong direction, a broken wire, a wrong measurement."""
+
+    def __init_subclass__(
+        cls,
+        name: str = "",
+        family: Family = Family.SIGNAL,
+        acts_on: Iterable[TapKind] = (),
+        needs_wire: bool = False,
+        is_dangerous: bool = False,
+    ) -> None:
+        if name:
+            cls.name, cls.family, cls.acts_on = name, family, frozenset(acts_on)
+            cls.needs_wire, cls.is_dangerous = needs_wire, is_dangerous
+            _DECLARED[name, cls.family, cls.acts_on] = cls
+
+    def begin(self, context: Context) -> None:  # noqa: B027
+        """It becomes active. Called anew at every activation, on a fresh object."""
+
+
+_DECLARED: dict[tuple[str, Family, frozenset[TapKind]], type[Fault]] = {}
+
+
+class SignalFault(Fault):
+    """Changes the number at a scalar tap, or the two bits of a latch tap."""
+
+    @abstractmethod
+    def apply(self, value: float, now_ns: int) -> float:
+        """What goes on instead of `value`; the tap limits it to its range, and rounds codes.
+
+        Called whenever the value is passed on, at least once a cycle, with times that never go back.
+        """
+
+
+class JointFault(Fault):
+    """Changes the truth of a joint: its mechanics, motor or supply."""
+
+    varies: ClassVar[bool] = False
+    """Whether `change` is to be asked every cycle; otherwise only when some fault of the arm begins or ends."""
+
+    @abstractmethod
+    def change(self, joint: JointTruth, now_ns: int) -> JointTruth:
+        """The joint as it now is; `joint` is what earlier faults have left of it."""
+
+    def strike(self, world: "World", joint: int) -> None:
+        """Something that happens once, after the truth has changed."""
+
+
+class MessageFault(Fault):
+    """Changes which frames go on in one direction of the robot's bus, and when. SYNC and TIME never come here."""
+
+    @abstractmethod
+    def pass_on(self, frame: Frame, now_ns: int) -> Iterable[tuple[int, Frame]]:
+        """What becomes of a frame: (time, frame) pairs, at `now_ns` or later; none where it is lost."""
+
+    def due(self, until_ns: int) -> Iterable[tuple[int, Frame]]:
+        """Frames that come by themselves up to `until_ns`, the end of the cycle; asked once a cycle."""
+        return ()
+
+    def rest(self, now_ns: int) -> Iterable[tuple[int, Frame]]:
+        """It ends: frames that it still holds back."""
+        return ()
+
+
+class BusFault(Fault, needs_wire=True):
+    """Acts on the wire model."""
+
+    @abstractmethod
+    def act(self, wire: "Wire", now_ns: int) -> None:
+        """Called when it begins and then once a cycle."""
+
+    def end(self, wire: "Wire") -> None:
+        """It is over."""
+
+
+class NodeFault(Fault):
+    """Changes how a node behaves, through its `NodePort`."""
+
+    @abstractmethod
+    def act(self, node: "NodePort", now_ns: int) -> None:
+        """Called when it begins and then once a cycle."""
+
+    @abstractmethod
+    def end(self, node: "NodePort", now_ns: int) -> None:
+        """It is over."""
+
+
+class NodePort(ABC):
+    """What a fault can do to a node; the bench supplies it."""
+
+    @abstractmethod
+    def set_alive(self, is_alive: bool) -> None:
+        """A dead node neither receives, nor sends, nor runs its timers; its outputs stay as they are."""
+
+    @abstractmethod
+    def lose_power(self) -> None:
+        """Outputs take what the hardware has without power: no current, bridges off."""
+
+    @abstractmethod
+    def boot(self, now_ns: int) -> None:
+        """Power on or reset: everything anew, with a boot-up message."""
+
+    @abstractmethod
+    def resume(self, now_ns: int) -> None:
+        """Go on after a time in which nothing ran: timers that fell due meanwhile start anew."""
+
+    @abstractmethod
+    def command(self, state: str, now_ns: int) -> None:
+        """Enter an NMT state by itself: "stopped", "pre-operational" or "operational"."""
+
+    @abstractmethod
+    def set_deaf(self, is_deaf: bool) -> None:
+        """A deaf node receives nothing, SYNC included; its timers run."""
+
+    @abstractmethod
+    def set_sync_filter(self, passes: Callable[[int], bool] | None) -> None:
+        """`passes(now_ns)` decides for each SYNC whether the node sees it; None: it sees all."""
+
+    @abstractmethod
+    def set_send_filter(self, passes: Callable[[Frame], Frame | None] | None) -> None:
+        """`passes(frame)` is what becomes of each frame that the node sends, if anything; None: all go out."""
+
+    @abstractmethod
+    def set_timer_scale(self, scale: float) -> None:
+        """How long the node's periods last, as multiples of what they should."""
+
+    @abstractmethod
+    def add_double(self, now_ns: int) -> None:
+        """Another card with the same node-ID, wired to nothing, boots on the bus."""
+
+    @abstractmethod
+    def remove_double(self) -> None:
+        """It is taken away again."""
+
+
+class ClockFault(Fault):
+    """Changes how long a cycle of the bench lasts in lockstep, or how its clock runs."""
+
+    @abstractmethod
+    def period_ns(self, nominal_ns: int, now_ns: int) -> int:
+        """Virtual time from this SYNC to the next one."""
+
+
+def declared_faults() -> Mapping[tuple[str, TapKind], type[Fault]]:
+    """Every fault by name and kind of tap. One name may be declared several times, for different kinds."""
+    kinds = importlib.import_module(".kinds", __package__)
+    for module in pkgutil.iter_modules(kinds.__path__):
+        importlib.import_module(f"{kinds.__name__}.{module.name}")
+    return {(fault.name, kind): fault for fault in _DECLARED.values() for kind in fault.acts_on}
+
+
+def parameters_at(fault: type[Fault], tap: Tap) -> list[Parameter]:
+    """The parameters of `fault` at `tap`, with their bounds in the tap's unit."""
+    found = []
+    span = tap.high - tap.low
+    for each in dataclasses.fields(fault):  # type: ignore[arg-type]
+        meta = each.metadata.get("parameter")
+        if meta is None:
+            continue
+        meta = dataclasses.replace(meta, name=each.name)
+        zero = tap.low if "level" in each.metadata else 0.0
+        if "level" in each.metadata or "of_tap" in each.metadata:
+            unit = f"{tap.unit}/{meta.unit}" if meta.unit else tap.unit
+            default = None if meta.default is None else zero + span * meta.default
+            low, high = zero + span * meta.minimum, zero + span * meta.maximum
+            meta = dataclasses.replace(meta, unit=unit, default=default, minimum=low, maximum=high)
+        found.append(meta)
+    return found

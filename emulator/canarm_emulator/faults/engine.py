@@ -1,0 +1,346 @@
+"""When faults act: configurations of sets, their triggers, durations and repetitions, evaluated once a cycle.
+
+Every text that is accepted is a configuration of its own; configurations run side by side. Inside one, sets come one
+after the other (or side by side where it says `parallel`): a set waits for its trigger when the one before has ended,
+or ends the one before when that has no duration. All or nothing of a text is accepted.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from random import Random
+from typing import TYPE_CHECKING, NamedTuple
+
+from canarm_protocol.clock import Clock
+from canarm_protocol.conditions import Condition
+from canarm_protocol.errors import FaultError
+from canarm_protocol.faults import FaultScript, FaultSet
+
+from ..world import JointState
+from .catalogue import make_fault, resolve
+from .declaration import Context, Fault, Tap, TapKind
+from .messages import MessagePoint
+from .places import BusPoint, ClockPoint, NodePoint
+from .points import Point, TruthPoint, signal_point
+from .taps import taps_of
+
+if TYPE_CHECKING:
+    from ..bench import Bench
+
+NAME_OF_ALL = ""
+"""`clear` with this name clears every set."""
+MOST_WAITING = 2000
+"""Sets that may wait or act at one time."""
+_JOINT_KINDS = frozenset({TapKind.SUPPLY, TapKind.MOTOR, TapKind.LINK, TapKind.DRIVE_WIRE})
+
+
+class SetState(Enum):
+    """Where a set stands."""
+
+    WAITING = "waiting"
+    ACTIVE = "active"
+    ENDED = "ended"
+
+
+class FaultEvent(NamedTuple):
+    """A fault has begun or ended: virtual time, cycle since NMT start (-1 before), set, tap and fault."""
+
+    time_ns: int
+    cycle: int
+    is_begin: bool
+    set_name: str
+    tap: str
+    fault: str
+
+
+class SetStatus(NamedTuple):
+    """A set that was accepted: its state, and how often it has been active so far."""
+
+    name: str
+    state: SetState
+    activations: int
+
+
+@dataclass(slots=True)
+class _Turn:
+    """One set of a configuration at work."""
+
+    declared: FaultSet
+    condition: Condition | None
+    state: SetState = SetState.WAITING
+    activations: int = 0
+    begun_ns: int = 0
+    is_pulled: bool = False
+    """Triggered by hand."""
+    was_true: bool = False
+    faults: list[tuple[Tap, Fault]] = field(default_factory=list)
+
+    def may_begin(self, now_ns: int, begin_ns: int | None, cycle: int, values: Callable[[], Mapping[str, float]]) -> bool:
+        """Whether its trigger holds. A condition that comes again must have been false in between."""
+        if self.is_pulled:
+            return True
+        if self.activations and self.declared.period_s is not None:
+            return now_ns - self.begun_ns >= round(self.declared.period_s * 1e9)
+        trigger = self.declared.trigger
+        if trigger.is_manual:
+            return False
+        if trigger.at_s is not None:
+            return begin_ns is not None and now_ns - begin_ns >= round(trigger.at_s * 1e9)
+        if trigger.cycle is not None:
+            return cycle >= trigger.cycle
+        if self.condition is not None:
+            was_true, self.was_true = self.was_true, self.condition.holds(values())
+            return self.was_true and (not self.activations or not was_true)
+        return True
+
+    def is_over(self, now_ns: int) -> bool:
+        """Whether its duration has passed."""
+        duration_s = self.declared.duration_s
+        return duration_s is not None and now_ns - self.begun_ns >= round(duration_s * 1e9)
+
+
+@dataclass(slots=True)
+class _Configuration:
+    turns: list[_Turn]
+    is_parallel: bool
+    place: int = 0
+    """The set whose turn it is, where they come one after the other."""
+
+    @property
+    def is_done(self) -> bool:
+        return all(turn.state is SetState.ENDED for turn in self.turns)
+
+    def keep(self, turns: list[_Turn]) -> None:
+        """Forget all but these. Those that have ended are passed over again."""
+        self.turns, self.place = turns, 0
+
+
+class FaultEngine:
+    """The faults of one bench. `update` is called once a cycle and whenever time passes without cycles.
+
+    `on_event` is told of every beginning and end; `seed` feeds the faults' own randomness and nothing else.
+    """
+
+    def __init__(self, bench: "Bench", seed: int) -> None:
+        self.taps = taps_of(bench.cell)
+        self.on_event: Callable[[FaultEvent], None] | None = None
+        self.active = 0
+        """How many faults act now."""
+        self._bench, self._seed = bench, seed
+        self._configurations: list[_Configuration] = []
+        self._points: dict[str, Point] = {}
+        self._busy: dict[Point, int] = {}
+        self._truth_point = TruthPoint(bench)
+        self._begin_ns: int | None = None
+        self._cycle = -1
+        self._accepted = 0
+        signals = [name for joint in bench.cell.joint_names for name in _joint_signals(joint)]
+        self._signals = ("time_s", "cycle", *signals)
+
+    def accept(self, script: FaultScript) -> str:
+        """Do what a text asks for, as a whole or not at all; returns what was done in a few words.
+
+        Raises `FaultError` for what is not supported, with the reason, and for sets that there are not.
+        """
+        if script.clear is not None:
+            return self.clear(script.clear)
+        if script.trigger is not None:
+            return self._pull(script.trigger)
+        taken = {turn.declared.name for each in self._configurations for turn in each.turns}
+        waiting = sum(len(each.turns) for each in self._configurations)
+        if waiting + len(script.sets) > MOST_WAITING:
+            raise FaultError(f"{waiting} sets are there already; must be at most {MOST_WAITING}: clear some")
+        turns = []
+        for each in script.sets:
+            if each.name in taken and not each.name.startswith("set "):
+                raise FaultError(f"a set named {each.name!r} is there already: clear it, or choose another name")
+            for number, spec in enumerate(each.faults, start=1):
+                try:
+                    tap, kind, _ = resolve(self.taps, spec)
+                except FaultError as error:
+                    raise FaultError(f"set {each.name!r}, fault {number}: {error}") from None
+                if kind.needs_wire and self._bench.wire is None:
+                    raise FaultError(
+                        f"set {each.name!r}, fault {number}: {spec.fault!r} at {tap.name} needs the model of the wire; "
+                        "start the emulator with --wire"
+                    )
+                if tap.kind is TapKind.CLOCK and self._bench.clock is Clock.WALL:
+                    raise FaultError(
+                        f"set {each.name!r}, fault {number}: {tap.name} breaks in lockstep only; "
+                        "on the wall clock time cannot be changed (--clock sync)"
+                    )
+            when = each.trigger.when
+            turns.append(_Turn(each, None if when is None else Condition(when, self._signals)))
+        self._configurations.append(_Configuration(turns, script.is_parallel))
+        self._accepted += 1
+        return f"accepted {', '.join(repr(turn.declared.name) for turn in turns)}"
+
+    def clear(self, name: str = NAME_OF_ALL) -> str:
+        """End and forget the sets of that name, or all. Raises `FaultError` where there is none of the name."""
+        found = 0
+        for configuration in self._configurations:
+            for turn in configuration.turns:
+                if name in (NAME_OF_ALL, turn.declared.name):
+                    found += turn.state is not SetState.ENDED
+                    self._end(turn)
+        if name and not any(turn.declared.name == name for each in self._configurations for turn in each.turns):
+            names = [turn.declared.name for each in self._configurations for turn in each.turns]
+            raise FaultError(f"no set {name!r} to clear; there {_are(names)}")
+        for configuration in self._configurations:
+            configuration.keep([turn for turn in configuration.turns if name and turn.declared.name != name])
+        self._configurations = [each for each in self._configurations if each.turns]
+        return f"cleared {found}"
+
+    def status(self) -> list[SetStatus]:
+        """Every set that was accepted and not cleared, in order."""
+        return [
+            SetStatus(turn.declared.name, turn.state, turn.activations)
+            for each in self._configurations
+            for turn in each.turns
+        ]
+
+    def update(self, now_ns: int, cycle: int) -> None:
+        """Begin and end what is due. `cycle` is the number of the cycle that begins now, -1 before the first."""
+        if cycle == 0 and self._cycle != 0:
+            self._begin_ns = now_ns
+        self._cycle = cycle
+        values: dict[str, float] = {}
+
+        def signals() -> Mapping[str, float]:
+            if not values:
+                values.update(self._values(now_ns))
+            return values
+
+        for configuration in self._configurations:
+            for turn in configuration.turns:
+                if turn.state is SetState.ACTIVE and turn.is_over(now_ns):
+                    self._end(turn)
+            if configuration.is_parallel:
+                for turn in configuration.turns:
+                    if turn.state is SetState.WAITING and self._may_begin(turn, now_ns, signals):
+                        self._begin(turn, now_ns)
+            else:
+                self._take_turns(configuration, now_ns, signals)
+        for point in self._busy:
+            point.refresh(now_ns)
+
+    @property
+    def truth_point(self) -> TruthPoint:
+        """Where faults change the truth of the arm."""
+        return self._truth_point
+
+    def _take_turns(
+        self, configuration: _Configuration, now_ns: int, values: Callable[[], Mapping[str, float]]
+    ) -> None:
+        turns = configuration.turns
+        while configuration.place < len(turns):
+            turn = turns[configuration.place]
+            if turn.state is SetState.ENDED:
+                configuration.place += 1
+            elif turn.state is SetState.WAITING:
+                if not self._may_begin(turn, now_ns, values):
+                    return
+                self._begin(turn, now_ns)
+            else:
+                following = turns[configuration.place + 1 : configuration.place + 2]
+                lasts = turn.declared.duration_s is None
+                if not (lasts and following and self._may_begin(following[0], now_ns, values)):
+                    return
+                self._end(turn)
+
+    def _may_begin(self, turn: _Turn, now_ns: int, values: Callable[[], Mapping[str, float]]) -> bool:
+        return turn.may_begin(now_ns, self._begin_ns, self._cycle, values)
+
+    def _begin(self, turn: _Turn, now_ns: int) -> None:
+        turn.state, turn.is_pulled = SetState.ACTIVE, False
+        turn.activations += 1
+        turn.begun_ns = now_ns
+        if not turn.declared.faults:
+            self._clear_others(turn)
+        for number, spec in enumerate(turn.declared.faults):
+            tap, _, _ = resolve(self.taps, spec)
+            fault = make_fault(self.taps, spec)
+            random = Random(f"{self._seed}/{turn.declared.name}/{number}/{turn.activations}")
+            point = self._point(tap)
+            self._busy[point] = self._busy.get(point, 0) + 1
+            self.active += 1
+            turn.faults.append((tap, fault))
+            self._tell(now_ns, True, turn, tap, fault)
+            point.add(fault, Context(tap, now_ns, self._bench.cell.bus.cycle_ns, random))
+
+    def _clear_others(self, empty: _Turn) -> None:
+        """An empty set clears."""
+        for configuration in self._configurations:
+            for turn in configuration.turns:
+                if turn is not empty and turn.state is SetState.ACTIVE:
+                    self._end(turn)
+
+    def _end(self, turn: _Turn) -> None:
+        now_ns = self._bench.time_ns
+        for tap, fault in turn.faults:
+            point = self._point(tap)
+            self._busy[point] -= 1
+            if not self._busy[point]:
+                del self._busy[point]
+            self.active -= 1
+            point.remove(fault, now_ns)
+            self._tell(now_ns, False, turn, tap, fault)
+        turn.faults.clear()
+        is_last = turn.activations >= turn.declared.repeat or turn.declared.duration_s is None
+        turn.state = SetState.ENDED if is_last else SetState.WAITING
+
+    def _pull(self, name: str) -> str:
+        for configuration in self._configurations:
+            for turn in configuration.turns:
+                if turn.declared.name == name:
+                    if turn.state is not SetState.WAITING:
+                        raise FaultError(f"set {name!r} is {turn.state.value}; only one that waits can be triggered")
+                    turn.is_pulled = True
+                    return f"triggered {name!r}"
+        names = [turn.declared.name for each in self._configurations for turn in each.turns]
+        raise FaultError(f"no set {name!r} to trigger; there {_are(names)}")
+
+    def _point(self, tap: Tap) -> Point:
+        if tap.kind in _JOINT_KINDS:
+            return self._truth_point
+        point = self._points.get(tap.name)
+        if point is None:
+            point = self._points[tap.name] = self._make_point(tap)
+        return point
+
+    def _make_point(self, tap: Tap) -> Point:
+        if tap.kind is TapKind.MESSAGES:
+            return MessagePoint(self._bench, tap)
+        if tap.kind is TapKind.BUS:
+            return BusPoint(self._bench)
+        if tap.kind is TapKind.NODE:
+            return NodePoint(self._bench, tap)
+        if tap.kind is TapKind.CLOCK:
+            return ClockPoint(self._bench)
+        return signal_point(self._bench, tap)
+
+    def _tell(self, now_ns: int, is_begin: bool, turn: _Turn, tap: Tap, fault: Fault) -> None:
+        if self.on_event is not None:
+            self.on_event(FaultEvent(now_ns, self._cycle, is_begin, turn.declared.name, tap.name, fault.name))
+
+    def _values(self, now_ns: int) -> Mapping[str, float]:
+        begin_ns = now_ns if self._begin_ns is None else self._begin_ns
+        values = {"time_s": (now_ns - begin_ns) * 1e-9, "cycle": float(self._cycle)}
+        for name, state in zip(self._bench.cell.joint_names, self._bench.world.state(), strict=True):
+            for signal, value in zip(_joint_signals(name), _joint_values(state), strict=True):
+                values[signal] = value
+        return values
+
+
+def _joint_signals(joint: str) -> tuple[str, ...]:
+    return tuple(f"{joint}.{leaf}" for leaf in ("angle_rad", "angle_deg", "speed_rad_s", "current_a", "command_a"))
+
+
+def _are(names: list[str]) -> str:
+    return f"are {', '.join(map(repr, names))}" if names else "are none"
+
+
+def _joint_values(state: JointState) -> tuple[float, ...]:
+    angle_rad = state.angle_rad
+    return angle_rad, math.degrees(angle_rad), state.speed_rad_s, state.current_a, state.command_a

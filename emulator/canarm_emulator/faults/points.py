@@ -1,0 +1,153 @@
+"""Where taps are inside the bench: which call a fault has to change, installed while a fault is there and only then.
+
+Faults at one tap act in the order in which they began, each on what the one before has left.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from canarm_protocol.cell import Quantity
+
+from ..signals import Distortion
+from ..truth import JointTruth, Truth
+from .declaration import Context, Fault, JointFault, SignalFault, Tap, TapKind
+
+if TYPE_CHECKING:
+    from ..bench import Bench
+
+
+class Point(ABC):
+    """The faults that act at one place of the bench."""
+
+    def add(self, fault: Fault, context: Context) -> None:
+        """A fault begins."""
+        fault.begin(context)
+        self._add(fault, context)
+
+    @abstractmethod
+    def _add(self, fault: Fault, context: Context) -> None: ...
+
+    @abstractmethod
+    def remove(self, fault: Fault, now_ns: int) -> None:
+        """A fault ends."""
+
+    def refresh(self, now_ns: int) -> None:  # noqa: B027
+        """Once a cycle while any fault is here: what varies with time is brought up to date."""
+
+
+class SignalPoint(Point):
+    """A scalar tap. `install` puts a distortion into the signal path or takes it out (None); `pass_on` makes an output
+    pass through it anew.
+    """
+
+    def __init__(
+        self,
+        tap: Tap,
+        now: Callable[[], int],
+        install: Callable[[Distortion | None], None],
+        pass_on: Callable[[], None] | None = None,
+    ) -> None:
+        self._low, self._high = tap.low, tap.high
+        self._is_whole = tap.kind in (TapKind.DAC_CODE, TapKind.ADC_CODE, TapKind.LATCH)
+        self._now, self._install, self._pass_on = now, install, pass_on
+        self._faults: list[SignalFault] = []
+
+    def _add(self, fault: Fault, context: Context) -> None:
+        assert isinstance(fault, SignalFault)
+        self._faults.append(fault)
+        self._install(self._distort)
+        self.refresh(context.now_ns)
+
+    def remove(self, fault: Fault, now_ns: int) -> None:
+        """The signal path is as it was once the last fault has gone."""
+        assert isinstance(fault, SignalFault)
+        self._faults = [each for each in self._faults if each is not fault]  # equal ones are not the same
+        if not self._faults:
+            self._install(None)
+        self.refresh(now_ns)
+
+    def refresh(self, now_ns: int) -> None:
+        """Outputs change only when something is sent; the faults change them meanwhile."""
+        if self._pass_on is not None:
+            self._pass_on()
+
+    def _distort(self, value: float) -> float:
+        now_ns, low, high = self._now(), self._low, self._high
+        for fault in self._faults:
+            value = fault.apply(value, now_ns)
+            value = low if value < low else high if value > high else value
+        return int(value + 0.5) if self._is_whole else value
+
+
+class TruthPoint(Point):
+    """All that changes the truth of joints. One for the whole arm, since an arm is one model."""
+
+    def __init__(self, bench: "Bench") -> None:
+        self._world = bench.world
+        self._base: Truth | None = None
+        self._faults: list[tuple[int, JointFault]] = []
+
+    def _add(self, fault: Fault, context: Context) -> None:
+        assert isinstance(fault, JointFault)
+        if not self._faults:
+            self._base = self._world.truth
+        self._faults.append((context.tap.joint, fault))
+        self._change(context.now_ns)
+        fault.strike(self._world, context.tap.joint)
+
+    def remove(self, fault: Fault, now_ns: int) -> None:
+        """The truth is what the others leave."""
+        self._faults = [each for each in self._faults if each[1] is not fault]
+        self._change(now_ns)
+
+    def refresh(self, now_ns: int) -> None:
+        """The world changes where a fault varies with time."""
+        if any(fault.varies for _, fault in self._faults):
+            self._change(now_ns)
+
+    def change_base(self, truth: Truth, now_ns: int) -> None:
+        """The truth that the faults act on is another one from now on."""
+        if self._faults:
+            self._base = truth
+            self._change(now_ns)
+        else:
+            self._world.change(truth)
+
+    def _change(self, now_ns: int) -> None:
+        base = self._base
+        assert base is not None
+        joints: list[JointTruth] = list(base.joints)
+        for joint, fault in self._faults:
+            joints[joint] = fault.change(joints[joint], now_ns)
+        truth = Truth(tuple(joints), base.adc, base.dac)
+        if truth != self._world.truth:
+            self._world.change(truth)
+
+
+def signal_point(bench: "Bench", tap: Tap) -> SignalPoint:
+    """The point of a scalar tap or of a latch."""
+    rack, world, joint = bench.rack, bench.world, tap.joint
+
+    def now() -> int:
+        return bench.time_ns
+
+    if tap.kind is TapKind.SENSOR:
+        quantity = Quantity(tap.name.rsplit(".", 1)[1])
+        return SignalPoint(tap, now, lambda distort: rack.distort_input(joint, quantity, distort))
+    if tap.kind is TapKind.ADC_CODE:
+        node_id, channel = tap.node_id, tap.channel - 1
+        return SignalPoint(tap, now, lambda distort: rack.distort_conversion(node_id, channel, distort))
+    if tap.kind is TapKind.DAC_CODE:
+        return SignalPoint(
+            tap, now, lambda distort: rack.distort_code(joint, distort), lambda: rack.refresh_code(joint)
+        )
+    if tap.kind is TapKind.LATCH:
+        return SignalPoint(
+            tap, now, lambda distort: rack.distort_latch(joint, distort), lambda: rack.refresh_latch(joint)
+        )
+    if tap.kind is TapKind.OPAMP:
+        install = world.distort_opamp
+    else:
+        install = world.distort_current
+    return SignalPoint(tap, now, lambda distort: install(joint, distort), lambda: world.refresh_command(joint))

@@ -1,0 +1,97 @@
+"""Conditions over signals, such as `joint2.angle_deg > 30 and time_s > 1`: parsed once, evaluated every cycle.
+
+Comparisons of signals and numbers, joined by `and`, `or`, `not`, with `abs()` and the four operations of arithmetic.
+Which signals there are, and their values, is the caller's to say.
+"""
+
+import ast
+import operator
+from collections.abc import Callable, Collection, Mapping
+
+from .cell_messages import nearest
+from .errors import FaultError
+
+Value = Callable[[Mapping[str, float]], float]
+
+LONGEST_CONDITION = 400
+LARGEST = 1e300
+"""Of the numbers in a condition; a whole one may be longer than any float."""
+_COMPARISONS: dict[type[ast.cmpop], Callable[[float, float], bool]] = {
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+}
+_OPERATIONS: dict[type[ast.operator], Callable[[float, float], float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: lambda left, right: left / right if right else float("nan"),
+}
+_EXPECTED = "a condition compares signals with numbers, such as joint2.angle_deg > 30"
+
+
+class Condition:
+    """A parsed condition. `text` is what was given, `signals` are the names that it reads."""
+
+    def __init__(self, text: str, known: Collection[str]) -> None:
+        """Parse `text`, in which the names of signals are among `known`. Raises `FaultError`."""
+        self.text = text
+        self.signals: set[str] = set()
+        self._known = known
+        if len(text) > LONGEST_CONDITION:
+            raise FaultError(f"a condition of {len(text)} characters: must have at most {LONGEST_CONDITION}")
+        try:
+            body = ast.parse(text.strip(), mode="eval").body
+        except (SyntaxError, ValueError, RecursionError, MemoryError):
+            raise FaultError(f"condition {text!r}: cannot be read; {_EXPECTED}") from None
+        self._is_true = self._truth(body)
+
+    def holds(self, values: Mapping[str, float]) -> bool:
+        """Whether it is true for these values of its signals."""
+        return bool(self._is_true(values))
+
+    def _truth(self, node: ast.expr) -> Value:
+        if isinstance(node, ast.BoolOp):
+            parts = [self._truth(value) for value in node.values]
+            join = all if isinstance(node.op, ast.And) else any
+            return lambda values: join(part(values) for part in parts)
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+            inverted = self._truth(node.operand)
+            return lambda values: not inverted(values)
+        if isinstance(node, ast.Compare):
+            numbers = [self._number(each) for each in (node.left, *node.comparators)]
+            compare = [_COMPARISONS.get(type(each)) for each in node.ops]
+            known = [each for each in compare if each is not None]
+            if len(known) == len(compare):
+                pairs = list(zip(known, numbers, numbers[1:], strict=False))
+                return lambda values: all(test(left(values), right(values)) for test, left, right in pairs)
+        raise self._unreadable(node)
+
+    def _number(self, node: ast.expr) -> Value:
+        if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
+            if abs(node.value) > LARGEST:
+                raise self._unreadable(node)
+            constant = float(node.value)
+            return lambda values: constant
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+            negated = self._number(node.operand)
+            return lambda values: -negated(values)
+        if isinstance(node, ast.BinOp) and type(node.op) in _OPERATIONS:
+            combine, left, right = _OPERATIONS[type(node.op)], self._number(node.left), self._number(node.right)
+            return lambda values: combine(left(values), right(values))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "abs" and len(node.args) == 1 and not node.keywords:
+            inner = self._number(node.args[0])
+            return lambda values: abs(inner(values))
+        if isinstance(node, ast.Name | ast.Attribute):
+            name = ast.unparse(node)
+            if name not in self._known:
+                raise FaultError(f"condition {self.text!r}: no signal {name!r}{nearest(name, sorted(self._known))}")
+            self.signals.add(name)
+            return lambda values: values[name]
+        raise self._unreadable(node)
+
+    def _unreadable(self, node: ast.expr) -> FaultError:
+        return FaultError(f"condition {self.text!r}: {ast.unparse(node)!r} cannot be used; {_EXPECTED}")

@@ -1,0 +1,210 @@
+"""Declarations of faults as a user writes them: sets with a trigger and a duration, in TOML.
+
+Modelled on the error configurations of ASAM XIL's EES port: an ordered list of error sets, each with its trigger. Which
+taps and faults there are is not known here; the emulator refuses what it does not support.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from .cell_messages import nearest
+from .errors import FaultError
+
+ParameterValue = float | int | str | bool
+
+LARGEST_TEXT = 100_000
+MOST_SETS = 1000
+MOST_FAULTS = 100
+LONGEST_NAME = 80
+LONGEST_S = 1e6
+_TRIGGERS = ("at", "cycle", "when", "manual")
+_SET_KEYS = ("name", *_TRIGGERS, "duration", "repeat", "period", "fault")
+_SCRIPT_KEYS = ("set", "parallel", "clear", "trigger")
+
+
+@dataclass(frozen=True, slots=True)
+class FaultSpec:
+    """One fault at one tap, with the parameters that were given."""
+
+    tap: str
+    fault: str
+    parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Trigger:
+    """What makes a set active: the first that is not None. None of them: at once, when its turn has come.
+
+    `at_s` and `cycle` count from the first SYNC after NMT start, `when` is a condition over true signals, `is_manual`
+    waits for a command.
+    """
+
+    at_s: float | None = None
+    cycle: int | None = None
+    when: str | None = None
+    is_manual: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class FaultSet:
+    """Faults that become active together. Without a duration they last until cleared, or until the next set's turn.
+
+    `repeat` activations in all, their beginnings `period_s` apart, or as soon as the trigger allows where that is None.
+    """
+
+    name: str
+    faults: tuple[FaultSpec, ...]
+    trigger: Trigger = Trigger()
+    duration_s: float | None = None
+    repeat: int = 1
+    period_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class FaultScript:
+    """What one text asks for: sets, one after the other or in parallel; or to clear sets; or to trigger one by hand.
+
+    `clear` is the name of a set, or "" for all of them. A text without anything clears all as well.
+    """
+
+    sets: tuple[FaultSet, ...] = ()
+    is_parallel: bool = False
+    clear: str | None = None
+    trigger: str | None = None
+
+
+def parse_faults(text: str, source: str = "fault file") -> FaultScript:
+    """Read the TOML `text`; `source` names it in error messages. Raises `FaultError`: what, where, what would be right.
+
+    ```toml
+    [[set]]
+    name = "tachometer dies"
+    at = 1.0                    # s; or cycle = 400, when = "joint2.angle_deg > 30", manual = true
+    duration = 0.5              # s
+
+    [[set.fault]]
+    tap = "joint2.tachometer"
+    fault = "stuck"             # its parameters stand beside it
+    ```
+    """
+    if len(text) > LARGEST_TEXT:
+        raise FaultError(f"{source}: {len(text)} characters; must have at most {LARGEST_TEXT}")
+    try:
+        table = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise FaultError(f"{source}: not valid TOML: {' '.join(str(error).split())[:200]}") from None
+    return script_of(table, source)
+
+
+def script_of(table: Mapping[str, Any], source: str = "faults") -> FaultScript:
+    """The script that `table`, a parsed TOML text, declares. Raises `FaultError`."""
+    _check_keys(table, _SCRIPT_KEYS, source)
+    parallel, clear, trigger = table.get("parallel", False), table.get("clear"), table.get("trigger")
+    if not isinstance(parallel, bool):
+        raise FaultError(f"{source}: parallel = {parallel!r}: must be true or false")
+    if clear is True:
+        clear = ""
+    for key, value in (("clear", clear), ("trigger", trigger)):
+        if value is not None and not isinstance(value, str):
+            raise FaultError(f"{source}: {key} = {value!r}: must be the name of a set")
+    entries = _array(table, "set", source)
+    if len(entries) > MOST_SETS:
+        raise FaultError(f"{source}: {len(entries)} sets; must be at most {MOST_SETS}")
+    if entries and (clear is not None or trigger is not None):
+        raise FaultError(f"{source}: 'clear' and 'trigger' stand alone; sets go into a text of their own")
+    sets = tuple(_set(entry, f"{source}: set {number}", number) for number, entry in enumerate(entries, start=1))
+    names = [each.name for each in sets]
+    for name in names:
+        if names.count(name) > 1:
+            raise FaultError(f"{source}: {names.count(name)} sets are named {name!r}; names must differ")
+    if not sets and clear is None and trigger is None:
+        clear = ""
+    return FaultScript(sets, parallel, clear, trigger)
+
+
+def _set(entry: Mapping[str, Any], where: str, number: int) -> FaultSet:
+    _check_keys(entry, _SET_KEYS, where)
+    name = entry.get("name", f"set {number}")
+    if not isinstance(name, str) or not name or len(name) > LONGEST_NAME or not name.isprintable():
+        raise FaultError(f"{where}: name = {name!r}: must be text of at most {LONGEST_NAME} characters")
+    where = f"{where} ({name!r})" if "name" in entry else where
+    given = [key for key in _TRIGGERS if key in entry]
+    if len(given) > 1:
+        raise FaultError(f"{where}: has {' and '.join(given)}; must have one trigger: {', '.join(_TRIGGERS)}")
+    trigger = Trigger(
+        at_s=_seconds(entry, "at", where, least=0.0),
+        cycle=_whole(entry, "cycle", where, least=0),
+        when=_text(entry, "when", where),
+        is_manual=_switch(entry, "manual", where),
+    )
+    duration_s, period_s = _seconds(entry, "duration", where), _seconds(entry, "period", where)
+    repeat = _whole(entry, "repeat", where, least=1) or 1
+    if repeat > 1 and duration_s is None:
+        raise FaultError(f"{where}: repeat = {repeat}: needs a duration, after which the faults end and come again")
+    if period_s is not None and duration_s is not None and period_s <= duration_s:
+        raise FaultError(f"{where}: period = {period_s:g}: must be longer than the duration, {duration_s:g} s")
+    faults = _array(entry, "fault", where)
+    if len(faults) > MOST_FAULTS:
+        raise FaultError(f"{where}: {len(faults)} faults; must be at most {MOST_FAULTS}")
+    specs = tuple(_fault(each, f"{where}, fault {position}") for position, each in enumerate(faults, start=1))
+    return FaultSet(name, specs, trigger, duration_s, repeat, period_s)
+
+
+def _fault(entry: Mapping[str, Any], where: str) -> FaultSpec:
+    for key in ("tap", "fault"):
+        if not isinstance(entry.get(key), str):
+            raise FaultError(f"{where}: must have {key} = \"...\"; see `canarm fault list`")
+    parameters = {key: value for key, value in entry.items() if key not in ("tap", "fault")}
+    for key, value in parameters.items():
+        if not isinstance(value, float | int | str | bool):
+            raise FaultError(f"{where}: {key} = {value!r}: must be a number, a text, or true or false")
+    return FaultSpec(entry["tap"], entry["fault"], parameters)
+
+
+def _check_keys(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+    for key in table:
+        if key not in known:
+            raise FaultError(f"{where}: unknown key {key!r}{nearest(key, known)}")
+
+
+def _array(table: Mapping[str, Any], key: str, where: str) -> list[Mapping[str, Any]]:
+    value = table.get(key, [])
+    if not isinstance(value, list) or not all(isinstance(each, Mapping) for each in value):
+        raise FaultError(f"{where}: {key!r} must be tables, each headed [[{'set.' * (key == 'fault')}{key}]]")
+    return value
+
+
+def _seconds(table: Mapping[str, Any], key: str, where: str, least: float | None = None) -> float | None:
+    value = table.get(key)
+    if value is None:
+        return None
+    is_number = isinstance(value, float | int) and not isinstance(value, bool)
+    if not is_number or not (0.0 < value or value == least) or value > LONGEST_S:
+        bound = "at least 0" if least == 0.0 else "greater than 0"
+        raise FaultError(f"{where}: {key} = {value!r}: must be a number of seconds, {bound}, at most {LONGEST_S:g}")
+    return float(value)
+
+
+def _whole(table: Mapping[str, Any], key: str, where: str, least: int) -> int | None:
+    value = table.get(key)
+    if value is None:
+        return None
+    if not isinstance(value, int) or isinstance(value, bool) or not least <= value < 1 << 31:
+        raise FaultError(f"{where}: {key} = {value!r}: must be a whole number, at least {least}")
+    return value
+
+
+def _text(table: Mapping[str, Any], key: str, where: str) -> str | None:
+    value = table.get(key)
+    if value is not None and not isinstance(value, str):
+        raise FaultError(f'{where}: {key} = {value!r}: must be text, such as "joint2.angle_deg > 30"')
+    return value
+
+
+def _switch(table: Mapping[str, Any], key: str, where: str) -> bool:
+    value = table.get(key, False)
+    if not isinstance(value, bool):
+        raise FaultError(f"{where}: {key} = {value!r}: must be true or false")
+    return value

@@ -1,0 +1,397 @@
+"""When faults begin and end: triggers, durations, repetitions, order, clearing and refusals, in lockstep.
+
+Cycles last 2.5 ms and the first SYNC comes at 0, so a set at 0.1 s begins in cycle 40.
+"""
+
+import pytest
+
+from canarm_emulator.bench import Bench
+from canarm_emulator.faults.engine import SetState
+from canarm_emulator.truth import Truth
+from canarm_protocol.cell_file import load_cell
+from canarm_protocol.clock import Clock
+from canarm_protocol.errors import FaultError
+from canarm_protocol.faults import parse_faults
+from canarm_protocol.frames import Frame, NmtCommand, nmt_frame, sync_frame
+from canarm_protocol.wiring import OutputFrames, card_nodes
+
+CELL = load_cell("konkuk1")
+OUTPUTS = OutputFrames(CELL, card_nodes(CELL))
+COUNTER_CLOCKWISE = 0b10
+DAC_COB_ID = 0x312  # its PDO maps four channels, of which two are wired
+WAITING, ACTIVE, ENDED = SetState.WAITING, SetState.ACTIVE, SetState.ENDED
+Happening = tuple[int, str, bool]
+
+
+class Run:
+    """A bench in lockstep whose faults' beginnings and ends are noted: (cycle, set, whether it begins)."""
+
+    def __init__(self, seed: int = 0, is_started: bool = True) -> None:
+        self.bench = Bench(CELL, Truth.from_settings(CELL), Clock.SYNC, seed)
+        self.bench.start()
+        self.happened: list[Happening] = []
+        self.codes: list[tuple[float, ...]] = []
+        """The currents commanded to the joints, cycle by cycle."""
+        self.bench.faults.on_event = lambda event: self.happened.append((event.cycle, event.set_name, event.is_begin))
+        if is_started:
+            self.bench.receive(nmt_frame(NmtCommand.START))
+
+    def inject(self, text: str) -> str:
+        return self.bench.inject(parse_faults(text))
+
+    def cycles(self, count: int, codes: tuple[int, int] = (120, 60)) -> None:
+        for _ in range(count):
+            for cob_id, data in OUTPUTS.pack(codes, (COUNTER_CLOCKWISE, COUNTER_CLOCKWISE)):
+                self.bench.receive(Frame(cob_id, data.ljust(8, b"\0") if cob_id == DAC_COB_ID else data))
+            self.bench.receive(sync_frame(1))
+            self.codes.append(tuple(joint.command_a for joint in self.bench.world.state()))
+            self.bench.records.clear()
+
+    def begun(self, name: str = "a") -> list[int]:
+        return [cycle for cycle, set_name, is_begin in self.happened if set_name == name and is_begin]
+
+    def ended(self, name: str = "a") -> list[int]:
+        return [cycle for cycle, set_name, is_begin in self.happened if set_name == name and not is_begin]
+
+    def states(self) -> dict[str, SetState]:
+        return {each.name: each.state for each in self.bench.faults.status()}
+
+
+def fault_set(name: str, lines: str = "", tap: str = "joint2.latch", fault: str = "dropout") -> str:
+    return f'[[set]]\nname = "{name}"\n{lines}\n[[set.fault]]\ntap = "{tap}"\nfault = "{fault}"\n'
+
+
+# Triggers
+
+
+@pytest.mark.parametrize(
+    ("trigger", "cycle"),
+    [("", -1), ("at = 0", 0), ("at = 0.1", 40), ("at = 0.101", 41), ("cycle = 0", 0), ("cycle = 17", 17)],
+)
+def test_a_set_begins_at_its_time_or_cycle_or_at_once(trigger: str, cycle: int) -> None:
+    run = Run()
+    run.inject(fault_set("a", trigger))
+    run.cycles(60)
+    assert (run.begun(), run.ended()) == ([cycle], [])
+    assert run.states() == {"a": ACTIVE}
+
+
+def test_time_and_cycles_count_from_the_first_sync_after_nmt_start() -> None:
+    run = Run(is_started=False)
+    run.inject("parallel = true\n" + fault_set("a", "at = 0.05") + fault_set("b", "cycle = 3", tap="joint3.latch"))
+    for _ in range(100):
+        run.bench.receive(sync_frame(1))
+    assert run.happened == []
+    run.bench.receive(nmt_frame(NmtCommand.START))
+    run.cycles(30)
+    assert (run.begun("a"), run.begun("b")) == ([20], [3])
+
+
+def test_a_set_without_a_trigger_acts_before_nmt_start_too() -> None:
+    run = Run(is_started=False)
+    run.inject(fault_set("a"))
+    assert run.happened == [(-1, "a", True)]
+
+
+def test_a_condition_over_the_truth_begins_in_the_cycle_in_which_it_is_true() -> None:
+    run = Run()
+    run.inject(fault_set("a", 'when = "joint2.angle_deg > 21"'))
+    angles = []
+    run.bench.on_cycle = lambda truth: angles.append(truth.joints[0].angle_rad)
+    run.cycles(60)
+    first = next(cycle for cycle, angle in enumerate(angles) if angle > 21 * 3.141592653589793 / 180)
+    assert first > 0
+    assert run.begun() == [first]
+
+
+@pytest.mark.parametrize(("condition", "cycle"), [("time_s >= 0.05", 20), ("cycle == 7", 7), ("joint2.command_a > 0", 2)])
+def test_conditions_know_time_cycle_and_currents(condition: str, cycle: int) -> None:
+    run = Run()
+    run.inject(fault_set("a", f'when = "{condition}"'))
+    run.cycles(30)
+    assert run.begun() == [cycle]
+
+
+def test_a_manual_set_waits_for_its_command() -> None:
+    run = Run()
+    run.inject(fault_set("a", "manual = true"))
+    run.cycles(10)
+    assert run.states() == {"a": WAITING}
+    assert run.inject('trigger = "a"') == "triggered 'a'"
+    run.cycles(10)
+    assert run.begun() == [10]
+
+
+def test_a_command_begins_a_set_that_waits_for_something_else() -> None:
+    run = Run()
+    run.inject(fault_set("a", "at = 100"))
+    run.cycles(5)
+    run.inject('trigger = "a"')
+    run.cycles(5)
+    assert run.begun() == [5]
+
+
+# Duration and repetition
+
+
+def test_a_set_ends_after_its_duration() -> None:
+    run = Run()
+    run.inject(fault_set("a", "cycle = 10\nduration = 0.05"))
+    run.cycles(60)
+    assert (run.begun(), run.ended(), run.states()) == ([10], [30], {"a": ENDED})
+
+
+def test_a_repeated_set_begins_once_a_period() -> None:
+    run = Run()
+    run.inject(fault_set("a", "cycle = 10\nduration = 0.01\nrepeat = 3\nperiod = 0.05"))
+    run.cycles(100)
+    assert (run.begun(), run.ended()) == ([10, 30, 50], [14, 34, 54])
+    assert run.bench.faults.status()[0].activations == 3
+
+
+def test_a_condition_that_stays_true_begins_a_repeated_set_once() -> None:
+    run = Run()
+    run.inject(fault_set("a", 'when = "cycle > 5"\nduration = 0.01\nrepeat = 3'))
+    run.cycles(60)
+    assert (run.begun(), run.states()) == ([6], {"a": WAITING})
+
+
+def test_a_condition_that_comes_again_begins_a_repeated_set_again() -> None:
+    run = Run()
+    run.inject(fault_set("a", 'when = "cycle == 5 or cycle == 20"\nduration = 0.01\nrepeat = 3'))
+    run.cycles(60)
+    assert (run.begun(), run.ended()) == ([5, 20], [9, 24])
+
+
+def test_a_manual_set_that_is_repeated_waits_for_a_command_each_time() -> None:
+    run = Run()
+    run.inject(fault_set("a", "manual = true\nduration = 0.01\nrepeat = 2"))
+    for _ in range(3):
+        run.cycles(10)
+        if run.states() == {"a": WAITING}:
+            run.inject('trigger = "a"')
+    assert (run.begun(), run.ended()) == ([10, 20], [14, 24])
+
+
+# Order
+
+
+def test_sets_come_one_after_the_other() -> None:
+    run = Run()
+    run.inject(fault_set("a", "cycle = 5\nduration = 0.025") + fault_set("b", "duration = 0.0125"))
+    run.cycles(40)
+    assert run.happened == [(5, "a", True), (15, "a", False), (15, "b", True), (20, "b", False)]
+
+
+def test_a_later_trigger_is_not_looked_at_before_its_turn() -> None:
+    run = Run()
+    run.inject(fault_set("a", "cycle = 20\nduration = 0.025") + fault_set("b", "cycle = 5\nduration = 0.025"))
+    run.cycles(60)
+    assert (run.begun("a"), run.begun("b")) == ([20], [30])
+
+
+def test_a_set_without_a_duration_lasts_until_the_next_one_begins() -> None:
+    run = Run()
+    run.inject(fault_set("a", "cycle = 5") + fault_set("b", "cycle = 25"))
+    run.cycles(40)
+    assert run.happened == [(5, "a", True), (25, "a", False), (25, "b", True)]
+
+
+def test_an_empty_set_clears() -> None:
+    run = Run()
+    run.inject(fault_set("other"))
+    run.inject(fault_set("a", "cycle = 5") + '[[set]]\nname = "nothing"\ncycle = 25\n')
+    run.cycles(40)
+    assert (run.ended("a"), run.ended("other")) == ([25], [25])
+    assert run.bench.faults.active == 0
+
+
+def test_parallel_sets_do_not_wait_for_each_other() -> None:
+    run = Run()
+    sets = fault_set("a", "cycle = 20\nduration = 0.025") + fault_set("b", "cycle = 5\nduration = 0.1")
+    run.inject("parallel = true\n" + sets)
+    run.cycles(60)
+    assert run.happened == [(5, "b", True), (20, "a", True), (30, "a", False), (45, "b", False)]
+
+
+def test_texts_run_side_by_side() -> None:
+    run = Run()
+    run.inject(fault_set("a", "cycle = 5"))
+    run.inject(fault_set("b", "cycle = 5"))
+    run.cycles(10)
+    assert run.states() == {"a": ACTIVE, "b": ACTIVE}
+
+
+def test_faults_at_one_tap_act_in_the_order_in_which_they_began() -> None:
+    offset = fault_set("offset", tap="joint2.amplifier.current", fault="offset").rstrip() + "\nvalue = 0.3\n"
+    gain = fault_set("gain", tap="joint2.amplifier.current", fault="gain").rstrip() + "\nfactor = 2\n"
+    currents = []
+    for texts in ((offset, gain), (gain, offset)):
+        run = Run()
+        for text in texts:
+            run.inject(text)
+        run.cycles(5, codes=(51, 0))
+        currents.append(run.codes[-1][0])
+    assert currents == pytest.approx([2 * (0.3 + 0.3), 2 * 0.3 + 0.3])  # code 51 asks for 0.3 A
+
+
+def test_of_two_equal_faults_each_ends_by_itself() -> None:
+    run = Run()
+    for name, cycle in (("a", 0), ("b", 20)):
+        lines = f"cycle = {cycle}\nduration = 0.1"
+        run.inject(fault_set(name, lines, "joint2.amplifier.current", "drift") + "rate = 1\n")
+    run.cycles(70, codes=(51, 0))
+    # In cycle 30 they are 30 and 10 cycles old; in cycle 50 the first, of 40 cycles, is over.
+    assert run.codes[30][0] == pytest.approx(0.3 + (30 + 10) * 0.0025)
+    assert run.codes[50][0] == pytest.approx(0.3 + 30 * 0.0025)
+    assert run.codes[65][0] == pytest.approx(0.3)
+
+
+# Clearing
+
+
+@pytest.mark.parametrize("text", ["", "clear = true"])
+def test_clearing_all_ends_and_forgets_every_set(text: str) -> None:
+    run = Run()
+    run.inject(fault_set("a"))
+    run.inject(fault_set("b", "at = 100"))
+    run.cycles(10)
+    assert run.inject(text) == "cleared 2"
+    run.cycles(10)
+    assert (run.states(), run.bench.faults.active) == ({}, 0)
+    assert run.codes[5][0] == 0.0
+    assert run.codes[-1][0] == pytest.approx(120 * 1.5 / 255)
+
+
+def test_clearing_one_set_leaves_the_others() -> None:
+    run = Run()
+    run.inject(fault_set("a"))
+    run.inject(fault_set("b"))
+    run.cycles(5)
+    assert run.inject('clear = "a"') == "cleared 1"
+    run.cycles(5)
+    assert run.states() == {"b": ACTIVE}
+
+
+def test_clearing_one_of_several_sets_of_a_text_leaves_nothing_behind_that_cannot_be_cleared() -> None:
+    run = Run()
+    run.inject("parallel = true\n" + fault_set("a") + fault_set("b"))
+    run.cycles(5)
+    run.inject('clear = "a"')
+    run.cycles(5)
+    assert run.states() == {"b": ACTIVE}
+    run.inject("clear = true")
+    run.cycles(5)
+    assert run.bench.faults.active == 0
+    assert run.codes[-1][0] > 0.0
+
+
+def test_after_one_set_of_an_order_is_cleared_the_next_has_its_turn() -> None:
+    run = Run()
+    run.inject(fault_set("a", "duration = 10") + fault_set("b"))
+    run.cycles(5)
+    run.inject('clear = "a"')
+    run.cycles(5)
+    assert run.begun("b") == [5]
+
+
+def test_a_cleared_name_can_be_used_again() -> None:
+    run = Run()
+    run.inject(fault_set("a"))
+    run.inject('clear = "a"')
+    assert run.inject(fault_set("a")) == "accepted 'a'"
+
+
+# Refusals
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            fault_set("a", tap="joint9.tachometer"),
+            "set 'a', fault 1: no tap 'joint9.tachometer'; did you mean 'joint3.tachometer'?",
+        ),
+        (
+            fault_set("a", tap="joint2.latch", fault="missing-code"),
+            "set 'a', fault 1: fault 'missing-code' is not supported at joint2.latch (direction bits); acts at: "
+            "code of a DAC, code of an ADC channel; supported here are",
+        ),
+        (fault_set("a", fault="melted"), "set 'a', fault 1: fault 'melted' is not supported at joint2.latch"),
+        (
+            fault_set("a") + "valeu = 1",
+            "set 'a', fault 1: dropout at joint2.latch: no parameter 'valeu'; did you mean 'value'?",
+        ),
+        (
+            fault_set("a", tap="joint2.tachometer", fault="stuck") + "value = 5.1",
+            "set 'a', fault 1: stuck at joint2.tachometer: value = 5.1: must be a number from 0 to 5 V",
+        ),
+        (
+            fault_set("a", tap="joint2.tachometer", fault="stuck") + "value = true",
+            "set 'a', fault 1: stuck at joint2.tachometer: value = True: must be a number from 0 to 5 V",
+        ),
+        (
+            fault_set("a", tap="joint2.tachometer", fault="stuck") + f"value = 1{400 * '0'}",
+            "set 'a', fault 1: stuck at joint2.tachometer: value = 1",
+        ),
+        (
+            fault_set("a", tap="adc.channel1", fault="stuck-bit") + "bit = 1.5",
+            "set 'a', fault 1: stuck-bit at adc.channel1: bit = 1.5: must be a whole number (the bit, 0 is the lowest)",
+        ),
+        (fault_set("a", 'when = "joint2.angle > 3"'), "condition 'joint2.angle > 3': no signal 'joint2.angle'"),
+        ('clear = "a"', "no set 'a' to clear; there are none"),
+        ('trigger = "a"', "no set 'a' to trigger; there are none"),
+    ],
+)
+def test_what_is_not_supported_is_refused_with_a_reason(text: str, message: str) -> None:
+    with pytest.raises(FaultError) as caught:
+        Run().inject(text)
+    assert message in str(caught.value)
+
+
+def test_nothing_of_a_text_is_accepted_where_something_is_refused() -> None:
+    run = Run()
+    with pytest.raises(FaultError, match="set 'b', fault 1"):
+        run.inject(fault_set("a") + fault_set("b", fault="melted"))
+    run.cycles(3)
+    assert (run.states(), run.happened) == ({}, [])
+
+
+def test_a_name_that_is_taken_is_refused() -> None:
+    run = Run()
+    run.inject(fault_set("a"))
+    with pytest.raises(FaultError, match="a set named 'a' is there already"):
+        run.inject(fault_set("a"))
+
+
+def test_only_a_set_that_waits_can_be_triggered() -> None:
+    run = Run()
+    run.inject(fault_set("a"))
+    run.cycles(1)
+    with pytest.raises(FaultError, match="set 'a' is active; only one that waits can be triggered"):
+        run.inject('trigger = "a"')
+
+
+# Repeatability
+
+
+def test_the_same_seed_and_text_make_the_same_noise_and_another_seed_another() -> None:
+    text = fault_set("a", tap="joint2.amplifier.current", fault="noise")
+    runs = []
+    for seed in (3, 3, 4):
+        run = Run(seed)
+        run.inject(text)
+        run.cycles(40)
+        runs.append(run.codes)
+    assert runs[0] == runs[1] != runs[2]
+
+
+def test_every_activation_has_randomness_of_its_own() -> None:
+    run = Run()
+    text = fault_set(
+        "a", "cycle = 5\nduration = 0.025\nrepeat = 2\nperiod = 0.05", "joint2.amplifier.current", "noise"
+    )
+    run.inject(text)
+    run.cycles(60)
+    assert run.codes[5:15] != run.codes[25:35]
+    assert run.codes[16:20] == run.codes[36:40]
