@@ -45,6 +45,8 @@ SILENT_CYCLES = 4
 SETTLE_NS = 100_000_000
 """What a wire has not carried after so much time, it never will: nobody is left to acknowledge."""
 HIGHEST_NODE_ID = 127
+BOOT_UP = bytes((NmtState.BOOT_UP,))
+SDO_BASES = (Cob.SDO_TO_CLIENT, Cob.SDO_TO_SERVER)
 
 
 class Record(NamedTuple):
@@ -88,9 +90,10 @@ class Bench:
     the robot's bus, those received included, gather in order in `records`; those on the bench bus in `bench_records`.
     Whoever drives it empties both.
 
-    `with_wire` lets the frames of a running cycle take the time that the wire needs, one after the other by
-    arbitration, stamped with the end of the frame. SYNC and TIME stay outside in lockstep, for they carry time itself;
-    but no card sees the SYNC of a client in bus-off, and a card in bus-off sees none.
+    `with_wire` lets frames take the time that the wire needs, one after the other by arbitration, stamped with the end
+    of the frame: all of them on the wall clock; in lockstep those of a running cycle but for SYNC and TIME, which carry
+    time itself, and NMT and SDO, whose answer nobody could wait for while time stands still. No card sees the SYNC of a
+    client in bus-off, and a card in bus-off sees none.
     """
 
     def __init__(self, cell: Cell, truth: Truth, clock: Clock, seed: int, with_wire: bool = False) -> None:
@@ -123,6 +126,8 @@ class Bench:
         self.trouble = BusTrouble(self.wire)
         """What has gone wrong on the wire."""
         self._off = self.trouble.off
+        self._leaving: set[Hashable] = set()
+        """Clients that have left while the wire still carried what they had sent."""
         self._missed_by: Container[object] = ()
         node_ids = [slave.node_id for slave in self.slaves]
         self.device = BenchDevice(cell, self.assessor, BusFigures(self.wire, self.trouble, node_ids))
@@ -153,7 +158,7 @@ class Bench:
         """A frame leaves a card for the bus."""
         if self._off and node_id in self.trouble.unplugged:
             return
-        if self.wire is not None and self._is_cycling:
+        if self.wire is not None and self._is_carried(frame):
             self.wire.offer(max(time_ns, self.wire.time_ns), frame, node_id)
             return
         if node_id in self._off:
@@ -199,6 +204,8 @@ class Bench:
                 self._tell_idle_truth()
                 if self._faults is not None:
                     self._faults.update(until_ns, self.cycle)
+        if self.wire is not None and self.clock is Clock.WALL:
+            self._carry(self.wire, until_ns)
 
     def run_on(self) -> None:
         """In lockstep, the sender of SYNC is lost: time runs on until the cards' own protection has acted."""
@@ -236,7 +243,13 @@ class Bench:
             return
         if self.clock is Clock.SYNC:
             self.settle()
-        if not wire.nodes[name].queue:
+        self._leaving.add(name)
+        self._detach_leaving(wire)
+
+    def _detach_leaving(self, wire: Wire) -> None:
+        """Clients that have left, and have nothing more to send, are off the wire."""
+        for name in [name for name in self._leaving if not wire.nodes[name].queue]:
+            self._leaving.discard(name)
             self.trouble.forget(name)
             wire.detach(name)
 
@@ -257,10 +270,10 @@ class Bench:
         """A frame arrives on the robot's bus at `time_ns`."""
         self.move_on()
         is_lost = bool(self._off) and wire_name(origin) in self._off
-        is_sync = frame.can_id == Cob.SYNC and not frame.is_extended and not frame.is_remote
-        if is_sync and not (is_lost and self.clock is Clock.WALL):
+        is_sync = _is_sync(frame)
+        if is_sync and (self.clock is Clock.SYNC or (self.wire is None and not is_lost)):
             self._sync(frame, origin)
-        elif self.hooks.towards_cards is not None and not is_lost:
+        elif self.hooks.towards_cards is not None and not is_lost and not is_sync:
             self.hooks.towards_cards.take(self.time_ns, frame, origin)
         else:
             self.take_in(self.time_ns, frame, origin)
@@ -268,7 +281,7 @@ class Bench:
     def take_in(self, time_ns: int, frame: Frame, origin: object) -> None:
         """A frame of a client gets on the bus."""
         is_lost = bool(self._off) and wire_name(origin) in self._off
-        if self.wire is not None and (is_lost or self._is_cycling):
+        if self.wire is not None and (is_lost or self._is_carried(frame)):
             self._queue(self.wire, frame, wire_name(origin))
         else:
             self._arrive(Record(time_ns, frame, origin), self._off)
@@ -276,22 +289,25 @@ class Bench:
     def intrude(self, time_ns: int, frame: Frame, origin: Hashable) -> None:
         """A frame of nobody that belongs to the cell gets on the bus."""
         wire = self.wire
-        if wire is None or not self._is_cycling:
+        if wire is None or not (self._is_cycling or self.clock is Clock.WALL):
             self._arrive(Record(time_ns, frame, origin), self._off)
             return
         if origin not in wire.nodes:
             wire.attach(origin)
         wire.offer(max(time_ns, wire.time_ns), frame, origin)
 
-    def _arrive(self, record: Record, missed_by: Container[object] = ()) -> None:
-        """A frame is on the bus as a whole: it is logged, and who is to take it takes it."""
+    def _arrive(self, record: Record, missed_by: Container[object] = (), is_card: bool = False) -> None:
+        """A frame is on the bus as a whole: it is logged, and who is to take it takes it.
+
+        What nobody takes counts as ignored, but for what a card sends.
+        """
         self.records.append(record)
         frame = record.frame
         takers = self._takers.get(frame.can_id)
         if frame.is_remote and not frame.is_extended and self._answer_remote(frame.can_id):
             return
         if takers is None or frame.is_extended or frame.is_remote:
-            self.ignored_frames += 1
+            self.ignored_frames += not is_card
             return
         data, self._missed_by = frame.data, missed_by
         for taker in takers:
@@ -305,15 +321,19 @@ class Bench:
 
     @property
     def _is_cycling(self) -> bool:
-        """Whether SYNCs drive a run. Before, time stands still in lockstep, and a master's questions are answered at
-        once.
-        """
+        """Whether SYNCs drive a run. Before, time stands still in lockstep, and all frames are there at once."""
         return self.cycle >= 0 and self.is_operational
+
+    def _is_carried(self, frame: Frame) -> bool:
+        """Whether a frame goes over the wire, where there is one."""
+        return self.clock is Clock.WALL or (self._is_cycling and not _is_service(frame))
 
     def _queue(self, wire: Wire, frame: Frame, name: Hashable) -> None:
         """A client has a frame to send; in lockstep it took the controller a while to compute it."""
         if name not in wire.nodes:
             wire.attach(name)
+        if self._leaving:
+            self._leaving.discard(name)
         delay_ns = self.cell.bus.compute_delay_us * 1000 if self.clock is Clock.SYNC else 0
         wire.offer(max(self.time_ns + delay_ns, wire.time_ns), frame, name)
 
@@ -326,9 +346,14 @@ class Bench:
             if self._off:
                 missed_by = missed_by | self._off
             origin = None if is_card else origin_of(delivery.sender)
-            self._arrive(Record(delivery.end_ns, delivery.frame, origin), missed_by)
+            if _is_sync(delivery.frame):
+                self._sync(delivery.frame, origin, missed_by)
+            else:
+                self._arrive(Record(delivery.end_ns, delivery.frame, origin), missed_by, is_card)
         if wire.events:
             self._take_events(wire)
+        if self._leaving:
+            self._detach_leaving(wire)
 
     def _take_events(self, wire: Wire) -> None:
         """Errors on the wire are told to everybody, changes of a card's error state to the card."""
@@ -412,7 +437,7 @@ class Bench:
             if self.wire is not None or layout.objects[0].index != BUS_LOAD:
                 self.node.send_tpdo(layout, self.time_ns)
 
-    def _sync(self, frame: Frame, origin: object) -> None:
+    def _sync(self, frame: Frame, origin: object, missed_by: Container[object] = ()) -> None:
         lockstep = self.clock is Clock.SYNC
         if lockstep:
             self.advance(self._next_sync_ns)
@@ -427,6 +452,8 @@ class Bench:
         if faults is not None:
             faults.update(now_ns, self.cycle + self.is_operational)
         slaves = self.slaves if faults is None and not self._off else self._hearers(origin, now_ns)
+        if missed_by:
+            slaves = [slave for slave in slaves if slave.node_id not in missed_by]
         pdos = [(slave, layout) for slave in slaves for layout in slave.on_sync(frame.data, now_ns)]
         self._hurry()
         if self.is_operational:
@@ -594,6 +621,21 @@ class Bench:
 
     def _emit_bench(self, time_ns: int, frame: Frame) -> None:
         self.bench_records.append(Record(time_ns, frame))
+
+
+def _is_sync(frame: Frame) -> bool:
+    """Whether it is a SYNC (0x1005 is fixed)."""
+    return frame.can_id == Cob.SYNC and not frame.is_extended and not frame.is_remote
+
+
+def _is_service(frame: Frame) -> bool:
+    """NMT with the boot-up message that answers it, and SDO."""
+    can_id = frame.can_id
+    if frame.is_extended or frame.is_remote:
+        return False
+    if Cob.HEARTBEAT < can_id <= Cob.HEARTBEAT + HIGHEST_NODE_ID:
+        return frame.data == BOOT_UP
+    return can_id == Cob.NMT or any(base < can_id <= base + HIGHEST_NODE_ID for base in SDO_BASES)
 
 
 def _is_silent(wire: Wire) -> bool:

@@ -72,7 +72,7 @@ class BusFigures:
 
     @property
     def lost_frames(self) -> int:
-        """Frames lost in bus-off so far."""
+        """Frames lost in bus-off, or since a node's queue was full, so far."""
         return self._trouble.lost_frames
 
     @property

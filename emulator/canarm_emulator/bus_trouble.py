@@ -43,7 +43,7 @@ class BusTrouble:
 
     @property
     def lost_frames(self) -> int:
-        """Frames that nodes in bus-off had to send and threw away, those of nodes that have left included."""
+        """Frames thrown away by nodes in bus-off or with a full queue, those of nodes that have left included."""
         nodes = () if self._wire is None else self._wire.nodes.values()
         return self._lost_before + sum(node.discarded for node in nodes)
 

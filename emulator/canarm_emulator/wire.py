@@ -20,7 +20,7 @@ from canarm_protocol.frames import Frame
 from .confinement import SUSPEND_BITS, ErrorKind, ErrorState
 from .wire_errors import Attempt, Disturbance, Disturbances, Identifier, foresee
 from .wire_load import BusLoad
-from .wire_node import Node, Queueing, Waiting
+from .wire_node import LONGEST_QUEUE, Node, Queueing, Waiting
 
 __all__ = ["NEVER", "Delivery", "ErrorFrame", "Node", "Queueing", "StateChange", "Wire"]
 
@@ -134,7 +134,8 @@ class Wire:
         self._plan = None
 
     def offer(self, time_ns: int, frame: Frame, sender: Hashable) -> bool:
-        """`sender` has `frame` to send from `time_ns` on; False when it is in bus-off and the frame is lost.
+        """`sender` has `frame` to send from `time_ns` on; False when it is in bus-off, or its queue full, and the frame
+        is lost.
 
         Raises `ValueError` for a time gone by or an unknown sender, `FrameError` for what is no classical frame.
         """
@@ -144,7 +145,7 @@ class Wire:
                 f"frame 0x{frame.can_id:X} offered at {time_ns} ns; the wire is at {self.time_ns} ns already"
             )
         waiting = Waiting(time_ns, arbitration_key(frame), frame, frame_bits(frame))
-        if node.state is ErrorState.BUS_OFF:
+        if node.state is ErrorState.BUS_OFF or len(node.queue) >= LONGEST_QUEUE:
             node.discarded += 1
             return False
         if not node.queue:
@@ -215,6 +216,11 @@ class Wire:
         Raises `ValueError` for a window longer than the history.
         """
         return self._load.share(self.time_ns, window_ns, None if self._attempt is None else self._attempt.start_ns)
+
+    @property
+    def peak_load(self) -> float:
+        """Load of the busiest stretch of `history_ns` so far, wherever it began; of all the time while that is less."""
+        return self._load.peak(self.time_ns)
 
     def _node(self, name: Hashable) -> Node:
         try:

@@ -13,14 +13,33 @@ class BusLoad:
         self._start_ns, self._history_ns = start_ns, history_ns
         self._busy_ns = 0
         self._intervals: deque[tuple[int, int]] = deque()
+        self._recent_ns = 0
+        """Busy time of the intervals that are remembered."""
+        self._peak_ns = 0
 
     def add(self, begun_ns: int, ended_ns: int) -> None:
         """The bus was busy; `ended_ns` may lie ahead."""
         self._busy_ns += ended_ns - begun_ns
         intervals = self._intervals
         intervals.append((begun_ns, ended_ns))
+        self._recent_ns += ended_ns - begun_ns
         while intervals[0][1] < begun_ns - self._history_ns:
-            intervals.popleft()
+            oldest_begun_ns, oldest_ended_ns = intervals.popleft()
+            self._recent_ns -= oldest_ended_ns - oldest_begun_ns
+        # The busiest window ends with an interval.
+        busy_ns, from_ns = self._recent_ns, ended_ns - self._history_ns
+        for oldest_begun_ns, oldest_ended_ns in intervals:
+            if oldest_begun_ns >= from_ns:
+                break
+            busy_ns -= min(oldest_ended_ns, from_ns) - oldest_begun_ns
+        if busy_ns > self._peak_ns:
+            self._peak_ns = busy_ns
+
+    def peak(self, now_ns: int) -> float:
+        """Busy share of the busiest window of `history_ns`; of the time since start while that is less."""
+        if now_ns - self._start_ns < self._history_ns:
+            return self.share(now_ns, None, None)
+        return self._peak_ns / self._history_ns
 
     def share(self, now_ns: int, window_ns: int | None, since_ns: int | None) -> float:
         """Busy share of time up to `now_ns`, 0 to 1, of the last `window_ns` or since start.

@@ -13,6 +13,9 @@ from canarm_protocol.frames import Frame
 
 from .confinement import RECESSIVE_SEQUENCE_BITS, RECOVERY_SEQUENCES, Counters
 
+LONGEST_QUEUE = 256
+"""Frames that a controller and its driver hold; what is offered beyond them is lost. SocketCAN's default is 10."""
+
 _OFFERED, _KEY = attrgetter("offered_ns"), attrgetter("key")
 
 
@@ -63,7 +66,7 @@ class Node(Counters):
         """Own transmissions that ended in an error."""
         self.lost_arbitrations = 0
         self.discarded = 0
-        """Frames thrown away in bus-off."""
+        """Frames thrown away in bus-off, or since the queue was full."""
 
     def put(self, waiting: Waiting) -> None:
         """Queue a frame behind those that came no later."""

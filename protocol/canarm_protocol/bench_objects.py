@@ -1,7 +1,8 @@
 """The bench node's object dictionary: what the test bench knows of a run, on its own bus.
 
 One node, built for the number of joints of a cell. Truth and assessment go out; reference, measurements and the law's
-internals come in from the controller. Anyone may read all of it by SDO. COB-IDs here belong to the bench bus alone.
+internals come in from the controller; faults and the emergency stop come from anybody. Anyone may read all of it by
+SDO. COB-IDs here belong to the bench bus alone.
 """
 
 from dataclasses import dataclass
@@ -23,19 +24,33 @@ ASSESSED_CYCLES = 0x2210
 BUS_LOAD, TOTAL_BUS_LOAD, WORST_RESPONSE, WORST_COB_ID, ERROR_FRAMES, LOST_FRAMES = range(0x2300, 0x2306)
 TRANSMIT_ERRORS, RECEIVE_ERRORS, ERROR_STATE = 0x2310, 0x2311, 0x2312
 DROPPED_FRAMES, ATTACHED_CLIENTS = 0x2320, 0x2321
+FAULT_SET, FAULT_RESULT, FAULT_STATUS, FAULT_CATALOGUE, FAULT_EVENTS = range(0x2400, 0x2405)
+ACTIVE_FAULTS, BEGUN_FAULTS = 0x2405, 0x2406
+EMERGENCY_STOP = 0x2410
+CHANNEL_OWNER = 0x2420
+"""Sub-index n: the token of the client that has claimed SDO channel n, 0 for none."""
 BUSES = "can0", "bench"
 """The sub-indices 1 and 2 of DROPPED_FRAMES and ATTACHED_CLIENTS."""
 CONTROLLER_STATES: dict[int, str] = {0: "idle", 1: "bringing up", 2: "running", 3: "stopping", 4: "done", 5: "failed"}
 """The values of CONTROLLER_STATE in words."""
 INTERNALS = 4
 """How many of a law's internal quantities a joint can publish: 0x2131 to 0x2134, named in 0x2130."""
-SDO_CHANNELS = 8
+SDO_CHANNELS = 9
 """SDO channels beside the default one (0x1201 and up), one a client: two clients on one channel break each other."""
 CONTROLLER_CHANNEL = 1
+CLIENT_CHANNELS = range(2, 9)
+"""Channels that clients claim: each writes a number of its own to CHANNEL_OWNER over CLAIM_CHANNEL, and reads it back."""
+CLAIM_CHANNEL = 9
+"""For claims alone, which are expedited: any number of clients may use it at one time."""
+CLAIM_S = 10.0
+"""A client that has been silent for so long (wall clock) has lost its channel as soon as another one wants it."""
+MOST_EVENTS = 100
+"""FAULT_EVENTS shows as many."""
 DIVIDER = 4
 """Telemetry goes out every 4th cycle (100 Hz at 2.5 ms) while somebody listens."""
 
 _U8, _U16, _U32, _F32 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32, datatypes.REAL32
+_TEXT = datatypes.VISIBLE_STRING
 _EVENT_DRIVEN = 255
 _JOINT_OBJECTS = (
     (TRUE_ANGLE, "True joint angle, rad", "ro", _F32),
@@ -66,6 +81,13 @@ _CARD_OBJECTS = (
     (TRANSMIT_ERRORS, "Transmit error counter of a card", _U16),
     (RECEIVE_ERRORS, "Receive error counter of a card", _U16),
     (ERROR_STATE, "Error state of a card (0 error-active / 1 error-passive / 2 bus-off)", _U8),
+)
+_FAULT_OBJECTS = (
+    (FAULT_SET, "Fault set to be done, as TOML", "wo", datatypes.DOMAIN),
+    (FAULT_RESULT, "What became of the last fault set that came on the same SDO channel", "ro", _TEXT),
+    (FAULT_STATUS, "Fault sets and active faults, as JSON", "ro", _TEXT),
+    (FAULT_CATALOGUE, "Taps and the faults that each supports, as JSON", "ro", _TEXT),
+    (FAULT_EVENTS, f"Last {MOST_EVENTS} beginnings and ends of faults, a line of JSON each", "ro", _TEXT),
 )
 _CLIENT_OBJECTS = (
     (DROPPED_FRAMES, "Frames dropped for slow clients of a bus", _U32),
@@ -104,8 +126,7 @@ def bench_dictionary(cell: Cell) -> Dictionary:
     _variable(dictionary, TICK, "Controller's tick", _U32, "rw", 0, mappable=True)
     _variable(dictionary, LATE, "Controller's late cycles", _U16, "rw", 0, mappable=True)
     _variable(dictionary, CONTROLLER_STATE, "Controller's state", _U8, "rw", 0, mappable=True)
-    name_type = datatypes.VISIBLE_STRING
-    _array(dictionary, INTERNAL_NAME, "Name of an internal quantity of the law", name_type, "rw", INTERNALS)
+    _array(dictionary, INTERNAL_NAME, "Name of an internal quantity of the law", _TEXT, "rw", INTERNALS)
     joints = len(cell.joints)
     for index, name, access, data_type in _JOINT_OBJECTS:
         _array(dictionary, index, name, data_type, access, joints, mappable=True)
@@ -116,6 +137,15 @@ def bench_dictionary(cell: Cell) -> Dictionary:
         _array(dictionary, index, name, data_type, "ro", len(cell.card), mappable=True)
     for index, name, data_type in _CLIENT_OBJECTS:
         _array(dictionary, index, name, data_type, "ro", len(BUSES), mappable=True)
+    for index, name, access, data_type in _FAULT_OBJECTS:
+        _variable(dictionary, index, name, data_type, access, None if data_type == datatypes.DOMAIN else "")
+    _variable(dictionary, ACTIVE_FAULTS, "Faults that act now, 255 for more", _U8, "ro", 0, mappable=True)
+    _variable(dictionary, BEGUN_FAULTS, "Faults that have begun so far", _U32, "ro", 0, mappable=True)
+    _variable(
+        dictionary, EMERGENCY_STOP, "Emergency stop (1 opens all amplifiers' supply)", _U8, "rw", 0, mappable=True
+    )
+    dictionary[EMERGENCY_STOP].max = 1
+    _array(dictionary, CHANNEL_OWNER, "Token of the client that has claimed the SDO channel", _U32, "rw", SDO_CHANNELS)
     _add_pdos(dictionary, node_id, joints)
     return dictionary
 
@@ -133,6 +163,7 @@ def _add_pdos(dictionary: Dictionary, node_id: int, joints: int) -> None:
         receive.append((0x2C0 + pair, [(INTERNAL, joint), (INTERNAL + 1, joint)]))
         receive.append((0x2C1 + pair, [(INTERNAL + 2, joint), (INTERNAL + 3, joint)]))
     transmit.append((0x380 + node_id, [(BUS_LOAD, 0), (ERROR_FRAMES, 0)]))
+    transmit.append((0x480 + node_id, [(ACTIVE_FAULTS, 0), (EMERGENCY_STOP, 0), (BEGUN_FAULTS, 0)]))
     for communication, mapping, pdos in ((0x1800, 0x1A00, transmit), (0x1400, 0x1600, receive)):
         for number, (cob_id, objects) in enumerate(pdos):
             record = _array(dictionary, communication + number, "PDO communication parameter", _U32, "ro", 2)
@@ -153,6 +184,8 @@ class BenchPdos:
     drive: tuple[PdoLayout, ...]
     bus: PdoLayout
     """Sent where the wire model runs."""
+    faults: PdoLayout
+    """Number of active faults, emergency stop, faults begun so far."""
     controller: PdoLayout
     reference: tuple[PdoLayout, ...]
     measured: tuple[PdoLayout, ...]
@@ -175,6 +208,7 @@ def bench_pdos(cell: Cell) -> BenchPdos:
         truth=tuple(transmit[TRUE_ANGLE, joint] for joint in joints),
         drive=tuple(transmit[TRUE_CURRENT, joint] for joint in joints),
         bus=transmit[BUS_LOAD, 0],
+        faults=transmit[ACTIVE_FAULTS, 0],
         controller=receive[CONTROLLER_STATE, 0],
         reference=tuple(receive[REFERENCE, joint] for joint in joints),
         measured=tuple(receive[MEASURED_SPEED, joint] for joint in joints),
@@ -188,7 +222,13 @@ def _key(mapped: MappedObject) -> tuple[int, int]:
 
 
 def _variable(
-    dictionary: Dictionary, index: int, name: str, data_type: int, access: str, default: int, mappable: bool = False
+    dictionary: Dictionary,
+    index: int,
+    name: str,
+    data_type: int,
+    access: str,
+    default: int | str | None,
+    mappable: bool = False,
 ) -> None:
     dictionary.add_object(_make(name, index, 0, data_type, access, default, mappable))
 
@@ -212,7 +252,9 @@ def _array(
     return entry
 
 
-def _make(name: str, index: int, subindex: int, data_type: int, access: str, default: int | str, mappable: bool) -> Any:
+def _make(
+    name: str, index: int, subindex: int, data_type: int, access: str, default: int | str | None, mappable: bool
+) -> Any:
     variable: Any = ODVariable(name, index, subindex)
     variable.data_type, variable.access_type, variable.pdo_mappable = data_type, access, mappable
     variable.default = default

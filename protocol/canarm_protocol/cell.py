@@ -250,6 +250,12 @@ class Supervision(Table):
     missing_cycles: Annotated[int, Field(ge=1, le=1000)]
     range_margin_deg: NonNegative
     max_position_step_deg: Positive
+    position_jump_lsb: Positive = 4.5
+    position_drift_lsb: Positive = 1.5
+    speed_jump_lsb: Positive = 5.0
+    speed_drift_lsb: Positive = 2.2
+    current_mismatch_a: Positive = 0.075
+    acceleration_mismatch_rad_s2: Positive = 4.0
 
 
 CHANNELS_OF: dict[CardModel, tuple[Quantity, ...]] = {

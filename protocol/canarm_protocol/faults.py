@@ -155,7 +155,7 @@ def _set(entry: Mapping[str, Any], where: str, number: int) -> FaultSet:
 def _fault(entry: Mapping[str, Any], where: str) -> FaultSpec:
     for key in ("tap", "fault"):
         if not isinstance(entry.get(key), str):
-            raise FaultError(f"{where}: must have {key} = \"...\"; see `canarm fault list`")
+            raise FaultError(f'{where}: must have {key} = "..."; see `canarm fault list`')
     parameters = {key: value for key, value in entry.items() if key not in ("tap", "fault")}
     for key, value in parameters.items():
         if not isinstance(value, float | int | str | bool):
@@ -181,7 +181,7 @@ def _seconds(table: Mapping[str, Any], key: str, where: str, least: float | None
     if value is None:
         return None
     is_number = isinstance(value, float | int) and not isinstance(value, bool)
-    if not is_number or not (0.0 < value or value == least) or value > LONGEST_S:
+    if not is_number or not (value > 0.0 or value == least) or value > LONGEST_S:
         bound = "at least 0" if least == 0.0 else "greater than 0"
         raise FaultError(f"{where}: {key} = {value!r}: must be a number of seconds, {bound}, at most {LONGEST_S:g}")
     return float(value)

@@ -12,7 +12,6 @@ from canarm_protocol.cell_file import load_cell
 from canarm_protocol.faults import FaultSpec
 
 
-
 @pytest.fixture
 def begin() -> Callable[..., SignalFault | JointFault]:
     """`begin(tap, fault, now_ns=0, seed=0, **parameters)` gives a fault of konkuk1 that has just begun."""

@@ -104,7 +104,9 @@ def test_a_condition_over_the_truth_begins_in_the_cycle_in_which_it_is_true() ->
     assert run.begun() == [first]
 
 
-@pytest.mark.parametrize(("condition", "cycle"), [("time_s >= 0.05", 20), ("cycle == 7", 7), ("joint2.command_a > 0", 2)])
+@pytest.mark.parametrize(
+    ("condition", "cycle"), [("time_s >= 0.05", 20), ("cycle == 7", 7), ("joint2.command_a > 0", 1)]
+)
 def test_conditions_know_time_cycle_and_currents(condition: str, cycle: int) -> None:
     run = Run()
     run.inject(fault_set("a", f'when = "{condition}"'))
@@ -388,9 +390,7 @@ def test_the_same_seed_and_text_make_the_same_noise_and_another_seed_another() -
 
 def test_every_activation_has_randomness_of_its_own() -> None:
     run = Run()
-    text = fault_set(
-        "a", "cycle = 5\nduration = 0.025\nrepeat = 2\nperiod = 0.05", "joint2.amplifier.current", "noise"
-    )
+    text = fault_set("a", "cycle = 5\nduration = 0.025\nrepeat = 2\nperiod = 0.05", "joint2.amplifier.current", "noise")
     run.inject(text)
     run.cycles(60)
     assert run.codes[5:15] != run.codes[25:35]

@@ -1,4 +1,4 @@
-"""Faults of amplifiers, latches and motors, against closed forms. Joint 2: 1.5 A, 2.5 ohm, 1.25 mH, K_I = 4.08 N·m/A."""
+"""Faults of amplifiers, latches and motors, in closed form. Joint 2 has 1.5 A, 2.5 ohm, 1.25 mH, K_I = 4.08 N·m/A."""
 
 import math
 from collections.abc import Callable
@@ -45,6 +45,10 @@ def test_an_amplifier_folds_back_until_less_is_asked_for(begin: Begin) -> None:
 def test_without_fold_back_it_is_a_plain_limit(begin: Begin) -> None:
     fault = begin(CURRENT, "current-limit", limit=0.4, fold_back=0.4)
     assert [fault.apply(value, 0) for value in (0.3, 0.5, 0.3)] == [0.3, 0.4, 0.3]
+
+
+def test_it_never_folds_back_to_more_than_its_limit(begin: Begin) -> None:
+    assert begin(CURRENT, "current-limit", limit=0.4, fold_back=0.9).apply(1.0, 0) == 0.4
 
 
 def test_a_thermal_switch_trips_when_the_mean_square_passes_its_limit(begin: Begin) -> None:

@@ -1,5 +1,6 @@
 """Faults of wires, against the arithmetic of the circuits that are assumed around the pins."""
 
+import itertools
 import math
 import statistics
 from collections.abc import Callable
@@ -68,7 +69,7 @@ def test_leakage_divides_with_2_5_kiloohm_of_the_sensor(begin: Begin, ohm: float
 def test_a_loose_contact_is_open_for_its_share_of_the_time(begin: Begin, duty: float) -> None:
     fault = begin(TAP, "loose-contact", duty=duty, frequency=10.0, seed=5)
     is_open = [fault.apply(4.0, k * MS) < 4.0 for k in range(60_000)]
-    breaks = sum(later and not earlier for earlier, later in zip(is_open, is_open[1:], strict=False))
+    breaks = sum(later and not earlier for earlier, later in itertools.pairwise(is_open))
     # Of 600 periods, each the sum of two exponential times: the share's standard deviation is below 0.02.
     assert statistics.fmean(is_open) == pytest.approx(duty, abs=0.06)
     assert breaks == pytest.approx(600, rel=0.15)

@@ -141,10 +141,7 @@ class Delayed(SignalFault, name="delayed", family=Family.SIGNAL, acts_on=ANY_SIG
     def apply(self, value: float, now_ns: int) -> float:
         """The newest value that is old enough."""
         queue = self._on_its_way
-        if queue and queue[-1][0] == now_ns:
-            queue[-1] = (now_ns, value)
-        else:
-            queue.append((now_ns, value))
+        queue.append((now_ns, value))
         while len(queue) > 1 and queue[1][0] <= now_ns - self._delay_ns:
             queue.popleft()
         return queue[0][1]
