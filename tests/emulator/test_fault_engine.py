@@ -395,3 +395,25 @@ def test_every_activation_has_randomness_of_its_own() -> None:
     run.cycles(60)
     assert run.codes[5:15] != run.codes[25:35]
     assert run.codes[16:20] == run.codes[36:40]
+
+
+def test_the_name_of_a_set_that_has_ended_is_free_again() -> None:
+    run = Run()
+    run.inject(fault_set("a", "duration = 0.005"))
+    with pytest.raises(FaultError, match="'a' is there already"):
+        run.inject(fault_set("a"))
+    run.cycles(5)
+    run.inject(fault_set("a", "cycle = 100"))
+    assert run.states() == {"a": SetState.WAITING}
+
+
+def test_a_condition_that_is_false_and_true_again_while_its_set_acts_counts() -> None:
+    run = Run()
+    run.inject(fault_set("a", 'when = "cycle == 0 or cycle > 2"\nduration = 0.006\nrepeat = 2'))
+    run.cycles(8)
+    assert run.begun() == [0, 3]
+
+
+def test_a_set_that_would_end_as_soon_as_it_begins_is_refused() -> None:
+    with pytest.raises(FaultError, match="set 'a' would end as soon as it begins"):
+        Run().inject(fault_set("a") + fault_set("b"))

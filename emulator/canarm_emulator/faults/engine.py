@@ -5,9 +5,10 @@ after the other (or side by side where it says `parallel`): a set waits for its 
 or ends the one before when that has no duration. All or nothing of a text is accepted.
 """
 
+import itertools
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from random import Random
 from typing import TYPE_CHECKING, NamedTuple
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from canarm_protocol.clock import Clock
 from canarm_protocol.conditions import Condition
 from canarm_protocol.errors import FaultError
-from canarm_protocol.faults import FaultScript, FaultSet
+from canarm_protocol.faults import FaultScript, FaultSet, Trigger
 
 from ..world import JointState
 from .catalogue import make_fault, resolve
@@ -30,9 +31,13 @@ if TYPE_CHECKING:
 
 NAME_OF_ALL = ""
 """`clear` with this name clears every set."""
-MOST_WAITING = 2000
-"""Sets that may wait or act at one time."""
+MOST_AT_WORK, MOST_DONE = 2000, 100
+"""Sets that may wait or act at one time; texts whose sets have all ended that `status` still shows."""
 _JOINT_KINDS = frozenset({TapKind.SUPPLY, TapKind.MOTOR, TapKind.LINK, TapKind.DRIVE_WIRE})
+
+
+Values = Callable[[], Mapping[str, float]]
+"""Gives the true signals of the moment by name."""
 
 
 class SetState(Enum):
@@ -76,7 +81,7 @@ class _Turn:
     was_true: bool = False
     faults: list[tuple[Tap, Fault]] = field(default_factory=list)
 
-    def may_begin(self, now_ns: int, begin_ns: int | None, cycle: int, values: Callable[[], Mapping[str, float]]) -> bool:
+    def may_begin(self, now_ns: int, begin_ns: int | None, cycle: int, values: Values) -> bool:
         """Whether its trigger holds. A condition that comes again must have been false in between."""
         if self.is_pulled:
             return True
@@ -147,13 +152,14 @@ class FaultEngine:
             return self.clear(script.clear)
         if script.trigger is not None:
             return self._pull(script.trigger)
-        taken = {turn.declared.name for each in self._configurations for turn in each.turns}
-        waiting = sum(len(each.turns) for each in self._configurations)
-        if waiting + len(script.sets) > MOST_WAITING:
-            raise FaultError(f"{waiting} sets are there already; must be at most {MOST_WAITING}: clear some")
+        at_work = {turn.declared.name for turn in self._turns() if turn.state is not SetState.ENDED}
+        if len(at_work) + len(script.sets) > MOST_AT_WORK:
+            raise FaultError(f"{len(at_work)} sets are there already; must be at most {MOST_AT_WORK}: clear some")
         turns = []
-        for each in script.sets:
-            if each.name in taken and not each.name.startswith("set "):
+        for position, each in enumerate(script.sets):
+            if each.name == f"set {position + 1}" and each.name in at_work:
+                each = replace(each, name=f"set {self._accepted + position + 1}")
+            if each.name in at_work:
                 raise FaultError(f"a set named {each.name!r} is there already: clear it, or choose another name")
             for number, spec in enumerate(each.faults, start=1):
                 try:
@@ -172,21 +178,28 @@ class FaultEngine:
                     )
             when = each.trigger.when
             turns.append(_Turn(each, None if when is None else Condition(when, self._signals)))
+        if not script.is_parallel:
+            _check_order(script.sets)
+        names = {turn.declared.name for turn in turns}
+        for configuration in self._configurations:
+            configuration.keep([turn for turn in configuration.turns if turn.declared.name not in names])
+        done = [each for each in self._configurations if each.is_done]
+        forgotten = done[: max(0, len(done) - MOST_DONE)]
+        self._configurations = [each for each in self._configurations if each not in forgotten and each.turns]
         self._configurations.append(_Configuration(turns, script.is_parallel))
-        self._accepted += 1
+        self._accepted += len(turns)
         return f"accepted {', '.join(repr(turn.declared.name) for turn in turns)}"
 
     def clear(self, name: str = NAME_OF_ALL) -> str:
         """End and forget the sets of that name, or all. Raises `FaultError` where there is none of the name."""
         found = 0
-        for configuration in self._configurations:
-            for turn in configuration.turns:
-                if name in (NAME_OF_ALL, turn.declared.name):
-                    found += turn.state is not SetState.ENDED
-                    self._end(turn)
-        if name and not any(turn.declared.name == name for each in self._configurations for turn in each.turns):
-            names = [turn.declared.name for each in self._configurations for turn in each.turns]
+        names = [turn.declared.name for turn in self._turns()]
+        if name and name not in names:
             raise FaultError(f"no set {name!r} to clear; there {_are(names)}")
+        for turn in self._turns():
+            if name in (NAME_OF_ALL, turn.declared.name):
+                found += turn.state is not SetState.ENDED
+                self._end(turn)
         for configuration in self._configurations:
             configuration.keep([turn for turn in configuration.turns if name and turn.declared.name != name])
         self._configurations = [each for each in self._configurations if each.turns]
@@ -194,11 +207,7 @@ class FaultEngine:
 
     def status(self) -> list[SetStatus]:
         """Every set that was accepted and not cleared, in order."""
-        return [
-            SetStatus(turn.declared.name, turn.state, turn.activations)
-            for each in self._configurations
-            for turn in each.turns
-        ]
+        return [SetStatus(turn.declared.name, turn.state, turn.activations) for turn in self._turns()]
 
     def update(self, now_ns: int, cycle: int) -> None:
         """Begin and end what is due. `cycle` is the number of the cycle that begins now, -1 before the first."""
@@ -214,8 +223,11 @@ class FaultEngine:
 
         for configuration in self._configurations:
             for turn in configuration.turns:
-                if turn.state is SetState.ACTIVE and turn.is_over(now_ns):
-                    self._end(turn)
+                if turn.state is SetState.ACTIVE:
+                    if turn.is_over(now_ns):
+                        self._end(turn)
+                    elif turn.condition is not None:
+                        turn.was_true = turn.condition.holds(signals())
             if configuration.is_parallel:
                 for turn in configuration.turns:
                     if turn.state is SetState.WAITING and self._may_begin(turn, now_ns, signals):
@@ -230,9 +242,7 @@ class FaultEngine:
         """Where faults change the truth of the arm."""
         return self._truth_point
 
-    def _take_turns(
-        self, configuration: _Configuration, now_ns: int, values: Callable[[], Mapping[str, float]]
-    ) -> None:
+    def _take_turns(self, configuration: _Configuration, now_ns: int, values: Values) -> None:
         turns = configuration.turns
         while configuration.place < len(turns):
             turn = turns[configuration.place]
@@ -249,7 +259,7 @@ class FaultEngine:
                     return
                 self._end(turn)
 
-    def _may_begin(self, turn: _Turn, now_ns: int, values: Callable[[], Mapping[str, float]]) -> bool:
+    def _may_begin(self, turn: _Turn, now_ns: int, values: Values) -> bool:
         return turn.may_begin(now_ns, self._begin_ns, self._cycle, values)
 
     def _begin(self, turn: _Turn, now_ns: int) -> None:
@@ -271,10 +281,10 @@ class FaultEngine:
 
     def _clear_others(self, empty: _Turn) -> None:
         """An empty set clears."""
-        for configuration in self._configurations:
-            for turn in configuration.turns:
-                if turn is not empty and turn.state is SetState.ACTIVE:
-                    self._end(turn)
+        for turn in self._turns():
+            if turn is not empty and turn.state is SetState.ACTIVE:
+                self._end(turn)
+                turn.state = SetState.ENDED
 
     def _end(self, turn: _Turn) -> None:
         now_ns = self._bench.time_ns
@@ -291,15 +301,16 @@ class FaultEngine:
         turn.state = SetState.ENDED if is_last else SetState.WAITING
 
     def _pull(self, name: str) -> str:
-        for configuration in self._configurations:
-            for turn in configuration.turns:
-                if turn.declared.name == name:
-                    if turn.state is not SetState.WAITING:
-                        raise FaultError(f"set {name!r} is {turn.state.value}; only one that waits can be triggered")
-                    turn.is_pulled = True
-                    return f"triggered {name!r}"
-        names = [turn.declared.name for each in self._configurations for turn in each.turns]
-        raise FaultError(f"no set {name!r} to trigger; there {_are(names)}")
+        for turn in self._turns():
+            if turn.declared.name == name:
+                if turn.state is not SetState.WAITING:
+                    raise FaultError(f"set {name!r} is {turn.state.value}; only one that waits can be triggered")
+                turn.is_pulled = True
+                return f"triggered {name!r}"
+        raise FaultError(f"no set {name!r} to trigger; there {_are([turn.declared.name for turn in self._turns()])}")
+
+    def _turns(self) -> list[_Turn]:
+        return [turn for configuration in self._configurations for turn in configuration.turns]
 
     def _point(self, tap: Tap) -> Point:
         if tap.kind in _JOINT_KINDS:
@@ -328,13 +339,21 @@ class FaultEngine:
         begin_ns = now_ns if self._begin_ns is None else self._begin_ns
         values = {"time_s": (now_ns - begin_ns) * 1e-9, "cycle": float(self._cycle)}
         for name, state in zip(self._bench.cell.joint_names, self._bench.world.state(), strict=True):
-            for signal, value in zip(_joint_signals(name), _joint_values(state), strict=True):
-                values[signal] = value
+            values.update(zip(_joint_signals(name), _joint_values(state), strict=True))
         return values
 
 
 def _joint_signals(joint: str) -> tuple[str, ...]:
     return tuple(f"{joint}.{leaf}" for leaf in ("angle_rad", "angle_deg", "speed_rad_s", "current_a", "command_a"))
+
+
+def _check_order(sets: Sequence[FaultSet]) -> None:
+    for each, following in itertools.pairwise(sets):
+        if each.duration_s is None and following.trigger == Trigger():
+            raise FaultError(
+                f"set {each.name!r} would end as soon as it begins: give it a duration, or set {following.name!r} a "
+                "trigger"
+            )
 
 
 def _are(names: list[str]) -> str:
