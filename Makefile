@@ -14,7 +14,7 @@ unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV CONDA_PREFIX UV_PROJECT_ENVIRONMENT U
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
 .PHONY: help setup demo test check check-format check-lint check-types check-imports check-lock check-wheels \
-	check-socketcan bench ablation format lock clean
+	check-socketcan bench ablation matrix format lock clean
 
 help: ## List the targets
 	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12] [NO_UV=1] [JOBS=2]'
@@ -62,6 +62,9 @@ bench: setup ## Run the benchmarks
 
 ablation: setup ## Write docs/ablation.md anew: what each term of the laws is worth; takes minutes (ARGS="--jobs 4")
 	$(BIN)/python scripts/ablation.py $(ARGS)
+
+matrix: setup ## Run the fault matrix of konkuk1 against its golden copy; takes minutes (ARGS=--update-golden)
+	$(BIN)/python scripts/fault_matrix.py $(ARGS)
 
 format: setup ## Format the code and mend what lint can mend
 	$(BIN)/python -m ruff check --fix --exit-zero --quiet .

@@ -1,5 +1,5 @@
 """`python -m canarm`."""
 
-from .cli import main
+from .entry import main
 
 main()

@@ -41,6 +41,7 @@ for _name, _help in {
     "controller": "Control the robot: find the cards, run the law, stop safely.",
     "tui": "Watch a running bench in a dashboard.",
     "jog": "Drive the cards by hand, where no controller runs.",
+    "fault": "Break something on the signal path: list, inject, clear, trigger, status; matrix.",
     "check": "Validate a cell file and show what it describes.",
     "export": "Describe a cell to other tools: EDS and DCF for CANopen masters, DBC for decoders.",
 }.items():
@@ -105,9 +106,10 @@ def _set_up_logging() -> None:
 
 
 def _lose_stdout(error: OSError) -> int:
+    """A reader that wants no more says so by leaving; other trouble is told."""
     # What is left in the buffer would be tried again, and complained about, when the interpreter ends.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return _complain(f"stdout: {error.strerror}", FAILED)
+    return FAILED if isinstance(error, BrokenPipeError) else _complain(f"stdout: {error.strerror}", FAILED)
 
 
 def _complain(text: str, status: int) -> int:

@@ -24,6 +24,8 @@ ROBOT_BUS, BENCH_BUS = "can0", "bench"
 LOSSY = "udp_multicast"
 """python-can's interface that may lose frames."""
 
+SERIAL = "slcan"
+
 LONGEST_S = 1e6
 """Eleven days: waiting longer is not meant, and some systems cannot."""
 
@@ -68,6 +70,14 @@ Truth = Annotated[
     Settings,
     Parameter(
         help="What differs from nominal in the true robot, as joint3.mass=0.9; may be repeated. Keys: check --keys."
+    ),
+]
+FaultFile = Annotated[
+    Path | None,
+    Parameter(
+        name="--faults",
+        metavar="FILE",
+        help="Fault file (TOML): sets of faults with their triggers. What can be injected where: fault list.",
     ),
 ]
 WithParent = Annotated[bool, Parameter(negative=(), show=False)]
@@ -198,6 +208,36 @@ class BenchBusOptions:
         return _named("--bench-interface", self.bench_interface, self.bench_channel, self.bench_bus_kwargs)
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class BenchAttachOptions:
+    """Where a running bench is found."""
+
+    connect: Annotated[
+        Address,
+        Parameter(help="Where an emulator serves the virtual buses; used unless -i names another bus."),
+    ] = DEFAULT_ADDRESS
+    bench_interface: Annotated[
+        str | None,
+        Parameter(
+            name=["--bench-interface", "-i"],
+            metavar="NAME",
+            help="python-can interface of the bench bus, such as socketcan.",
+        ),
+    ] = None
+    bench_channel: Annotated[
+        str | None,
+        Parameter(name=["--bench-channel", "-c"], metavar="NAME", help="Channel of the bench bus, such as vcan1."),
+    ] = None
+    bench_bus_kwargs: Annotated[BusWords, Parameter(help="Options of the bench bus.")] = field(default_factory=list)
+
+    def named(self) -> "NamedBus":
+        """The bench bus. Raises `UsageError`."""
+        host, port = parse_address("--connect", self.connect)
+        named = _named("-i", self.bench_interface, self.bench_channel, self.bench_bus_kwargs)
+        return named or NamedBus("canarm", BENCH_BUS, {"host": host, "port": port})
+
+
 @dataclass(frozen=True)
 class NamedBus:
     """A bus as python-can names it; not yet open."""
@@ -225,14 +265,15 @@ def check_clock(clock: str, *buses: NamedBus | None) -> None:
         )
 
 
-def parse_address(option: str, text: str, any_port: bool = False) -> tuple[str, int]:
-    """HOST:PORT, with port 0 only where `any_port` says so. Raises `UsageError`."""
-    host, colon, digits = text.rpartition(":")
+def parse_address(option: str, text: str, any_port: bool = False, scheme: str = "") -> tuple[str, int]:
+    """HOST:PORT behind `scheme`, with port 0 only where `any_port` says so. Raises `UsageError`."""
+    host, colon, digits = text.removeprefix(scheme).rpartition(":")
     lowest = 0 if any_port else 1
     # `isdigit` alone takes digits of other scripts, and superscripts.
     if not colon or not host or not (digits.isascii() and digits.isdigit()) or not lowest <= int(digits) <= 0xFFFF:
         raise UsageError(
-            f"{option} {text}: write HOST:PORT with a port from {lowest} to 65535, such as {DEFAULT_ADDRESS}"
+            f"{option} {text}: write {scheme}HOST:PORT with a port from {lowest} to 65535, such as "
+            f"{scheme}{DEFAULT_ADDRESS}"
         )
     return host.strip("[]"), int(digits)
 
@@ -252,4 +293,6 @@ def _named(option: str, interface: str | None, channel: str | None, words: Seque
         close = difflib.get_close_matches(interface, known, n=1)
         hint = f"did you mean {close[0]}?" if close else f"it knows {', '.join(known)}"
         raise UsageError(f"{option} {interface}: python-can knows no such interface; {hint}")
+    if interface == SERIAL and channel is None:
+        raise UsageError(f"{option} {interface}: on which serial line? add its channel, such as -c /dev/ttyACM0")
     return NamedBus(interface, channel, options)

@@ -3,41 +3,39 @@
 The same two objects as in `canarm emulator` and `canarm controller`, joined by a wire that is a list.
 """
 
-import math
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from canarm_controller.controller import Controller, State
 from canarm_controller.errors import ControllerError
 from canarm_controller.recording import ControllerRecorder
+from canarm_controller.supervision.detection import Detection
 from canarm_emulator.assessor import Assessor
 from canarm_emulator.bench import CycleTruth, Record
 from canarm_emulator.errors import TruthError
+from canarm_emulator.fault_objects import event_details, event_name
+from canarm_emulator.faults.engine import FaultEvent, SetStatus
 from canarm_emulator.recording import Recorder
 from canarm_emulator.truth import Truth
 from canarm_protocol.cell import Cell
 from canarm_protocol.cell_file import load_cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Frame
+from canarm_protocol.faults import FaultScript
+from canarm_protocol.frames import ERROR_FLAG, Frame
 from canarm_protocol.run_folder import create_run_folder, update_run_file
 
+from .findings import Begun, Detected, Noticed, ask_detected
+from .rig_faults import FaultControl, FaultSource
+from .rig_history import History
+from .rig_joint import TRUE_SIGNALS, RigJoint
 from .session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, make_bench, make_controller, provenance, tick_count
-from .summary import JointFigures, Summary
+from .summary import Summary, detections_as_plain
 from .usage import UsageError
 
-Floats = NDArray[np.float64]
-
 FRAMES_KEPT = 10_000
-_SIGNALS = ("true_angle_rad", "true_speed_rad_s", "current_a", "command_a", "reference_rad", "measured_rad")
-_TRUE_SIGNALS = 4
-"""The first fields of `canarm_emulator.world.JointState`, in its order."""
 _MECHANICS = (".mass", ".viscous", ".coulomb", ".rotor_inertia", ".wire_stiffness")
 
 
@@ -56,101 +54,15 @@ class StampedFrame(NamedTuple):
     frame: Frame
 
 
-@dataclass(frozen=True)
-class _History:
-    """The last controlled cycles of a run in a ring: one row a cycle, `_SIGNALS` of every joint."""
-
-    rows: Floats
-
-    def column(self, joint: int, signal: str, cycles: int) -> Floats:
-        """One signal, oldest first."""
-        values = self.rows[:, joint * len(_SIGNALS) + _SIGNALS.index(signal)]
-        size = len(values)
-        if cycles <= size:
-            return values[:cycles].copy()
-        return np.roll(values, -(cycles % size))
-
-
-class RigJoint:
-    """Histories and figures of one joint.
-
-    Histories are numpy arrays with one value a controlled cycle, oldest first, all of one length and of the same
-    cycles; a stop adds none. They are copies: what was read stays as it was when the run goes on.
-    """
-
-    def __init__(self, rig: "Rig", index: int) -> None:
-        self._rig, self._index = rig, index
-
-    @property
-    def true_angle_rad(self) -> Floats:
-        """True joint angle at each SYNC."""
-        return self._rig._column(self._index, "true_angle_rad")
-
-    @property
-    def true_speed_rad_s(self) -> Floats:
-        """True joint speed at each SYNC."""
-        return self._rig._column(self._index, "true_speed_rad_s")
-
-    @property
-    def current_a(self) -> Floats:
-        """Motor current at each SYNC, signed."""
-        return self._rig._column(self._index, "current_a")
-
-    @property
-    def command_a(self) -> Floats:
-        """What the amplifier is asked for from each SYNC on, signed."""
-        return self._rig._column(self._index, "command_a")
-
-    @property
-    def reference_rad(self) -> Floats:
-        """The controller's reference for each SYNC."""
-        return self._rig._column(self._index, "reference_rad")
-
-    @property
-    def measured_rad(self) -> Floats:
-        """The joint angle as the controller measured it in each cycle; the last one where a measurement was missing."""
-        return self._rig._column(self._index, "measured_rad")
-
-    @property
-    def rms_error_lsb(self) -> float:
-        """RMS of true minus reference angle in steps of the position sensor, first 1024 cycles left out; NaN before."""
-        return self._figure("rms_lsb")
-
-    @property
-    def max_error_lsb(self) -> float:
-        """Greatest true minus reference angle, as `rms_error_lsb`."""
-        return self._figure("max_lsb")
-
-    @property
-    def peak_current_a(self) -> float:
-        """Greatest motor current of the run, A."""
-        return self._rig._assessor.scores[self._index].peak_current_a
-
-    @property
-    def saturated_cycles(self) -> int:
-        """Cycles in which the amplifier was at its limit."""
-        return self._rig._assessor.scores[self._index].saturated_cycles
-
-    @property
-    def speed_ripple(self) -> float:
-        """Standard deviation over mean of the true speed while the reference's is constant; NaN if it never is."""
-        return self._rig._assessor.scores[self._index].speed_ripple or math.nan
-
-    def _figure(self, name: str) -> float:
-        score = self._rig._assessor.scores[self._index]
-        return float(getattr(score, name)) if score.samples else math.nan
-
-
-class Rig:
+class Rig(FaultControl):
     """A cell with its controller, ready to run in virtual time; use it in a `with` statement.
 
     `cell` is a name, a file or a `Cell`; `law`, `trajectory` and `feedforward` are as on the command line; `truth` and
-    `settings` are what `--truth` and `--set` take, `wire` is `--wire`. `history_s` bounds the histories (older cycles
-    are forgotten). `out`
-    names a run folder.
+    `settings` are what `--truth` and `--set` take, `wire` is `--wire`, `faults` is a fault file, its text or a script
+    (see `inject_file`). `history_s` bounds the histories (older cycles are forgotten). `out` names a run folder.
 
-    Raises `CellError`, `TruthError`, `ControllerError` (`LawError`, `TrajectoryError`), `RunFolderError` or
-    `UsageError` (a `ValueError`) for what cannot be. What goes wrong on the robot raises nothing: it ends in a safe
+    Raises `CellError`, `TruthError`, `ControllerError` (`LawError`, `TrajectoryError`), `FaultError`, `RunFolderError`
+    or `UsageError` (a `ValueError`) for what cannot be. What goes wrong on the robot raises nothing: it ends in a safe
     stop, with `reason`.
     """
 
@@ -165,9 +77,11 @@ class Rig:
         wire: bool = False,
         truth: Mapping[str, object] | None = None,
         settings: Mapping[str, object] | None = None,
+        faults: FaultSource | None = None,
         history_s: float = 60.0,
         out: Path | str | None = None,
     ) -> None:
+        super().__init__()
         if isinstance(cell, Cell) and settings:
             raise UsageError("settings: go with the name or file of a cell; lay them over this one with load_cell()")
         if seed < 0:
@@ -180,21 +94,34 @@ class Rig:
         self._controller = make_controller(self.cell, law, trajectory, feedforward, Clock.SYNC)
         self._assessor: Assessor = self._bench.assessor
         size = tick_count(self.cell, history_s, "history_s")
-        self._history = _History(np.zeros((size, len(_SIGNALS) * len(self.cell.joints))))
+        controller = self._controller
+        self._history = History(self.cell, size, self._assessor, lambda: controller.controlled_ticks)
         self._truth: CycleTruth | None = None
         self.events: list[Event] = []
-        """Changes of the controller's state, with the reason of a stop, and of the truth; oldest first."""
+        """Changes of the controller's state, with the reason of a stop, and of the truth; beginnings and ends of
+        faults, and detections; oldest first.
+        """
+        self.fault_events: list[FaultEvent] = []
+        """Beginnings and ends of faults; oldest first."""
+        self.noticed: list[Noticed] = []
+        """Detections with their times; oldest first."""
         self._records: deque[Record] = deque(maxlen=FRAMES_KEPT)
-        self.joints = {name: RigJoint(self, index) for index, name in enumerate(self.cell.joint_names)}
+        self.joints = {
+            name: RigJoint(self._history, index, name, score.lsb_rad)
+            for index, (name, score) in enumerate(zip(self.cell.joint_names, self._assessor.scores, strict=True))
+        }
         self._state = State.IDLE
         self._folder: Path | None = None
         self._recorders: tuple[Recorder, ControllerRecorder] | None = None
         if out is not None:
             self._record(create_run_folder(Path(out)))
         self._bench.on_cycle = self._keep_truth
+        self._bench.device.faults.on_event = self._note_fault
         self._controller.on_tick = self._on_tick
         self._bench.start()
         self._exchange()
+        if faults is not None:
+            self.inject_file(faults)
 
     @property
     def controller(self) -> Controller:
@@ -220,6 +147,34 @@ class Rig:
     def time_s(self) -> float:
         """Virtual time since the bench was switched on."""
         return self._bench.time_ns * 1e-9
+
+    @property
+    def fault_status(self) -> list[SetStatus]:
+        """Every set of faults that was injected and not cleared: name, state, activations so far."""
+        return self._bench.faults.status()
+
+    @property
+    def detections(self) -> list[Detection]:
+        """What the controller has detected; oldest first."""
+        return [each.detection for each in self.noticed]
+
+    def detected(self, name: str | None = None, joint: str | None = None, *, since: float | None = None) -> Detected:
+        """What was detected by detector `name` at `joint` (any where None): true where there is anything.
+
+        `.within(0.025)` asks whether the first detection after the latest fault began came no later than that; with
+        `since`, in s of virtual time, only what came after it counts, and from there.
+        """
+        return ask_detected(self.noticed, self.begun, name, joint, since)
+
+    @property
+    def begun(self) -> list[Begun]:
+        """Faults that have begun; oldest first."""
+        return [Begun(each.time_ns * 1e-9, each.tap, each.fault) for each in self.fault_events if each.is_begin]
+
+    @property
+    def torque_is_off(self) -> bool:
+        """Whether no amplifier is asked for any current, in truth, at this moment."""
+        return not any(joint.command_a for joint in self._bench.world.state())
 
     def run(self, seconds: float) -> None:
         """Let virtual time pass. Returns early when the controller has stopped the robot, at once if it had before.
@@ -284,17 +239,10 @@ class Rig:
             missed=controller.missed,
             late=0,
             real_time_factor=None,
-            joints={
-                name: JointFigures(
-                    rms_lsb=None if math.isnan(joint.rms_error_lsb) else joint.rms_error_lsb,
-                    max_lsb=None if math.isnan(joint.max_error_lsb) else joint.max_error_lsb,
-                    peak_current_a=joint.peak_current_a,
-                    saturated_cycles=joint.saturated_cycles,
-                    speed_ripple=None if math.isnan(joint.speed_ripple) else joint.speed_ripple,
-                )
-                for name, joint in self.joints.items()
-            },
+            joints={name: self._history.figures(index) for index, name in enumerate(self.joints)},
             out=None if self._folder is None else str(self._folder),
+            faults=len(self.begun),
+            detections=detections_as_plain(self.detections),
         )
 
     def __enter__(self) -> Self:
@@ -334,12 +282,17 @@ class Rig:
                 log(record)
         receive = controller.receive
         for time_ns, frame, origin in records:
-            if origin is None:
+            # As the two processes have it: everybody hears all but itself, and error frames are no data.
+            if origin is None or (origin is not controller and frame.can_id < ERROR_FLAG):
                 receive(frame, time_ns)
+        if len(controller.detections) > len(self.noticed):
+            self._note_detections()
         if controller.state is not self._state:
             self._note_state()
 
     def _keep_truth(self, truth: CycleTruth) -> None:
+        if self._controller.state >= State.STOPPING:
+            self._history.stopping(self._truth, truth)
         self._truth = truth
         if self._recorders is not None:
             self._recorders[0].cycle(truth)
@@ -347,18 +300,33 @@ class Rig:
     def _on_tick(self) -> None:
         cycle, truth = self._controller.loop.cycle, self._truth
         assert truth is not None
-        row: list[float] = []
+        row = [truth.time_ns * 1e-9]
         for joint, true in enumerate(truth.joints):
             reference = cycle.reference_rad[joint]
-            row += (*true[:_TRUE_SIGNALS], reference, cycle.position_rad[joint])
+            row += (*true[:TRUE_SIGNALS], reference, cycle.position_rad[joint])
             self._assessor.reference(cycle.tick, joint, reference)
-        rows = self._history.rows
-        rows[(self._controller.controlled_ticks - 1) % len(rows)] = row
+        self._history.tick(self._controller.controlled_ticks - 1, row)
         if self._recorders is not None:
             self._recorders[1].tick()
 
-    def _column(self, joint: int, signal: str) -> Floats:
-        return self._history.column(joint, signal, self._controller.controlled_ticks)
+    def _accept(self, script: FaultScript) -> None:
+        self._bench.inject(script)
+
+    def _note_fault(self, event: FaultEvent) -> None:
+        self.fault_events.append(event)
+        what = "fault begins" if event.is_begin else "fault ends"
+        of_set = "" if event.set_name == f"{event.tap} {event.fault}" else f" ({event.set_name})"
+        self.events.append(Event(event.time_ns * 1e-9, what, f"{event.tap} {event.fault}{of_set}"))
+        if self._recorders is not None:
+            self._recorders[0].event(event.time_ns, event_name(event), **event_details(event))
+
+    def _note_detections(self) -> None:
+        for detection in self._controller.detections[len(self.noticed) :]:
+            truth = self._truth
+            is_now = truth is not None and truth.cycle == detection.tick
+            time_ns = truth.time_ns if truth is not None and is_now else detection.tick * self.cell.bus.cycle_ns
+            self.noticed.append(Noticed(time_ns * 1e-9, detection))
+            self.events.append(Event(time_ns * 1e-9, f"detected {detection.detector}", detection.detail))
 
     def _note_state(self) -> None:
         controller = self._controller
@@ -371,6 +339,7 @@ class Rig:
     def _record(self, folder: Path) -> None:
         self._folder = folder
         self._recorders = (Recorder(folder, self.cell), ControllerRecorder(folder, self._controller))
+        self._controller.on_detection = self._recorders[1].detection
         update_run_file(folder, "cell", self.cell.model_dump(mode="json"))
         names = {"law": self._law, "trajectory": self._trajectory, "seed": self._seed}
         update_run_file(folder, "rig", {**provenance(), **names, "truth": self._true_settings})

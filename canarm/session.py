@@ -15,6 +15,7 @@ from canarm_emulator.bench import Bench
 from canarm_emulator.truth import Truth
 from canarm_protocol.cell import Cell
 from canarm_protocol.clock import Clock
+from canarm_protocol.schedulability import cell_verdict
 from canarm_protocol.wiring import card_nodes, input_slots
 
 from .usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError
@@ -28,6 +29,7 @@ __all__ = [
     "make_controller",
     "provenance",
     "tick_count",
+    "traffic_warning",
 ]
 
 
@@ -58,6 +60,16 @@ def tick_count(cell: Cell, seconds: float, source: str = "--seconds") -> int:
     if ticks < 1:
         raise UsageError(f"{source} {seconds:g}: must be at least one cycle, {cell.bus.cycle_s:g} s")
     return ticks
+
+
+def traffic_warning(cell: Cell, name: str) -> str | None:
+    """What to say before a run of a cell whose cyclic traffic is too much for its bit rate; `name` is what to check."""
+    if cell_verdict(cell).fits:
+        return None
+    return (
+        f"{name}: the cyclic traffic does not fit {cell.bus.bitrate} bit/s and a cycle of {cell.bus.cycle_us} us; on a "
+        f"real bus frames come late: canarm check --cell {name} has the arithmetic"
+    )
 
 
 def provenance() -> dict[str, Any]:

@@ -1,8 +1,13 @@
 """The end of a run, for people and for programs."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
+
+from canarm_controller.supervision.detection import Detection
+
+MOST_DETECTIONS = 8
+"""Of those, a summary for people shows the first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +39,10 @@ class Summary:
     real_time_factor: float | None
     joints: Mapping[str, JointFigures] = field(default_factory=dict)
     out: str | None = None
+    faults: int | None = None
+    """How many faults have begun; None where not known."""
+    detections: Sequence[Mapping[str, Any]] = ()
+    """What the controller has noticed, oldest first: detector, where, tick, reaction."""
 
     def as_json(self) -> dict[str, Any]:
         """A JSON object, numbers rounded to what they mean."""
@@ -60,9 +69,24 @@ class Summary:
                 f"{name:<10}{_lsb(joint.rms_lsb):>12}{_lsb(joint.max_lsb):>12}{joint.peak_current_a:>12.3f} A"
                 f"{ripple:>9}  {saturated}"
             )
+        if self.faults:
+            lines.append(f"{self.faults} {'fault has' if self.faults == 1 else 'faults have'} begun")
+        for each in self.detections[:MOST_DETECTIONS]:
+            where = "" if each["where"] is None else f" at {each['where']}"
+            lines.append(f"detected in cycle {each['tick']}: {each['detector']}{where} ({each['reaction']})")
+        if len(self.detections) > MOST_DETECTIONS:
+            lines.append(f"and {len(self.detections) - MOST_DETECTIONS} detections more")
         if self.out:
             lines.append(f"recorded in {self.out}")
         return "\n".join(lines)
+
+
+def detections_as_plain(detections: Iterable[Detection]) -> tuple[dict[str, Any], ...]:
+    """Detections as they stand in a summary."""
+    return tuple(
+        {"detector": each.detector, "where": each.where, "tick": each.tick, "reaction": each.reaction.value}
+        for each in detections
+    )
 
 
 def _lsb(value: float | None) -> str:

@@ -70,6 +70,9 @@ def main() -> int:
     parser.add_argument("--port", type=int, default=29536)
     parser.add_argument("--seconds", type=float, default=2.0)
     given = parser.parse_args()
+    missing = [name for name in (f"konkuk1_{card}.dcf" for card in CARDS) if not (given.folder / name).is_file()]
+    if missing:
+        parser.error(f"{given.folder} has no {missing[0]}; write it with: canarm export dcf --out {given.folder}")
     where = {} if given.interface == "socketcan" else {"host": given.host, "port": given.port}
     with canopen.Network().connect(interface=given.interface, channel=given.channel, **where) as network:
         try:

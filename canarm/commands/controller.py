@@ -39,10 +39,10 @@ from ..options import (
     check_clock,
     parse_address,
 )
-from ..session import make_controller, provenance, tick_count
+from ..session import make_controller, provenance, tick_count, traffic_warning
 from ..stdout import keep_stdout
 from ..stopping import StopRequest
-from ..summary import JointFigures, Summary
+from ..summary import JointFigures, Summary, detections_as_plain
 from ..usage import UsageError
 
 
@@ -85,6 +85,9 @@ def controller(
         )
     except ControllerError as error:
         raise UsageError(str(error)) from None
+    warning = None if with_parent else traffic_warning(nominal, cell.cell)
+    if warning is not None:
+        _tell(warning)
     stop = StopRequest(None, with_parent, lambda: f"the controller sent nothing after cycle {built.tick}")
     recorder = None
     if output.out is not None:
@@ -243,4 +246,5 @@ def _summary(
             for name, figures in result.joints.items()
         },
         out=None if output.out is None else str(output.out),
+        detections=detections_as_plain(controller.detections),
     )

@@ -1,5 +1,6 @@
 """`canarm demo`: emulator, controller and dashboard as separate processes, and a summary at the end."""
 
+import contextlib
 import json
 import sys
 import time
@@ -18,6 +19,7 @@ from canarm_protocol.errors import BusError
 from canarm_protocol.run_folder import create_run_folder, new_run_folder, update_run_file
 
 from ..child import Child
+from ..fault_file import load_faults
 from ..options import (
     BENCH_BUS,
     DEFAULT_HOST,
@@ -25,6 +27,7 @@ from ..options import (
     CellOptions,
     ClockName,
     ControlOptions,
+    FaultFile,
     Flag,
     OutputOptions,
     Seconds,
@@ -32,11 +35,11 @@ from ..options import (
     Truth,
     Wire,
 )
-from ..session import make_controller, tick_count
+from ..serving import attach_flags
+from ..session import make_bench, make_controller, tick_count, traffic_warning
 from ..stdout import keep_stdout
 from ..summary import JointFigures, Summary
 from ..usage import UsageError, parse_settings
-from .emulator import attach_flags
 
 START_S = 60.0
 """How long the emulator may take to offer its bus: a cold start reads a physics engine from disk."""
@@ -56,6 +59,7 @@ def demo(
     seed: Seed = 0,
     truth: Truth | None = None,
     wire: Wire = False,
+    faults: FaultFile = None,
     output: OutputOptions = OutputOptions(),
     no_tui: Annotated[Flag, Parameter(help="No dashboard, even on a terminal.")] = False,
 ) -> int:
@@ -68,12 +72,19 @@ def demo(
     with_dashboard = not no_tui and not output.json and _is_terminal()
     say = keep_stdout()
     _check(nominal, control, clock, seconds, settings)
+    if faults is not None:
+        load_faults(faults, make_bench(nominal, parse_settings("--truth", settings), Clock[clock.upper()], seed, wire))
+    warning = traffic_warning(nominal, cell.cell)
+    if warning is not None:
+        _tell(warning)
     folder = create_run_folder(output.out) if output.out is not None else new_run_folder()
     common = ["--cell", cell.cell, "--clock", clock, "--out", str(folder), "--json"]
     common += _each("--set", cell.settings)
     robot = ["--serve", f"{DEFAULT_HOST}:0", "--seed", str(seed), *_each("--truth", settings)]
     if wire:
         robot.append("--wire")
+    if faults is not None:
+        robot += ["--faults", str(faults)]
     with Child("emulator", [*common, *robot], quiet=with_dashboard) as emulator:
         port = _port_of(emulator)
         arguments = [*common, *_controller_arguments(control, port, seconds)]
@@ -97,7 +108,7 @@ def demo(
             if emulator.status is not None:
                 complaints += f"canarm: the emulator has ended with status {emulator.status}\n"
     print(complaints, end="", file=sys.stderr)
-    return _report(controller, seed, folder, output.json, say)
+    return _report(controller, {"seed": seed, "faults": _begun_faults(emulator)}, folder, output.json, say)
 
 
 def _each(option: str, words: Sequence[str]) -> list[str]:
@@ -156,23 +167,35 @@ def _show_dashboard(cell: Cell, port: int, controller: Child, deadline_s: float)
         _tell("the run goes on to its end; Ctrl-C stops it")
 
 
-def _report(controller: Child, seed: int, folder: Path, as_json: bool, say: Callable[[str], None]) -> int:
-    """Print the summary of the run, complete its record, and return the exit status."""
+def _begun_faults(emulator: Child) -> int | None:
+    """How many faults have begun, by the emulator's summary; None where it has left none."""
+    with contextlib.suppress(IndexError, ValueError, KeyError):
+        return int(json.loads(emulator.printed.splitlines()[-1])["faults"])
+    return None
+
+
+def _report(
+    controller: Child, known: Mapping[str, Any], folder: Path, as_json: bool, say: Callable[[str], None]
+) -> int:
+    """Print the summary of the run, complete its record, and return the exit status.
+
+    `known` is what the controller does not know.
+    """
     try:
         result = dict(json.loads(controller.printed.splitlines()[-1]))
     except (IndexError, ValueError):
         text = f"the controller ended with status {controller.status} and without a summary"
         raise _failure(controller, text) from None
-    summary = _summary(result, seed, str(folder))
+    summary = _summary({**result, **known, "out": str(folder)})
     update_run_file(folder, "summary", summary.as_json())
     say(json.dumps(summary.as_json()) if as_json else summary.as_text())
     assert controller.status is not None
     return END_STATUS.get(controller.status, 1)
 
 
-def _summary(result: Mapping[str, Any], seed: int, folder: str) -> Summary:
+def _summary(result: Mapping[str, Any]) -> Summary:
     joints = {name: JointFigures(**figures) for name, figures in result["joints"].items()}
-    return Summary(**{**result, "joints": joints, "seed": seed, "out": folder})
+    return Summary(**{**result, "joints": joints, "detections": tuple(result["detections"])})
 
 
 def _tell(text: str) -> None:

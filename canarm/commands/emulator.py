@@ -2,6 +2,8 @@
 
 import contextlib
 import json
+import os
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,6 +26,7 @@ from canarm_protocol.errors import BusError
 from canarm_protocol.port import BusPort
 from canarm_protocol.run_folder import claim_run_folder, update_run_file
 
+from ..fault_file import load_faults
 from ..options import (
     BENCH_BUS,
     DEFAULT_ADDRESS,
@@ -33,6 +36,7 @@ from ..options import (
     BusOptions,
     CellOptions,
     ClockName,
+    FaultFile,
     Flag,
     MoreBusWords,
     OutputOptions,
@@ -45,9 +49,13 @@ from ..options import (
     check_clock,
     parse_address,
 )
-from ..session import make_bench, provenance
+from ..rig_faults import as_toml
+from ..serving import attach_flags, exposure_lines
+from ..session import make_bench, provenance, traffic_warning
 from ..stopping import StopRequest
 from ..usage import UsageError, parse_settings
+
+WINDOWS_PORT = re.compile(r"com\d+:?", re.IGNORECASE)
 
 
 @Parameter(name="*")
@@ -62,6 +70,7 @@ class WorldOptions:
     seed: Seed = 0
     truth: Truth = field(default_factory=list)
     wire: Wire = False
+    faults: FaultFile = None
 
 
 def emulator(
@@ -72,7 +81,10 @@ def emulator(
         Address, Parameter(help="Where to serve the virtual buses (socketcand protocol); port 0 is any free one.")
     ] = DEFAULT_ADDRESS,
     allow_remote: Annotated[
-        Flag, Parameter(help="Serve other machines too: whoever reaches the port can drive the robot.")
+        Flag,
+        Parameter(
+            help="Serve other machines too: whoever reaches the port can drive the robot, set faults, read everything."
+        ),
     ] = False,
     slcan: Annotated[
         bool | str,
@@ -105,6 +117,7 @@ def emulator(
         bench = make_bench(nominal, settings, Clock[world.clock.upper()], world.seed, world.wire)
     except TruthError as error:
         raise UsageError(str(error)) from None
+    script = None if world.faults is None else load_faults(world.faults, bench)
     stop = StopRequest(seconds, with_parent)
     with _recording(output.out), contextlib.ExitStack() as stack:
         hub = stack.enter_context(contextlib.closing(_serve(host, port, allow_remote)))
@@ -114,12 +127,22 @@ def emulator(
             ports[ROBOT_BUS].append(adapter)
         recorder = None
         if output.out is not None:
-            given = {"clock": world.clock, "seed": world.seed, "truth": settings, "sync_timeout_s": world.sync_timeout}
+            given = {
+                "clock": world.clock,
+                "seed": world.seed,
+                "truth": settings,
+                "sync_timeout_s": world.sync_timeout,
+                "faults": None if script is None else as_toml(script),
+            }
             recorder = stack.enter_context(contextlib.closing(_start_recording(output.out, nominal, given)))
         _announce(hub, ports)
-        if allow_remote:
-            _tell(f"whoever reaches {hub.address[0]}:{hub.address[1]} can drive the robot")
-        runner = EmulatorRunner(bench, hub, ports, recorder, world.sync_timeout, stop.is_due, _tell)
+        remote = adapter.address if isinstance(adapter, SlcanSocket) else None
+        for line in exposure_lines(hub.address, remote, buses):
+            _tell(line)
+        warning = traffic_warning(nominal, cell.cell) if world.wire and not with_parent else None
+        if warning is not None:
+            _tell(warning)
+        runner = EmulatorRunner(bench, hub, ports, recorder, world.sync_timeout, stop.is_due, _tell, script)
         try:
             runner.run()
         except EmulatorError as error:
@@ -137,6 +160,8 @@ def emulator(
             update_run_file(output.out, "emulator_summary", summary)
     if output.json:
         print(json.dumps(summary), flush=True)
+    elif "wire" in summary:
+        _tell(_wire_text(summary["wire"]))
     return 0
 
 
@@ -151,8 +176,13 @@ def _offer_slcan(where: bool | str, allow_remote: bool) -> SlcanPort:
     """An adapter at a path or `socket://HOST:PORT`; with `True`, on a terminal with the usual name."""
     try:
         if isinstance(where, str) and where.startswith(SOCKET_URL):
-            host, port = parse_address("--slcan", where.removeprefix(SOCKET_URL), any_port=True)
+            host, port = parse_address("--slcan", where, any_port=True, scheme=SOCKET_URL)
             return SlcanSocket(host, port, allow_remote=allow_remote)
+        if isinstance(where, str) and os.name == "posix" and WINDOWS_PORT.fullmatch(where):
+            raise UsageError(
+                f"--slcan {where}: that is a serial port of Windows; this is the PATH of a link to a pseudo-terminal, "
+                f"such as /tmp/{where} (a serial adapter that is there already: -i slcan -c PORT)"
+            )
         return SlcanTerminal(Path(where) if isinstance(where, str) else None)
     except EmulatorError as error:
         raise _refusal(error) from None
@@ -190,26 +220,32 @@ def _announce(hub: Hub, ports: Mapping[str, Sequence[BusPort]]) -> None:
     print("\n".join([*lines, ""]), end="", flush=True)
 
 
-def attach_flags(bus: str, host: str, port: int) -> str:
-    """The flags with which python-can's tools, and ours, attach to a virtual bus."""
-    return f"-i canarm -c {bus} --bus-kwargs host={host} port={port}"
-
-
 def _tell(text: str) -> None:
     print(f"canarm: {text}", file=sys.stderr, flush=True)
 
 
 def _wire_figures(wire: WireModel, trouble: BusTrouble) -> dict[str, Any]:
-    """Share of the time that the bus was busy, the longest that a frame of each identifier had to wait and travel,
-    errors, and what nodes in bus-off could not send.
+    """Share of the emulator's life, and of its busiest second, that the bus was busy; the longest that a frame of each
+    identifier had to wait and travel; errors; frames lost in bus-off or beyond a node's queue.
     """
     worst = {f"0x{can_id:03X}": round(ns / 1000, 1) for (can_id, _), ns in sorted(wire.worst_response_ns.items())}
     return {
         "load": round(wire.load(), 4),
+        "peak_load_1s": round(wire.peak_load, 4),
         "worst_response_us": worst,
         "error_frames": trouble.error_frames,
         "lost_frames": trouble.lost_frames,
     }
+
+
+def _wire_text(figures: Mapping[str, Any]) -> str:
+    worst: Mapping[str, float] = figures["worst_response_us"]
+    slowest = max(worst, key=lambda name: worst[name], default=None)
+    response = "no frame" if slowest is None else f"worst response {worst[slowest]:g} us ({slowest})"
+    return (
+        f"wire: load {figures['load']:.1%} since start, {figures['peak_load_1s']:.1%} in the busiest second; "
+        f"{response}; {figures['error_frames']} error frames, {figures['lost_frames']} frames lost"
+    )
 
 
 def _figures(bench: Bench, runner: EmulatorRunner) -> dict[str, Any]:
@@ -221,6 +257,7 @@ def _figures(bench: Bench, runner: EmulatorRunner) -> dict[str, Any]:
         "overruns": bench.overruns,
         "stalls": runner.stalls,
         "run_ons": runner.run_ons,
+        "faults": bench.device.faults.begun,
         **({"sync_arrival": runner.arrival.summary()} if bench.clock is Clock.WALL else {}),
         **({} if bench.wire is None else {"wire": _wire_figures(bench.wire, bench.trouble)}),
         "current_limited_steps": {

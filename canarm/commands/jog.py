@@ -2,8 +2,10 @@
 
 import contextlib
 import importlib
+import signal
 import sys
 from collections.abc import Iterator
+from types import FrameType
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -84,18 +86,30 @@ def _session(driver: Driver, master: Jog, parser: Parser, given: list[Command] |
     driver.carry_out(master.begin(LISTEN_NS))
     if given is not None:
         _carry_out(driver, master, given)
+        driver.look()
         return 0
     is_patient = sys.stdin.isatty()
+    done = 0
     for line in _lines(driver, is_patient):
         try:
-            if not _carry_out(driver, master, parser.parse_all(line)):
+            commands = parser.parse_all(line)
+            with _interruptible(master) if is_patient else contextlib.nullcontext():
+                is_wanted = _carry_out(driver, master, commands)
+            if not is_wanted:
                 break
-        except (UsageError, ControllerError) as error:
+        except UsageError as error:
+            if not is_patient:
+                raise UsageError(f"{error}; {_told(done)} carried out") from None
+            _complain(str(error))
+        except ControllerError as error:
             if not is_patient:
                 raise
             _complain(str(error))
             if master.is_over:
                 return FAILED
+        else:
+            done += len(commands)
+    driver.look()
     return 0
 
 
@@ -107,6 +121,28 @@ def _carry_out(driver: Driver, master: Jog, commands: list[Command]) -> bool:
         for line in driver.carry_out(master.run(command)):
             print(line, flush=True)
     return True
+
+
+def _told(done: int) -> str:
+    if done == 1:
+        return "the command before it was"
+    return f"the {done} commands before it were" if done else "nothing was"
+
+
+@contextlib.contextmanager
+def _interruptible(master: Jog) -> Iterator[None]:
+    """Ctrl-C ends a step instead of the session; pressed again, or where nothing steps, the session."""
+
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        if master.is_interrupted or not master.is_stepping:
+            raise KeyboardInterrupt
+        master.interrupt()
+
+    before = signal.signal(signal.SIGINT, on_signal)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _lines(driver: Driver, is_terminal: bool) -> Iterator[str]:

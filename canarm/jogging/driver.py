@@ -43,6 +43,12 @@ class Driver:
         finally:
             self._flush(())
 
+    def look(self) -> None:
+        """Read what has come. Raises `JogError` for an alarm, and `BusError`."""
+        self._receive(0.0)
+        self._flush(())
+        self._jog.check()
+
     @contextlib.contextmanager
     def idle(self) -> Iterator[None]:
         """While the user thinks: heartbeats go out, what arrives is read. Raises `BusError` when the bus is lost."""

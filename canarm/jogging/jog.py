@@ -69,6 +69,7 @@ class Jog:
         self._states: dict[int, NmtState] = {}
         self._supervisor = Supervisor(cell, nodes)
         self._alarm: str | None = None
+        self.is_stepping = self.is_interrupted = False
         self._has_cards = False
         self._node_id = cell.bus.controller_node_id
         self._heartbeat_ns = cell.bus.heartbeat_ms * 1_000_000
@@ -108,6 +109,8 @@ class Jog:
             self._states[can_id - Cob.HEARTBEAT] = NmtState(data[0])
         if self.is_driving:
             self._judge(self._supervisor.message(frame, self.cycle), frame)
+            if can_id == Cob.TIME and self.clock is Clock.SYNC and self._supervisor.time(data) is not None:
+                self._raise_alarm("virtual time did not move by a cycle: somebody else moves it, or it ran on")
 
     def heartbeat_if_due(self) -> list[Frame]:
         """Our heartbeat when it is time for one: from the first start to the end."""
@@ -116,8 +119,29 @@ class Jog:
         return [self._heartbeat()]
 
     def run(self, command: Command) -> Work:
-        """Carry out one command, `Quit` excepted. Raises `JogError`, or another `ControllerError` of the master's."""
-        self._check()
+        """Carry out one command, `Quit` excepted. Raises `JogError`, or another `ControllerError` of the master's.
+
+        What a command has to show is not shown when the cards went safe meanwhile.
+        """
+        self.check()
+        try:
+            lines = yield from self._obey(command)
+        finally:
+            self.is_stepping = False
+        self.check()
+        return lines
+
+    def check(self) -> None:
+        """Raises `JogError` for an alarm since the last look."""
+        alarm, self._alarm = self._alarm, None
+        if alarm is not None:
+            raise JogError(alarm)
+
+    def interrupt(self) -> None:
+        """The `step` that runs ends after its present cycle."""
+        self.is_interrupted = True
+
+    def _obey(self, command: Command) -> Work:
         match command:
             case Drive() | AllOff():
                 return self._drive(command)
@@ -182,20 +206,27 @@ class Jog:
     def _step(self, cycles: int) -> Work:
         pacer = Pacer(self.cell.bus.cycle_ns, lambda: self.now_ns)
         watch = Supervisor(self.cell, self._nodes)
-        silent = 0
+        silent, first = 0, self.cycle + 1
+        self.is_stepping, self.is_interrupted = True, False
         for _ in range(cycles):
+            if self.is_interrupted:
+                break
             yield from self._one_cycle(pacer, with_outputs=self.is_driving)
             if self.is_driving:
                 silent += bool(self._awaited)
                 late = " and ".join(f"TPDO 0x{cob_id:03X}" for cob_id in sorted(self._awaited))
                 self._judge(watch.missing(late) if late else watch.measurement(self._positions_rad()))
-            self._check()
+            self.check()
         text = f"cycle {self.cycle}"
         if self.clock is Clock.SYNC:
             text += f", {self.cycle * self.cell.bus.cycle_s * 1e3:g} ms"
         if self.is_driving:
             angles = zip(self.cell.joint_names, self._positions_rad(), strict=True)
             text += ": " + ", ".join(f"{name} {math.degrees(angle):.1f} deg" for name, angle in angles)
+        else:
+            text += ": nothing is driven, the cards are not in OPERATIONAL; type: start"
+        if self.is_interrupted:
+            text += f"; interrupted after {self.cycle + 1 - first} of {cycles} cycles"
         if silent:
             text += f"; {silent} cycles without all inputs"
         if pacer.late:
@@ -228,7 +259,7 @@ class Jog:
         """In OPERATIONAL inputs are converted at SYNC alone: on the wall clock one goes out, before waiting outputs."""
         if self.is_driving and self.clock is Clock.WALL:
             yield from self._one_cycle(Pacer(self.cell.bus.cycle_ns, lambda: self.now_ns), with_outputs=False)
-            self._check()
+            self.check()
             if self._awaited:
                 raise JogError("inputs did not come within a cycle: " + ", ".join(map(hex, sorted(self._awaited))))
         else:
@@ -311,11 +342,6 @@ class Jog:
             self.outbox += stop_frames(self._nodes)
             self._drop_outputs()
             self._enter(NmtState.PRE_OPERATIONAL)
-
-    def _check(self) -> None:
-        alarm, self._alarm = self._alarm, None
-        if alarm is not None:
-            raise JogError(alarm)
 
 
 def _spell(state: NmtState) -> str:

@@ -4,7 +4,7 @@ Owns the states of a run, from finding the cards to leaving them safe. Sockets, 
 The same object runs in a process of its own or inside a test.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from enum import IntEnum
 
 from canarm_protocol.cell import Cell, Quantity
@@ -17,6 +17,10 @@ from canarm_protocol.wiring import CardNode, InputSlot, OutputFrames
 from .errors import BringUpError, ControllerError, InterruptedRunError
 from .loop import OFF, ControlLoop
 from .master import Ask, Conversation, Silence, bring_up, read_input, start_frames, stop_frames
+from .supervision.arm_watch import ArmWatch
+from .supervision.arrivals import Arrivals
+from .supervision.detection import DETECTORS, Detection, Reaction
+from .supervision.hold import SafeHold
 from .supervisor import Supervisor, Verdict
 
 STANDSTILL_RAD_S = 0.06
@@ -26,6 +30,9 @@ STOPPING_S = 2.0
 """A stop waits at most this long for standstill."""
 FINAL_CYCLES = 2
 """A run that ends as planned needs two more SYNCs: the zero outputs of the first act at the second."""
+MISSING_NOTED = DETECTORS["inputs-missing"].debounce_cycles
+REPEAT_CYCLES = 400
+"""What is detected again and again at one place is noted once a second."""
 
 
 class State(IntEnum):
@@ -77,9 +84,21 @@ class Controller:
         self.cycle_is_open = False
         """Whether inputs of the cycle are still to come."""
         self.on_tick: Callable[[], None] | None = None
+        self.detections: list[Detection] = []
+        """What has been noticed, oldest first; what stopped the robot is one of them."""
+        self.on_detection: Callable[[Detection], None] | None = None
+        """Called with every detection; may raise as `on_tick` may."""
+        self.without: Collection[str] = ()
+        """Names of detectors that are switched off."""
         self._ticks = ticks
         self._nodes = nodes
         self._supervisor = Supervisor(cell, nodes)
+        self._watch = ArmWatch(cell, loop.arm, loop.skew_s, loop.law.following_error_lsb, self._detect_at_joint)
+        self._noted: dict[tuple[str, str | None], int] = {}
+        self._holds = False
+        self._hold: SafeHold | None = None
+        self._arrived_ns = self._measured_ns = 0
+        self._missing_cycles = 0
         self._conversation: Conversation | None = self._prepare(listen_ns)
         self._ask: Ask | None = None
         self._outputs = OutputFrames(cell, nodes)
@@ -90,6 +109,7 @@ class Controller:
         self._slots = slots
         self._codes = [0] * len(slots)
         self._awaited = set(self._layouts)
+        self._arrivals = Arrivals(self._layouts, self._detect_at_node)
         self._start_nodes = frozenset(node.card.node_id for node in nodes)
         self._node_id = cell.bus.controller_node_id
         self._heartbeat_cycles = max(1, cell.bus.heartbeat_ms * 1000 // cell.bus.cycle_us)
@@ -109,6 +129,11 @@ class Controller:
         cause = self.error or self.verdict
         return None if cause is None else str(cause)
 
+    @property
+    def degraded(self) -> list[Detection]:
+        """Detections with which the run went on, less able than before; empty while all is well."""
+        return [each for each in self.detections if each.reaction in (Reaction.DEGRADED, Reaction.SUBSTITUTE)]
+
     def begin(self, now_ns: int) -> None:
         """Start finding the cards."""
         self.state = State.BRINGING_UP
@@ -127,6 +152,7 @@ class Controller:
         layout = self._layouts.get(can_id)
         if layout is not None:
             if self.state >= State.RUNNING:
+                self._arrived_ns = now_ns
                 self._take_inputs(layout, data)
         elif can_id == Cob.TIME:
             if self.clock is Clock.SYNC and self.cycle_is_open:
@@ -137,7 +163,7 @@ class Controller:
         elif self._conversation is not None:
             if self._ask is not None and self._ask.is_answer(frame):
                 self._converse(frame, now_ns)
-        elif self.state is State.RUNNING:
+        elif self.state is State.RUNNING or self._holds:
             self._judge(self._supervisor.message(frame, self.tick))
 
     def _take_inputs(self, layout: PdoLayout, data: bytes) -> None:
@@ -147,7 +173,10 @@ class Controller:
             return
         for place, value in zip(self._places[layout.cob_id], values, strict=True):
             self._codes[place] = value >> CODE_SHIFT
-        self._awaited.discard(layout.cob_id)
+        if layout.cob_id in self._awaited:
+            self._awaited.discard(layout.cob_id)
+        elif self.state is State.RUNNING:
+            self._arrivals.extra(layout.cob_id)
         if not self._awaited and self.cycle_is_open and self.clock is Clock.WALL:
             self.close_cycle()
 
@@ -164,6 +193,7 @@ class Controller:
         if self.is_finished or self.state is State.BRINGING_UP:
             return
         self.tick += 1
+        self._arrivals.open_cycle(self._awaited if self.tick else ())
         if self.tick % self._heartbeat_cycles == 0:
             self.outbox.append(heartbeat_frame(self._node_id, NmtState.OPERATIONAL))
         self.outbox.append(sync_frame(self.tick % self._counter_overflow + 1 if self._counter_overflow else None))
@@ -184,6 +214,11 @@ class Controller:
                 self._control()
         if self.state is State.STOPPING:
             self._stop_step()
+
+    def note_missed_deadlines(self, count: int) -> None:
+        """Whoever paces the cycles has left out `count` of them: the wall clock was ahead."""
+        if self.state is State.RUNNING:
+            self._detect("deadline-missed", None, f"{count} cycles left out")
 
     def interrupt(self, detail: str) -> None:
         """Stop safely because the user says so."""
@@ -219,6 +254,7 @@ class Controller:
                     code = yield from read_input(node, channel.number)
                     codes[self.cell.joint_names.index(channel.joint)] = code
         self.loop.begin(codes)
+        self._watch.start(self.loop.cycle.position_rad)
 
     def _converse(self, answer: Frame | None, now_ns: int, silent: bool = False) -> None:
         conversation = self._conversation
@@ -249,13 +285,28 @@ class Controller:
         if not self._awaited:
             loop.measure(self._codes, self.tick)
             self._judge(self._supervisor.measurement(loop.cycle.position_rad))
+            if self.clock is Clock.WALL and not self._is_on_time():
+                self._watch.resume(loop.cycle)
+            else:
+                self._watch.step(loop.cycle, loop.angle_codes, loop.speed_codes, loop.current_codes)
+            self._missing_cycles = 0
+        else:
+            self._watch.coast(loop.cycle)
         if self.state is State.RUNNING:
             loop.look_up(self.tick)
+            self._watch.follow(loop.cycle)
+        if self.state is State.RUNNING:
             torque_nm = self._law_output()
             if torque_nm is not None:
                 self.outbox += [Frame(cob_id, data) for cob_id, data in self._outputs.pack(*loop.outputs(torque_nm))]
                 self.controlled_ticks += 1
                 self._tell_tick()
+
+    def _is_on_time(self) -> bool:
+        """Whether these inputs came a cycle after the last: of late ones nobody knows when they were sampled."""
+        period_ns = self.cell.bus.cycle_ns
+        elapsed_ns, self._measured_ns = self._arrived_ns - self._measured_ns, self._arrived_ns
+        return not self._missing_cycles and 2 * abs(elapsed_ns - period_ns) < period_ns
 
     def _law_output(self) -> Sequence[float] | None:
         """The law's torques, once they are found to be usable."""
@@ -281,22 +332,80 @@ class Controller:
         if self.state is State.RUNNING:
             self.missed += 1
             late = [f"TPDO 0x{cob_id:03X} of node 0x{cob_id & 0x7F:02X}" for cob_id in sorted(self._awaited)]
-            self._judge(self._supervisor.missing(" and ".join(late)))
+            waiting_for = " and ".join(late)
+            self._missing_cycles += 1
+            if self._missing_cycles == MISSING_NOTED:
+                self._detect("inputs-missing", None, f"no {waiting_for} for {MISSING_NOTED} cycles")
+            self._judge(self._supervisor.missing(waiting_for))
 
     def _judge(self, verdict: Verdict | None) -> None:
-        if verdict is not None and self.state is State.RUNNING:
-            self.verdict = verdict
+        if verdict is not None and (self.state is State.RUNNING or self._holds):
+            row = DETECTORS[verdict.detector]
+            reaction = row.reaction if row.reaction.stops else Reaction.OFF
+            self._detect(verdict.detector, verdict.where, verdict.detail, reaction)
+
+    def _detect_at_joint(self, detector: str, joint: int, detail: str, reaction: Reaction | None) -> bool:
+        name = self.cell.joint_names[joint]
+        return self._detect(detector, name, f"{name}: {detail}", reaction)
+
+    def _detect_at_node(self, detector: str, node_id: int, detail: str, reaction: Reaction | None) -> bool:
+        return self._detect(detector, f"0x{node_id:02X}", detail, reaction)
+
+    def _detect(self, detector: str, where: str | None, detail: str, reaction: Reaction | None = None) -> bool:
+        """Note what was noticed and react. False if the detector is switched off."""
+        if detector in self.without:
+            return False
+        reaction = reaction or DETECTORS[detector].reaction
+        key = detector, where
+        is_new = self.tick - self._noted.get(key, -REPEAT_CYCLES) >= REPEAT_CYCLES or (
+            reaction.stops and self.state is State.RUNNING
+        )
+        self._noted[key] = self.tick
+        if is_new and self.state in (State.RUNNING, State.STOPPING):
+            detection = Detection(detector, where, max(self.tick, 0), detail, reaction)
+            self.detections.append(detection)
+            self._tell_detection(detection)
+        if reaction.stops and self.state is State.RUNNING:
+            self.verdict = Verdict(detector, detail, where)
             self.state = State.STOPPING
+            self._holds = reaction is Reaction.HOLD
+        elif reaction is Reaction.OFF:
+            self._holds = False
+        return True
+
+    def _tell_detection(self, detection: Detection) -> None:
+        if self.on_detection is not None:
+            try:
+                self.on_detection(detection)
+            except OSError as error:
+                self._judge(Verdict("recording-failed", str(error)))
 
     def _stop_step(self) -> None:
-        """Torque off; the cycle goes on until the arm stands still, so that somebody watches it."""
+        """Torque off, or the arm held; the cycle goes on until it stands still, so that somebody watches it."""
         self._stopping_cycles += 1
+        loop = self.loop
         if not self._awaited:
-            self.loop.measure(self._codes, self.tick)
-            still = all(abs(speed) < STANDSTILL_RAD_S for speed in self.loop.cycle.velocity_rad_s)
+            if self._stopping_cycles > 1 or not self._holds:
+                loop.measure(self._codes, self.tick)
+                if self._holds:
+                    self._watch.step(loop.cycle, loop.angle_codes, loop.speed_codes, loop.current_codes)
+            still = all(abs(speed) < STANDSTILL_RAD_S for speed in loop.cycle.velocity_rad_s)
             self._still_cycles = self._still_cycles + 1 if still else 0
-        limit = FINAL_CYCLES if self.verdict is None else int(STOPPING_S / self.loop.period_s)
-        if self._stopping_cycles > limit or (self.verdict is not None and self._still_cycles >= STANDSTILL_CYCLES):
+        limit = FINAL_CYCLES if self.verdict is None else int(STOPPING_S / loop.period_s)
+        is_over = self._stopping_cycles > limit or (
+            self.verdict is not None and self._still_cycles >= STANDSTILL_CYCLES
+        )
+        if self._holds and not is_over and not self._awaited:
+            if self._hold is None:
+                self._hold = SafeHold(loop.arm, loop.cycle, [each.bias for each in self._watch.joints], loop.period_s)
+            torque_nm = self._hold.torque_nm(loop.cycle)
+            self.outbox += [Frame(cob_id, data) for cob_id, data in self._outputs.pack(*loop.outputs(torque_nm))]
+        elif is_over and self._holds:
+            self._holds = False
+            self._stopping_cycles = int(STOPPING_S / loop.period_s) - FINAL_CYCLES
+            self._still_cycles = 0
+            self.outbox += [Frame(cob_id, data) for cob_id, data in self._zero]
+        elif is_over:
             self.outbox += stop_frames(self._nodes)
             self.state = State.DONE if self.verdict is None else State.FAILED
         else:

@@ -91,6 +91,9 @@ class ControlLoop:
         self._block_tick = self._chunk_tick = 0
         self._reference: list[tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]] = []
         self._signs = [0.0] * len(cell.joints)
+        self.angle_codes: list[int] = []
+        self.speed_codes: list[int] = []
+        self.current_codes: list[int] = []
 
     def begin(self, position_codes: Sequence[int]) -> None:
         """Start at rest at the measured pose: blend the trajectory in, fill the table, start the law.
@@ -131,13 +134,20 @@ class ControlLoop:
                 for (place, zero, step, skew_s), rate in zip(self._positions, velocity, strict=True)
             ]
         )
+        currents = self.current_codes = [codes[place[0]] for place in self._currents]
         cycle.current_a = tuple(
             [
-                sign * (codes[place] - zero) * step
-                for (place, zero, step, _), sign in zip(self._currents, self._signs, strict=True)
+                sign * (code - zero) * step
+                for code, (_, zero, step, _), sign in zip(currents, self._currents, self._signs, strict=True)
             ]
         )
-        self.memory.log(tick, [codes[p[0]] for p in self._positions], [codes[p[0]] for p in self._velocities])
+        angles = self.angle_codes = [codes[place[0]] for place in self._positions]
+        speeds = self.speed_codes = [codes[place[0]] for place in self._velocities]
+        self.memory.log(tick, angles, speeds)
+
+    def skew_s(self, joint: int, quantity: Quantity) -> float:
+        """How long after SYNC the joint's quantity is sampled."""
+        return self._places[quantity][joint][3]
 
     def look_up(self, tick: int) -> None:
         """The reference of `tick` into `cycle`; a new block of 4096 ticks is prepared when one begins."""

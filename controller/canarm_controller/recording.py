@@ -5,6 +5,7 @@ from pathlib import Path
 from canarm_protocol.run_folder import EVENTS_FILE, SIGNALS_FOLDER, EventLog, SignalLog
 
 from .controller import Controller, State
+from .supervision.detection import Detection
 
 SIGNALS_FILE, MEMORY_FILE = "controller.csv", "memory.bin"
 _COLUMNS = (
@@ -29,6 +30,8 @@ class ControllerRecorder:
         self._events = EventLog(folder / EVENTS_FILE, "controller")
         self._joints = range(len(names))
         self._period_ns = controller.cell.bus.cycle_ns
+        self._tell_others = controller.on_detection
+        controller.on_detection = self.detection
 
     def tick(self) -> None:
         """Append the tick that has just been controlled. Raises `LawError`; `OSError` when it cannot be written."""
@@ -56,6 +59,20 @@ class ControllerRecorder:
         self._events.write(max(controller.tick, 0) * self._period_ns, "state", state=state.name, **reason, **verdict)
         if state is State.RUNNING:
             self._write_memory()
+
+    def detection(self, detection: Detection) -> None:
+        """Append what was noticed."""
+        at = {} if detection.where is None else {"at": detection.where}
+        self._events.write(
+            detection.tick * self._period_ns,
+            "detection",
+            detector=detection.detector,
+            **at,
+            detail=detection.detail,
+            reaction=detection.reaction.value,
+        )
+        if self._tell_others is not None:
+            self._tell_others(detection)
 
     def close(self) -> None:
         """Write out what is left, and the memory image: table and log as the Apple II would hold them."""

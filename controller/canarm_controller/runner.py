@@ -161,7 +161,10 @@ class Runner:
         spin_s = self._spin_s
         pacer = self._pacer = Pacer(controller.cell.bus.cycle_ns, self._clock)
         while not controller.is_finished:
+            left_out = pacer.missed
             pacer.begin(counts=controller.state is State.RUNNING)
+            if pacer.missed > left_out:
+                controller.note_missed_deadlines(pacer.missed - left_out)
             controller.open_cycle()
             self._flush()
             self._publish()

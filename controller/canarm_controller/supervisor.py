@@ -32,6 +32,8 @@ class Verdict:
 
     detector: str
     detail: str
+    where: str | None = None
+    """Name of a joint or card, if it is one's."""
 
     def __str__(self) -> str:
         return f"{self.detector}: {self.detail}"
@@ -87,7 +89,8 @@ class Supervisor:
                 if frame.data[0] == NmtState.PRE_OPERATIONAL and node_id not in self._started:
                     return None  # under way before NMT start took effect; `begin_cycle` limits how long
                 state = NmtState(frame.data[0]).name if frame.data[0] in set(NmtState) else f"0x{frame.data[0]:02X}"
-                return Verdict("card-state", f"card {name!r} (node 0x{node_id:02X}) is in {state}, not OPERATIONAL")
+                detail = f"card {name!r} (node 0x{node_id:02X}) is in {state}, not OPERATIONAL"
+                return Verdict("card-state", detail, name)
             self._started.add(node_id)
             self._last_heartbeat[node_id] = tick
         elif can_id == Cob.EMERGENCY + node_id:
@@ -100,6 +103,7 @@ class Supervisor:
                 return Verdict(
                     "card-emergency",
                     f"card {name!r} (node 0x{node_id:02X}) reports error 0x{emergency.code:04X}{meaning}",
+                    name,
                 )
         return None
 
@@ -136,6 +140,7 @@ class Supervisor:
                 return Verdict(
                     "heartbeat-lost",
                     f"card {self._cards[node_id]!r} (node 0x{node_id:02X}) {what} for {self._timeout_ms} ms",
+                    self._cards[node_id],
                 )
         return None
 
@@ -155,6 +160,12 @@ class Supervisor:
         self._missing = 0
         last = self._last_position
         self._last_position = position_rad
+        if last is not None:
+            for (low, high), position, before in zip(self._range_rad, position_rad, last, strict=True):
+                if not (low <= position <= high and -max_step_rad <= position - before <= max_step_rad):
+                    break
+            else:
+                return None
         for joint, position in enumerate(position_rad):
             low, high = self._range_rad[joint]
             if not low <= position <= high:
@@ -162,12 +173,14 @@ class Supervisor:
                     "impossible-position",
                     f"{self._names[joint]} measured at {math.degrees(position):.1f} deg; "
                     f"its range is {math.degrees(low):.0f} to {math.degrees(high):.0f} deg",
+                    self._names[joint],
                 )
             if last is not None and abs(position - last[joint]) > max_step_rad:
                 return Verdict(
                     "impossible-motion",
                     f"{self._names[joint]} measured {math.degrees(last[joint]):.1f} deg, then "
                     f"{math.degrees(position):.1f} deg; at most {math.degrees(max_step_rad):.0f} deg is possible",
+                    self._names[joint],
                 )
         return None
 

@@ -6,6 +6,7 @@ the runner. The same object runs in a process of its own or inside a test.
 
 from collections.abc import Callable, Container, Hashable, Sequence
 from dataclasses import dataclass
+from itertools import count, repeat
 from typing import TYPE_CHECKING, NamedTuple
 
 from canarm_protocol.bench_objects import BUS_LOAD, bench_dictionary
@@ -22,9 +23,9 @@ from .bench_device import BenchDevice
 from .bus_figures import BusFigures
 from .bus_trouble import BusTrouble, origin_of, wire_name
 from .card_port import CardPort
-from .device import IoDevice
 from .error_frames import error_frame
-from .fault_hooks import CycleLength, FaultHooks
+from .fault_hooks import CycleLength, FaultHooks, SecondCard
+from .fault_objects import FaultObjects
 from .pdo_rules import SYNCHRONOUS_TYPES
 from .rack import Rack
 from .slave import NEVER, Slave
@@ -45,6 +46,7 @@ SILENT_CYCLES = 4
 SETTLE_NS = 100_000_000
 """What a wire has not carried after so much time, it never will: nobody is left to acknowledge."""
 HIGHEST_NODE_ID = 127
+_SYNC, _OPERATIONAL = int(Cob.SYNC), NmtState.OPERATIONAL
 BOOT_UP = bytes((NmtState.BOOT_UP,))
 SDO_BASES = (Cob.SDO_TO_CLIENT, Cob.SDO_TO_SERVER)
 
@@ -69,9 +71,9 @@ class CycleTruth(NamedTuple):
 
 
 class _Taker(NamedTuple):
-    """What a node does with the data of frames of one COB-ID."""
+    """What a node, by its name on the bus, does with the data of frames of one COB-ID."""
 
-    node_id: int
+    name: Hashable
     take: Callable[[bytes], None]
 
 
@@ -115,6 +117,8 @@ class Bench:
         self._faults: FaultEngine | None = None
         self._seed = seed
         self.slaves = [self._make_slave(card) for card in cell.card]
+        self._running = self.slaves
+        """The cards, and second ones with the same node-ID, whose processors run."""
         self._takers: dict[int, list[_Taker]] = {}
         self._next_due_ns = NEVER
         self._next_sync_ns = 0
@@ -130,42 +134,50 @@ class Bench:
         """Clients that have left while the wire still carried what they had sent."""
         self._missed_by: Container[object] = ()
         node_ids = [slave.node_id for slave in self.slaves]
-        self.device = BenchDevice(cell, self.assessor, BusFigures(self.wire, self.trouble, node_ids))
+        figures = BusFigures(self.wire, self.trouble, node_ids)
+        faults = FaultObjects(cell, self.inject, lambda: (self.time_ns, self.cycle))
+        self.device = BenchDevice(cell, self.assessor, figures, faults, self.set_emergency_stop)
         self.device.truth = self.world.state()
         self.node = Slave(
             "bench", cell.bus.bench_node_id, bench_dictionary(cell), self.device, self._emit_bench, clock.value
         )
         self._bench_takers: dict[int, Callable[[bytes], None]] = {}
 
-    def _make_slave(self, card: Card, device: IoDevice | None = None) -> Slave:
+    def _make_slave(self, card: Card, double: SecondCard | None = None) -> Slave:
         node_id, hooks = card.node_id, self.hooks
+        name: Hashable = double or node_id
 
         def emit(time_ns: int, frame: Frame) -> None:
-            if hooks.send_filters and node_id in hooks.send_filters:
-                passed = hooks.send_filters[node_id](frame)
+            if hooks.cards and name in hooks.cards:
+                passed = hooks.sent(node_id, frame)
                 if passed is None:
                     return
                 frame = passed
-            if hooks.from_cards is not None and node_id not in self.trouble.unplugged:
-                hooks.from_cards.take(time_ns, frame, node_id)
+            if hooks.from_cards is not None and name not in self.trouble.unplugged:
+                hooks.from_cards.take(max(time_ns, self.time_ns), frame, name)
+            elif self.wire is not None or self._off or frame.can_id in self._takers:
+                self.put_out(time_ns, frame, name)
             else:
-                self.put_out(time_ns, frame, node_id)
+                self.records.append(Record(time_ns, frame))
 
         dictionary = load_dictionary(card.model, node_id)
-        return Slave(card.name, node_id, dictionary, device or self.rack.devices[node_id], emit, self.clock.value)
+        device = self.rack.spare(card) if double else self.rack.devices[node_id]
+        slave = Slave(card.name, node_id, dictionary, device, emit, self.clock.value)
+        slave.bus_name = name
+        return slave
 
-    def put_out(self, time_ns: int, frame: Frame, node_id: Hashable) -> None:
+    def put_out(self, time_ns: int, frame: Frame, name: Hashable) -> None:
         """A frame leaves a card for the bus."""
-        if self._off and node_id in self.trouble.unplugged:
+        wire = self.wire
+        is_carried = wire is not None and self._is_carried(frame)
+        if self._off and name in (self.trouble.unplugged if is_carried else self._off):
             return
-        if self.wire is not None and self._is_carried(frame):
-            self.wire.offer(max(time_ns, self.wire.time_ns), frame, node_id)
-            return
-        if node_id in self._off:
+        if wire is not None and is_carried:
+            wire.offer(max(time_ns, wire.time_ns), frame, name)
             return
         self.records.append(Record(time_ns, frame))
         for taker in self._takers.get(frame.can_id, ()):
-            if taker.node_id != node_id and taker.node_id not in self._off:
+            if taker.name != name and taker.name not in self._off:
                 taker.take(frame.data)
 
     def start(self) -> None:
@@ -191,7 +203,10 @@ class Bench:
     @property
     def is_operational(self) -> bool:
         """Whether a card is in OPERATIONAL."""
-        return any(slave.state is NmtState.OPERATIONAL for slave in self.slaves)
+        for slave in self.slaves:  # noqa: SIM110  a generator takes five times as long, several times a cycle
+            if slave.state is _OPERATIONAL:
+                return True
+        return False
 
     def advance(self, until_ns: int) -> None:
         """Let virtual time pass, on the wall clock or while nobody sends SYNC; a time gone by is no error."""
@@ -270,7 +285,7 @@ class Bench:
         """A frame arrives on the robot's bus at `time_ns`."""
         self.move_on()
         is_lost = bool(self._off) and wire_name(origin) in self._off
-        is_sync = _is_sync(frame)
+        is_sync = frame.can_id == _SYNC and _is_sync(frame)
         if is_sync and (self.clock is Clock.SYNC or (self.wire is None and not is_lost)):
             self._sync(frame, origin)
         elif self.hooks.towards_cards is not None and not is_lost and not is_sync:
@@ -287,14 +302,22 @@ class Bench:
             self._arrive(Record(time_ns, frame, origin), self._off)
 
     def intrude(self, time_ns: int, frame: Frame, origin: Hashable) -> None:
-        """A frame of nobody that belongs to the cell gets on the bus."""
+        """A frame of nobody that belongs to the cell gets on the bus. Its sender has room for one frame to wait."""
         wire = self.wire
         if wire is None or not (self._is_cycling or self.clock is Clock.WALL):
             self._arrive(Record(time_ns, frame, origin), self._off)
             return
         if origin not in wire.nodes:
             wire.attach(origin)
-        wire.offer(max(time_ns, wire.time_ns), frame, origin)
+        if not wire.nodes[origin].queue:
+            wire.offer(max(time_ns, wire.time_ns), frame, origin)
+
+    def expel(self, name: Hashable) -> None:
+        """An intruder or a second card leaves the robot's bus with what it has not sent."""
+        wire = self.wire
+        if wire is not None and name in wire.nodes:
+            self.trouble.forget(name)
+            wire.detach(name)
 
     def _arrive(self, record: Record, missed_by: Container[object] = (), is_card: bool = False) -> None:
         """A frame is on the bus as a whole: it is logged, and who is to take it takes it.
@@ -311,12 +334,13 @@ class Bench:
             return
         data, self._missed_by = frame.data, missed_by
         for taker in takers:
-            if taker.node_id not in missed_by:
+            if taker.name not in missed_by:
                 taker.take(data)
 
     def _answer_remote(self, can_id: int) -> bool:
         self._catch_up(self.time_ns)
-        answers = [slave.on_remote(can_id, self.time_ns) for slave in self._running()]
+        hearing = [slave for slave in self._running if slave.bus_name not in self._off]
+        answers = [slave.on_remote(can_id, self.time_ns) for slave in hearing]
         return any(answers)
 
     @property
@@ -341,7 +365,7 @@ class Bench:
         """What the wire has carried by `until_ns` arrives, each frame at its end."""
         for delivery in wire.advance(until_ns):
             self.time_ns = max(self.time_ns, delivery.end_ns)
-            is_card = delivery.sender in self.rack.devices
+            is_card = delivery.sender in self.rack.devices or delivery.sender in self.hooks.doubles
             missed_by = {*delivery.missed_by, delivery.sender} if is_card else delivery.missed_by
             if self._off:
                 missed_by = missed_by | self._off
@@ -368,8 +392,8 @@ class Bench:
                 self._change_state(event)
 
     def _change_state(self, change: StateChange) -> None:
-        for slave in self.slaves:
-            if slave.node_id == change.node:
+        for slave in self._running:
+            if slave.bus_name == change.node:
                 self._catch_up(self.time_ns)
                 slave.on_error_state(change.state, self.time_ns)
         self._route()
@@ -381,6 +405,7 @@ class Bench:
             from .faults.engine import FaultEngine
 
             self._faults = FaultEngine(self, self._seed)
+            self.device.faults.attach(self._faults)
         return self._faults
 
     def inject(self, script: FaultScript) -> str:
@@ -390,6 +415,12 @@ class Bench:
             self.catch_up()
             self.faults.update(self.time_ns, self.cycle)
         return done
+
+    def set_emergency_stop(self, is_on: bool) -> None:
+        """Open the supply of every amplifier, or close it again."""
+        self.catch_up()
+        for joint in range(len(self.cell.joints)):
+            self.world.set_supply(joint, not is_on)
 
     def set_message_point(self, is_towards_cards: bool, point: "MessagePoint | None") -> None:
         """Let all frames but SYNC and TIME pass through `point` in one direction."""
@@ -406,10 +437,21 @@ class Bench:
         """What a fault can do to the card with this node-ID."""
         return CardPort(self, next(slave for slave in self.slaves if slave.node_id == node_id))
 
-    def make_double(self, node_id: int) -> Slave:
-        """A second card like that with this node-ID, wired to nothing."""
+    def add_double(self, node_id: int) -> Slave:
+        """A second card like that with this node-ID, wired to nothing, is put on the bus; it has not booted."""
         card = next(card for card in self.cell.card if card.node_id == node_id)
-        return self._make_slave(card, self.rack.spare(card))
+        doubles = self.hooks.doubles
+        name = next(each for each in map(SecondCard, repeat(node_id), count(1)) if each not in doubles)
+        doubles[name] = self._make_slave(card, name)
+        if self.wire is not None:
+            self.wire.attach(name)
+        return doubles[name]
+
+    def remove_double(self, name: Hashable) -> None:
+        """A second card is taken away; what is on the wire of it is still carried."""
+        self.hooks.doubles.pop(name, None)
+        self.expel(name)
+        self._route()
 
     def nodes_changed(self) -> None:
         """A node has booted, stopped or changed its state by itself."""
@@ -422,7 +464,7 @@ class Bench:
     def receive_bench(self, frame: Frame, origin: object = None) -> None:
         """A frame arrives on the bench bus. It never touches the robot's bus."""
         self.bench_records.append(Record(self.time_ns, frame, origin))
-        if frame.is_extended or frame.is_remote:
+        if frame.is_extended or frame.is_remote or not self.device.channels.admit(frame.can_id, origin):
             return
         take = self._bench_takers.get(frame.can_id)
         if take is not None:
@@ -441,7 +483,6 @@ class Bench:
         lockstep = self.clock is Clock.SYNC
         if lockstep:
             self.advance(self._next_sync_ns)
-            self._next_sync_ns = self.time_ns + self._cycle_length_ns()
         now_ns = self.time_ns
         self.records.append(Record(now_ns, frame, origin))
         world = self.world
@@ -451,9 +492,13 @@ class Bench:
         faults = self._faults
         if faults is not None:
             faults.update(now_ns, self.cycle + self.is_operational)
+        if lockstep:
+            length = self.hooks.cycle_length
+            nominal_ns = self.cell.bus.cycle_ns
+            self._next_sync_ns = now_ns + (nominal_ns if length is None else max(1, length(nominal_ns, now_ns)))
         slaves = self.slaves if faults is None and not self._off else self._hearers(origin, now_ns)
-        if missed_by:
-            slaves = [slave for slave in slaves if slave.node_id not in missed_by]
+        if missed_by != ():
+            slaves = [slave for slave in slaves if slave.bus_name not in missed_by]
         pdos = [(slave, layout) for slave in slaves for layout in slave.on_sync(frame.data, now_ns)]
         self._hurry()
         if self.is_operational:
@@ -474,18 +519,7 @@ class Bench:
         if wire_name(sender) in self._off:
             return []
         sees = self.hooks.sees_sync
-        return [each for each in self._running() if each.node_id not in self._off and sees(each, now_ns)]
-
-    def _running(self) -> list[Slave]:
-        """The cards, and second ones with the same node-ID, whose processors run."""
-        hooks = self.hooks
-        if not (hooks.halted or hooks.doubles):
-            return self.slaves
-        return [slave for slave in (*self.slaves, *hooks.doubles.values()) if slave.node_id not in hooks.halted]
-
-    def _cycle_length_ns(self) -> int:
-        nominal_ns, changed = self.cell.bus.cycle_ns, self.hooks.cycle_length
-        return nominal_ns if changed is None else max(1, changed(nominal_ns, self.time_ns))
+        return [each for each in self._running if each.bus_name not in self._off and sees(each, now_ns)]
 
     def _finish_transmissions(self, wire: Wire) -> None:
         """The cycle's inputs reach the controller when the wire has carried them, or never if it is too slow.
@@ -530,7 +564,7 @@ class Bench:
             for slave, layout in scan.pdos:
                 slave.send_tpdo(layout, due_ns)
         if self._next_due_ns <= due_ns:
-            for slave in self._running():
+            for slave in self._running:
                 if slave.next_due_ns <= due_ns:
                     state = slave.state
                     if slave.world_due_ns <= due_ns:
@@ -554,34 +588,39 @@ class Bench:
             return
         was_operational = self.is_operational
         self._catch_up(self.time_ns)
-        for slave in self._running():
-            if node_id in (0, slave.node_id) and slave.node_id not in self._missed_by:
+        for slave in self._running:
+            if node_id in (0, slave.node_id) and slave.bus_name not in self._missed_by:
                 slave.on_nmt(command, self.time_ns)
         if command is NmtCommand.START and not was_operational:
             self.cycle = -1
+            if self._faults is not None:
+                self._faults.begin_run()
             self._next_sync_ns = max(self.time_ns, self.world.time_ns)
         self._route()
 
     def _route(self) -> None:
         """Who takes which COB-ID: it changes with NMT states and configuration. Several nodes may take the same one."""
+        hooks = self.hooks
+        cards = (*self.slaves, *hooks.doubles.values())
+        self._running = [slave for slave in cards if slave.bus_name not in hooks.halted]
         takers: dict[int, list[_Taker]] = {Cob.NMT: [_Taker(0, self._nmt)]}
-        for slave in self._running():
-            node_id = slave.node_id
+        for slave in self._running:
+            name = slave.bus_name
             for cob_id in slave.sdo_cob_ids:
-                takers.setdefault(cob_id, []).append(_Taker(node_id, self._sdo(slave, cob_id)))
+                takers.setdefault(cob_id, []).append(_Taker(name, self._sdo(slave, cob_id)))
             for layout in slave.rpdos:
-                takers.setdefault(layout.cob_id, []).append(_Taker(node_id, self._rpdo(slave, layout)))
+                takers.setdefault(layout.cob_id, []).append(_Taker(name, self._rpdo(slave, layout)))
             for watched in slave.watched_node_ids:
-                takers.setdefault(Cob.HEARTBEAT + watched, []).append(_Taker(node_id, self._heartbeat(slave, watched)))
+                takers.setdefault(Cob.HEARTBEAT + watched, []).append(_Taker(name, self._heartbeat(slave, watched)))
         self._takers = takers
         self._schedule()
 
     def _schedule(self) -> None:
-        self._next_due_ns = min([self.node.next_due_ns, *[slave.next_due_ns for slave in self._running()]])
+        self._next_due_ns = min([self.node.next_due_ns, *[slave.next_due_ns for slave in self._running]])
 
     def _hurry(self) -> None:
         """A node may have something to do earlier than was known."""
-        for slave in self._running():
+        for slave in self._running:
             if slave.next_due_ns < self._next_due_ns:
                 self._next_due_ns = slave.next_due_ns
 

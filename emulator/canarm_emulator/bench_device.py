@@ -1,4 +1,7 @@
-"""The bench node's data: truth, assessment and figures of the buses to be read, what the controller reports."""
+"""The bench node's data: truth, assessment, figures of the buses and faults; what the controller reports.
+
+Tells who is to do what a client writes; what faults are, and which client owns which channel, is known elsewhere.
+"""
 
 from collections.abc import Callable
 
@@ -8,16 +11,35 @@ from canarm_protocol.cell import Cell
 from .assessor import Assessor
 from .bus_figures import BusFigures
 from .device import Getter, ReadObject, Setter
+from .fault_objects import FaultObjects
+from .sdo_channels import SdoChannels
 from .world import JointState
 
 
 class BenchDevice:
-    """State of the run as the bench node shows it. The bench fills `cycle` and `truth` at every SYNC."""
+    """State of the run as the bench node shows it. The bench fills `cycle` and `truth` at every SYNC.
 
-    def __init__(self, cell: Cell, assessor: Assessor, buses: BusFigures) -> None:
+    `set_emergency_stop` opens the supply of the amplifiers, or closes it again.
+    """
+
+    def __init__(
+        self,
+        cell: Cell,
+        assessor: Assessor,
+        buses: BusFigures,
+        faults: FaultObjects,
+        set_emergency_stop: Callable[[bool], None],
+    ) -> None:
         count = len(cell.joints)
         self.assessor = assessor
         self.buses = buses
+        self.faults = faults
+        self.channels = SdoChannels(cell.bus.bench_node_id)
+        self.is_stopped = False
+        """Whether the emergency stop is on."""
+        self.on_emergency_stop: Callable[[bool], None] | None = None
+        """Told of every change."""
+        self._set_emergency_stop = set_emergency_stop
         self.cycle = 0
         self.truth: list[JointState] = []
         self.tick = 0
@@ -36,9 +58,18 @@ class BenchDevice:
         self.report[objects.LATE, 0] = self.report[objects.CONTROLLER_STATE, 0] = 0
 
     def setter(self, index: int, subindex: int) -> Setter | None:
-        """Objects of the controller's report. A reference is assessed with the tick written just before it."""
+        """Objects of the controller's report, faults, emergency stop, channels.
+
+        A reference is assessed with the tick written just before it.
+        """
         if index == objects.TICK:
             return self._set_tick
+        if index == objects.FAULT_SET:
+            return lambda data: self.faults.write(data, self.channels.current)
+        if index == objects.EMERGENCY_STOP:
+            return self._stop
+        if index == objects.CHANNEL_OWNER:
+            return lambda token: self._claim(subindex, token)
         if (index, subindex) not in self.report:
             return None
         report, key = self.report, (index, subindex)
@@ -57,13 +88,17 @@ class BenchDevice:
         return store
 
     def getter(self, index: int, subindex: int) -> Getter | None:
-        """Truth, assessment, figures of the buses, or what the controller reported last."""
+        """Truth, assessment, figures of the buses, faults, or what the controller reported last."""
         if (index, subindex) in self.report:
             return lambda: self.report[index, subindex]
         if index == objects.CYCLE:
             return lambda: self.cycle
         if index == objects.TICK:
             return lambda: self.tick
+        if index in _FAULTS:
+            return lambda: _FAULTS[index](self)
+        if index == objects.CHANNEL_OWNER and subindex:
+            return lambda: self.channels.owner(subindex)
         if index == objects.ASSESSED_CYCLES:
             return lambda: min(score.samples for score in self.assessor.scores)
         figure = self.buses.getter(index, subindex)
@@ -93,12 +128,33 @@ class BenchDevice:
     def _set_tick(self, value: float) -> None:
         self.tick = int(value)
 
+    def _stop(self, value: int) -> None:
+        is_on = bool(value)
+        if is_on is not self.is_stopped:
+            self.is_stopped = is_on
+            self._set_emergency_stop(is_on)
+            if self.on_emergency_stop is not None:
+                self.on_emergency_stop(is_on)
+
+    def _claim(self, channel: int, token: int) -> None:
+        if self.channels.write(channel, token):
+            self.faults.forget(channel)
+
 
 _TRUTH: dict[int, Callable[[JointState], float]] = {
     objects.TRUE_ANGLE: lambda state: state.angle_rad,
     objects.TRUE_SPEED: lambda state: state.speed_rad_s,
     objects.TRUE_CURRENT: lambda state: state.current_a,
     objects.TRUE_COMMAND: lambda state: state.command_a,
+}
+_FAULTS: dict[int, Callable[[BenchDevice], float | str]] = {
+    objects.FAULT_RESULT: lambda device: device.faults.result(device.channels.current),
+    objects.FAULT_STATUS: lambda device: device.faults.status(),
+    objects.FAULT_CATALOGUE: lambda device: device.faults.catalogue(),
+    objects.FAULT_EVENTS: lambda device: device.faults.events(),
+    objects.ACTIVE_FAULTS: lambda device: device.faults.active,
+    objects.BEGUN_FAULTS: lambda device: device.faults.begun,
+    objects.EMERGENCY_STOP: lambda device: device.is_stopped,
 }
 _SCORES = {
     objects.RMS_ERROR: "rms_lsb",

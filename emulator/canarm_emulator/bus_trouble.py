@@ -63,15 +63,31 @@ class BusTrouble:
             self.off.discard(node)
         return was
 
+    def state_of(self, name: Hashable) -> ErrorState:
+        """A node's error state as it was last told."""
+        return self._states.get(name, ErrorState.ACTIVE)
+
     def unplug(self, name: Hashable) -> None:
-        """A node loses its connection to the bus."""
+        """A node loses its connection to the bus: it hears, sends and acknowledges nothing."""
         self.unplugged.add(name)
         self.off.add(name)
+        if self._wire is not None:
+            self._wire.disconnect(name)
 
     def plug_in(self, name: Hashable) -> None:
         """It is connected again; in bus-off it stays off until it has recovered."""
         self.unplugged.discard(name)
-        if self._states.get(name) is not ErrorState.BUS_OFF:
+        if self._wire is not None:
+            self._wire.connect(name)
+        if self.state_of(name) is not ErrorState.BUS_OFF:
+            self.off.discard(name)
+
+    def reset(self, name: Hashable) -> None:
+        """A node's CAN controller is reset: error-active, with nothing to send."""
+        self._states.pop(name, None)
+        if self._wire is not None:
+            self._wire.reset(name)
+        if name not in self.unplugged:
             self.off.discard(name)
 
     def forget(self, name: Hashable) -> None:

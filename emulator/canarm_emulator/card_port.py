@@ -1,10 +1,15 @@
-"""What a fault can do to a card: the bench's side of `faults.declaration.NodePort`."""
+"""What a fault can do to a card: the bench's side of `faults.declaration.NodePort`.
 
+Every fault has a port of its own, so that one fault's end leaves alone what another has done to the same card.
+"""
+
+import math
+from collections.abc import Hashable
 from typing import TYPE_CHECKING
 
 from canarm_protocol.frames import NmtCommand
 
-from .fault_hooks import SendFilter, SyncFilter
+from .fault_hooks import CardTrouble, SendFilter, SyncFilter
 from .faults.declaration import NodePort
 from .slave import Slave
 
@@ -19,25 +24,22 @@ _COMMANDS = {
 
 
 class CardPort(NodePort):
-    """One card of `bench`."""
+    """One fault's hands on one card of `bench`."""
 
     def __init__(self, bench: "Bench", slave: Slave) -> None:
         self._bench, self._slave, self._hooks = bench, slave, bench.hooks
+        self._done = CardTrouble()
+        self._double: Hashable = None
 
     def set_alive(self, is_alive: bool) -> None:
         """Timers stand still, and the card is off the bus."""
-        node_id = self._slave.node_id
-        if is_alive:
-            self._hooks.halted.discard(node_id)
-        else:
-            self._hooks.halted.add(node_id)
-        self.set_deaf(not is_alive)
+        self._done.is_halted = not is_alive
+        self._apply()
 
     def set_deaf(self, is_deaf: bool) -> None:
         """Off the bus."""
-        trouble = self._bench.trouble
-        (trouble.unplug if is_deaf else trouble.plug_in)(self._slave.node_id)
-        self._bench.nodes_changed()
+        self._done.is_deaf = is_deaf
+        self._apply()
 
     def lose_power(self) -> None:
         """Latches without power."""
@@ -45,52 +47,82 @@ class CardPort(NodePort):
         self._slave.device.power_off()
 
     def boot(self, now_ns: int) -> None:
-        """As after power on."""
+        """As after power on, the CAN controller included. A card that another fault keeps dead does not boot."""
+        if self._slave.node_id in self._hooks.halted:
+            return
         self._bench.catch_up()
+        self._bench.trouble.reset(self._slave.node_id)
         self._slave.boot(now_ns)
         self._bench.nodes_changed()
 
     def resume(self, now_ns: int) -> None:
-        """Heartbeats begin anew."""
+        """Timers begin anew. A card that another fault keeps dead does not go on."""
+        if self._slave.node_id in self._hooks.halted:
+            return
         self._slave.resume(now_ns)
+        self._slave.on_error_state(self._bench.trouble.state_of(self._slave.node_id), now_ns)
         self._bench.nodes_changed()
 
     def command(self, state: str, now_ns: int) -> None:
         """As if an NMT command had come."""
+        if self._slave.node_id in self._hooks.halted:
+            return
         self._bench.catch_up()
         self._slave.on_nmt(_COMMANDS[state], now_ns)
         self._bench.nodes_changed()
 
     def set_sync_filter(self, passes: SyncFilter | None) -> None:
         """For this card alone."""
-        filters, node_id = self._hooks.sync_filters, self._slave.node_id
-        if passes is None:
-            filters.pop(node_id, None)
-        else:
-            filters[node_id] = passes
+        self._done.sync_filter = passes
+        self._apply()
 
     def set_send_filter(self, passes: SendFilter | None) -> None:
         """For this card alone."""
-        filters, node_id = self._hooks.send_filters, self._slave.node_id
-        if passes is None:
-            filters.pop(node_id, None)
-        else:
-            filters[node_id] = passes
+        self._done.send_filter = passes
+        self._apply()
+
+    def set_sdo_refusal(self, is_refusing: bool) -> None:
+        """Before its dictionary sees a request."""
+        self._done.refuses_sdo = is_refusing
+        self._apply()
 
     def set_timer_scale(self, scale: float) -> None:
         """Of the heartbeat, both ways."""
-        self._slave.timer_scale = scale
+        self._done.timer_scale = scale
+        self._apply()
 
     def add_double(self, now_ns: int) -> None:
         """It hears what the card hears."""
-        double = self._bench.make_double(self._slave.node_id)
-        self._hooks.doubles[self._slave.node_id] = double
+        double = self._bench.add_double(self._slave.node_id)
+        self._double = double.bus_name
         double.boot(now_ns)
         self._bench.nodes_changed()
 
     def remove_double(self) -> None:
         """Gone without a word."""
-        self._hooks.doubles.pop(self._slave.node_id, None)
+        self._bench.remove_double(self._double)
+
+    def _apply(self) -> None:
+        """Let the card be as all its faults together make it."""
+        hooks, node_id, slave = self._hooks, self._slave.node_id, self._slave
+        known = hooks.cards.get(node_id, [])
+        others = [each for each in known if each is not self._done]
+        if not self._done.is_any:
+            known = others
+        elif len(others) == len(known):
+            known = [*known, self._done]
+        if known:
+            hooks.cards[node_id] = known
+        else:
+            hooks.cards.pop(node_id, None)
+        if any(each.is_halted for each in known):
+            hooks.halted.add(node_id)
+        else:
+            hooks.halted.discard(node_id)
+        trouble = self._bench.trouble
+        is_off = any(each.is_halted or each.is_deaf for each in known)
+        if is_off != (node_id in trouble.unplugged):
+            (trouble.unplug if is_off else trouble.plug_in)(node_id)
+        slave.timer_scale = math.prod(each.timer_scale for each in known)
+        slave.refuses_sdo = any(each.refuses_sdo for each in known)
         self._bench.nodes_changed()
-
-

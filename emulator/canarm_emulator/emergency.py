@@ -69,6 +69,11 @@ class EmergencyProducer:
         for position in range(1, HISTORY_LENGTH + 1):
             self._store.put(ERROR_HISTORY, position, 0)
 
+    def postpone(self, now_ns: int) -> None:
+        """What should have been sent before `now_ns` is sent then."""
+        if self._waiting:
+            self.due_ns = max(self.due_ns, now_ns)
+
     def run(self, now_ns: int) -> None:
         """Send what has waited for the inhibit time to end."""
         if self.due_ns <= now_ns:

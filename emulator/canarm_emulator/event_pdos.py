@@ -69,6 +69,15 @@ class EventPdos:
             self.enable(inputs.is_enabled, now_ns)
         self._schedule()
 
+    def restart(self, now_ns: int) -> None:
+        """Go on after a standstill: event timers and scans start anew, what had to wait is sent."""
+        for pdo in self._pdos:
+            pdo.free_ns = max(pdo.free_ns, now_ns) if pdo.is_pending else pdo.free_ns
+            pdo.timer_due_ns = now_ns + pdo.timer_ns if pdo.timer_due_ns != NEVER else NEVER
+        if self._scan_due_ns != NEVER:
+            self._scan_due_ns = max(self._scan_due_ns, now_ns)
+        self._schedule()
+
     def enable(self, is_enabled: bool, now_ns: int) -> None:
         """0x6423 is being written: inputs are scanned for events from now on, or no longer."""
         self._scan_due_ns = now_ns if is_enabled and self._watched else NEVER

@@ -1,11 +1,11 @@
 """What faults have changed about the nodes, messages and time of a bench; on a sound bench all of it is empty.
 
-State only: the bench asks it on its way, and the points of `faults/` write it.
+State only: the bench asks it on its way; `card_port.py` and the points of `faults/` write it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from canarm_protocol.frames import Frame
 
@@ -21,17 +21,43 @@ CycleLength = Callable[[int, int], int]
 """From the nominal cycle and the time of a SYNC to the time until the next one, ns."""
 
 
+class SecondCard(NamedTuple):
+    """The name on the bus of a second card with a node-ID that is taken; `number` tells several apart."""
+
+    node_id: int
+    number: int
+
+
+@dataclass(slots=True)
+class CardTrouble:
+    """What one fault has done to a card."""
+
+    is_halted: bool = False
+    is_deaf: bool = False
+    sync_filter: SyncFilter | None = None
+    send_filter: SendFilter | None = None
+    timer_scale: float = 1.0
+    refuses_sdo: bool = False
+
+    @property
+    def is_any(self) -> bool:
+        """Whether it has done anything."""
+        filters = (self.sync_filter, self.send_filter)
+        return self.is_halted or self.is_deaf or self.refuses_sdo or self.timer_scale != 1.0 or filters != (None, None)
+
+
 @dataclass(slots=True)
 class FaultHooks:
-    """By node-ID where it concerns nodes."""
+    """By node-ID where it concerns cards."""
 
     towards_cards: "MessagePoint | None" = None
     from_cards: "MessagePoint | None" = None
     halted: set[int] = field(default_factory=set)
-    """Nodes whose timers stand still."""
-    sync_filters: dict[int, SyncFilter] = field(default_factory=dict)
-    send_filters: dict[int, SendFilter] = field(default_factory=dict)
-    doubles: dict[int, Slave] = field(default_factory=dict)
+    """Cards whose timers stand still."""
+    cards: dict[int, list[CardTrouble]] = field(default_factory=dict)
+    """What each fault of a card has done to it, in the order in which they began."""
+    doubles: dict[Hashable, Slave] = field(default_factory=dict)
+    """Second cards by their names on the bus."""
     cycle_length: CycleLength | None = None
 
     @property
@@ -47,6 +73,17 @@ class FaultHooks:
                 point.release(until_ns)
 
     def sees_sync(self, slave: Slave, now_ns: int) -> bool:
-        """Whether the card's own fault lets it see a SYNC."""
-        passes = self.sync_filters.get(slave.node_id)
-        return passes is None or passes(now_ns)
+        """Whether the card's own faults let it see a SYNC. Each of them is asked, for they count."""
+        if slave.bus_name not in self.cards:
+            return True
+        filters = [each.sync_filter for each in self.cards[slave.node_id]]
+        answers = [passes(now_ns) for passes in filters if passes is not None]
+        return all(answers)
+
+    def sent(self, node_id: int, frame: Frame) -> Frame | None:
+        """What goes out when the card sends `frame`, each fault acting on what the one before has left."""
+        passed: Frame | None = frame
+        for each in self.cards.get(node_id, ()):
+            if passed is not None and each.send_filter is not None:
+                passed = each.send_filter(passed)
+        return passed

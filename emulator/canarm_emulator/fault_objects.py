@@ -3,6 +3,7 @@
 Texts in, texts out. What a text means and when faults act is the engine's business; who writes is `sdo_channels`'s.
 """
 
+import importlib
 import json
 from collections import deque
 from collections.abc import Callable
@@ -30,9 +31,7 @@ SOURCE = "fault set"
 class FaultObjects:
     """Faults of one bench as its node shows them. `time` gives virtual time and cycle, `on_event` is told of events."""
 
-    def __init__(
-        self, cell: Cell, inject: Callable[[FaultScript], str], time: Callable[[], tuple[int, int]]
-    ) -> None:
+    def __init__(self, cell: Cell, inject: Callable[[FaultScript], str], time: Callable[[], tuple[int, int]]) -> None:
         self.on_event: Callable[[FaultEvent], None] | None = None
         self.begun = 0
         """How many faults have begun so far."""
@@ -42,6 +41,11 @@ class FaultObjects:
         self._events: deque[FaultEvent] = deque(maxlen=objects.MOST_EVENTS)
         self._acting: list[tuple[str, str, str]] = []
         self._catalogue = ""
+
+    def prepare(self) -> None:
+        """Load and make now what would take several cycles of the wall clock when it is first needed."""
+        importlib.import_module(".faults.engine", __package__)
+        self.catalogue()
 
     def attach(self, engine: "FaultEngine") -> None:
         """The bench has an engine from now on."""
@@ -55,7 +59,7 @@ class FaultObjects:
         if event.is_begin:
             self.begun += 1
             self._acting.append(where)
-        else:
+        elif where in self._acting:
             self._acting.remove(where)
         if self.on_event is not None:
             self.on_event(event)
@@ -92,7 +96,9 @@ class FaultObjects:
                 "time_ns": time_ns,
                 "cycle": cycle,
                 "begun": self.begun,
-                "sets": [{"set": each.name, "state": each.state.value, "activations": each.activations} for each in sets],
+                "sets": [
+                    {"set": each.name, "state": each.state.value, "activations": each.activations} for each in sets
+                ],
                 "active": [{"set": name, "tap": tap, "fault": fault} for name, tap, fault in self._acting],
             }
         )
@@ -102,7 +108,7 @@ class FaultObjects:
         return "".join(_json(event_as_plain(event)) + "\n" for event in self._events) or NO_LINES
 
     def catalogue(self) -> str:
-        """What can be injected where. Made at the first call, which takes a while."""
+        """What can be injected where. Made at the first call."""
         if not self._catalogue:
             # The faults are many modules, and most runs need none.
             from .faults.catalogue import as_plain, catalogue

@@ -40,6 +40,8 @@ python-can's client breaks when a frame shares a TCP segment with the `< ok >` o
 MAX_GARBAGE = 1 << 14
 """Bytes in a row without one well-formed command, after which a client is no client."""
 MAX_CLIENTS = 64
+TOO_MANY = b"< error too many clients >"
+"""What one more is told instead of `< hi >`."""
 
 _READ_SIZE = 1 << 12  # bounds the time that one client's input can take from a cycle
 _SELECT_LIMIT = 1024  # FD_SETSIZE where file descriptors are small integers (POSIX)
@@ -263,6 +265,9 @@ class Hub:
             # Room is made by one that connected and never said what it wants.
             silent = next((client for client in self._clients.values() if client.channel is None), None)
             if silent is None:
+                with contextlib.suppress(OSError):
+                    connection.setblocking(False)
+                    connection.send(TOO_MANY)
                 connection.close()
                 return
             self._drop(silent)

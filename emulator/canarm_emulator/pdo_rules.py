@@ -6,6 +6,7 @@ A node is never left with PDOs that it cannot serve: a wrong value is refused wh
 from collections.abc import Callable
 
 from canarm_protocol.errors import DictionaryError
+from canarm_protocol.frames import Cob
 from canarm_protocol.pdo import COB_ID_MASK, COMMUNICATION, DISABLED, MAPPING, PDO_COUNT, Kind, mapped_object
 from canarm_protocol.sdo import AbortCode
 
@@ -64,6 +65,12 @@ def check_emergency_cob_id(value: int, present: int) -> None:
     _check_cob_id(value, present)
 
 
+def check_sync_cob_id(value: int) -> None:
+    """0x1005 (CiA 301, 7.5.2.5): a consumer (bit 30 is 0) of 0x080; bit 31 means nothing. Raises `SdoRefused`."""
+    if value & ~DISABLED != Cob.SYNC:
+        raise SdoRefused(AbortCode.INVALID_VALUE)
+
+
 def _check_cob_id(value: int, present: int) -> None:
     """Only 11-bit CAN-IDs; one that is enabled keeps its CAN-ID until it is disabled."""
     if value & ~(DISABLED | NO_REMOTE | COB_ID_MASK):
@@ -84,7 +91,8 @@ def _check_mapping(store: ObjectStore, can_map: CanMap, kind: Kind, offset: int,
     if subindex:
         if store.number(mapping, 0):
             raise SdoRefused(AbortCode.UNSUPPORTED_ACCESS)
-        _check_entry(store, can_map, kind, value)
+        if value:  # CiA 301, 7.5.2.36: 0 clears an entry
+            _check_entry(store, can_map, kind, value)
         return
     entries = range(1, value + 1)
     if any(entry not in store.dictionary[mapping].subindices for entry in entries):

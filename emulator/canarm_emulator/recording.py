@@ -1,7 +1,11 @@
-"""What an emulator leaves in a run folder: every frame of the robot's bus in its order, the true signals, events."""
+"""What an emulator leaves in a run folder: every frame of the robot's bus in its order, the true signals, events.
+
+Times are virtual, since power-on; the cycle beside them counts from the first SYNC after NMT start.
+"""
 
 from collections.abc import Hashable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from canarm_protocol.cell import Cell
 from canarm_protocol.frames import ERROR_FLAG, Cob, Emergency
@@ -10,7 +14,11 @@ from canarm_protocol.run_folder import CAN_LOG_FILE, EVENTS_FILE, SIGNALS_FOLDER
 from .bench import CycleTruth, Record
 from .bus_trouble import origin_of
 from .error_frames import ErrorClass
+from .fault_objects import event_details, event_name
 from .wire import ErrorFrame, StateChange
+
+if TYPE_CHECKING:
+    from .faults.engine import FaultEvent
 
 SIGNALS_FILE = "robot.csv"
 _COLUMNS = (
@@ -33,6 +41,7 @@ class Recorder:
         columns = [f"{joint}.{column}" for joint in cell.joint_names for column in _COLUMNS]
         self._signals = SignalLog(folder / SIGNALS_FOLDER / SIGNALS_FILE, columns)
         self._events = EventLog(folder / EVENTS_FILE, "emulator")
+        self._cycle = -1
 
     def frame(self, record: Record) -> None:
         """Append a frame of the robot's bus; an emergency of a node is an event as well, and so is an error frame.
@@ -61,12 +70,17 @@ class Recorder:
 
     def cycle(self, truth: CycleTruth) -> None:
         """Append the true state at a SYNC."""
+        self._cycle = truth.cycle
         values = [value for joint in truth.joints for value in joint]
         self._signals.write(truth.cycle, truth.time_ns, values)
 
     def event(self, time_ns: int, event: str, **details: object) -> None:
-        """Append an event."""
-        self._events.write(time_ns, event, **details)
+        """Append an event; `cycle` is the last one begun, unless given: -1 before the first."""
+        self._events.write(time_ns, event, **{"cycle": self._cycle, **details})
+
+    def fault(self, event: "FaultEvent") -> None:
+        """Append the beginning or end of a fault."""
+        self.event(event.time_ns, event_name(event), **event_details(event))
 
     def close(self) -> None:
         """Write out what is left."""

@@ -25,6 +25,10 @@ class RpdoDeadlines:
         self.is_used = bool(self._timers_ns)
         self._due_ns, self.due_ns = {}, NEVER
 
+    def restart(self) -> None:
+        """Each RPDO waits for its first frame again."""
+        self._due_ns, self.due_ns = {}, NEVER
+
     def received(self, number: int, now_ns: int) -> bool:
         """An RPDO came; returns whether it is monitored."""
         timer_ns = self._timers_ns.get(number)

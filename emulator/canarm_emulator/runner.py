@@ -2,9 +2,11 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from canarm_protocol.bench_objects import DIVIDER
 from canarm_protocol.clock import Clock
+from canarm_protocol.faults import FaultScript
 from canarm_protocol.frames import ERROR_FLAG, Cob, Frame, NmtState
 from canarm_protocol.port import BusPort
 from canarm_protocol.realtime import Collector, undisturbed
@@ -12,9 +14,13 @@ from canarm_protocol.realtime import Collector, undisturbed
 from .arrival import SyncArrival
 from .bench import Bench, CycleTruth, Record
 from .bus_figures import ClientCounts
+from .fault_objects import event_text
 from .hub import Attached, Detached, Hub, Ready, Received
 from .recording import Recorder
 from .slave import NEVER
+
+if TYPE_CHECKING:
+    from .faults.engine import FaultEvent
 
 ROBOT_BUS, BENCH_BUS = "can0", "bench"
 LISTENER_NS = 1_500_000_000
@@ -28,14 +34,15 @@ STALL_NS = 10_000_000
 """So much longer than asked for between two looks at the clock is the machine's fault, not the robot's."""
 LONGEST_REPLAY_NS = 1_000_000_000
 """Of a stall, so much is caught up; what goes beyond it virtual time leaves out."""
-LONGEST_REPLAY_ROUNDS = 1000
+SHORTEST_FRAME_BITS = 47
+"""Of a frame without data, intermission included (ISO 11898-1): nothing carries more frames than that in a time."""
 
 
 class EmulatorRunner:
     """Ties a bench to its buses.
 
     `ports` are further buses beside the hub, by bus name ("can0", "bench"). `sync_timeout_s` bounds a silent controller
-    in lockstep. `should_stop` is asked in every round.
+    in lockstep. `should_stop` is asked in every round. `faults` are injected as soon as the bench has started.
     """
 
     def __init__(
@@ -47,6 +54,7 @@ class EmulatorRunner:
         sync_timeout_s: float = 2.0,
         should_stop: Callable[[], bool] = lambda: False,
         on_event: Callable[[str], None] = lambda text: None,
+        faults: FaultScript | None = None,
     ) -> None:
         self._bench, self._hub, self._recorder = bench, hub, recorder
         ports = ports or {}
@@ -55,10 +63,12 @@ class EmulatorRunner:
         self._polled = [port for group in self._ports.values() for port in group if port.fileno() is None]
         self._sync_timeout_ns = int(sync_timeout_s * 1e9)
         self._should_stop, self._on_event = should_stop, on_event
+        self._script = faults
         self._sync_sender: object = None
         self._last_heard_ns = 0
         self._last_sync_time_ns = 0
         self._is_behind = False
+        self._gap_ns = 0
         self._listener_until_ns = 0
         self._next_idle_telemetry_ns = 0
         self._sent_cycle = -1
@@ -77,9 +87,12 @@ class EmulatorRunner:
         if recorder is not None:
             bench.on_cycle = self._record_cycle
         bench.device.buses.count_clients = self._count_clients
+        bench.device.faults.on_event = self._fault_event
+        bench.device.on_emergency_stop = self._emergency_stop
 
     def run(self) -> None:
         """Power on and serve until `should_stop`. Raises `BusError` when a port's bus is lost."""
+        self._bench.device.faults.prepare()
         if self._bench.clock is Clock.SYNC:
             self._serve(None)
         else:
@@ -91,6 +104,8 @@ class EmulatorRunner:
         self._start_ns = self._last_look_ns = time.monotonic_ns()
         bench.start()
         self._deliver()
+        if self._script is not None:
+            bench.inject(self._script)
         while not self._should_stop():
             timeout_s = self._timeout_s()
             events = self._hub.poll(timeout_s)
@@ -133,19 +148,21 @@ class EmulatorRunner:
         self._is_behind = gap_ns > STALL_NS
         if self._is_behind:
             self.stalls += 1
+            self._gap_ns = min(gap_ns, LONGEST_REPLAY_NS)
             self._start_ns += max(gap_ns - LONGEST_REPLAY_NS, 0)
         else:
             self._bench.advance(now_ns - self._start_ns)
 
     def _catch_up(self, now_ns: int) -> None:
-        """After a stall: what has come meanwhile is taken at the times at which it must have come, then time goes
-        on.
+        """After a stall: what has come meanwhile is taken at the times at which it must have come, then time goes on.
+
+        That is no more than a bus could have carried; who sends faster must not keep the emulator from its work.
         """
-        for _ in range(LONGEST_REPLAY_ROUNDS):
-            events = self._hub.poll(0.0)
-            if not events:
-                break
+        most = self._gap_ns * self._bench.cell.bus.bitrate // (SHORTEST_FRAME_BITS * 1_000_000_000)
+        taken = 0
+        while taken <= most and (events := self._hub.poll(0.0)):
             self._take_events(events, now_ns)
+            taken += len(events)
         self._is_behind = False
         self._last_look_ns = time.monotonic_ns()
         self._bench.advance(self._last_look_ns - self._start_ns)
@@ -165,6 +182,7 @@ class EmulatorRunner:
         else:
             if Cob.HEARTBEAT < frame.can_id <= Cob.HEARTBEAT + 0x7F and frame.data != bytes((NmtState.STOPPED,)):
                 self._listener_until_ns = now_ns + LISTENER_NS
+            self._bench.device.channels.now_ns = now_ns
             self._bench.receive_bench(frame, origin)
 
     def _advance_to_sync(self, now_ns: int) -> None:
@@ -182,6 +200,7 @@ class EmulatorRunner:
         elif isinstance(event, Detached):
             self._note("detached", bus=event.channel, client=event.client_id)
             self._bench.leave(event.client_id)
+            self._bench.device.channels.leave(event.client_id)
             if event.channel == ROBOT_BUS and event.client_id == self._sync_sender:
                 if self._bench.clock is Clock.SYNC:
                     self._run_on("the sender of SYNC has left the bus")
@@ -242,10 +261,19 @@ class EmulatorRunner:
     def _count_clients(self, bus: str) -> ClientCounts:
         return ClientCounts(self._hub.attached_to(bus), self._hub.dropped_on(bus))
 
+    def _fault_event(self, event: "FaultEvent") -> None:
+        if self._recorder is not None:
+            self._recorder.fault(event)
+        self._on_event(event_text(event))
+
+    def _emergency_stop(self, is_on: bool) -> None:
+        self._note("emergency-stop", state="on" if is_on else "off")
+        self._on_event("emergency stop: the supply of all amplifiers is " + ("open" if is_on else "closed again"))
+
     def _record_cycle(self, truth: CycleTruth) -> None:
         assert self._recorder is not None
         self._recorder.cycle(truth)
 
     def _note(self, event: str, **details: object) -> None:
         if self._recorder is not None:
-            self._recorder.event(self._bench.time_ns, event, **details)
+            self._recorder.event(self._bench.time_ns, event, cycle=self._bench.cycle, **details)

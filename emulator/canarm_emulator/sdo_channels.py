@@ -5,7 +5,6 @@ reads it back: the channel is its own if it reads its own token. It writes 0 ove
 A channel that nobody has claimed serves whoever asks.
 """
 
-from collections.abc import Hashable
 from dataclasses import dataclass
 
 from canarm_protocol.bench_objects import CLAIM_CHANNEL, CLAIM_S, CLIENT_CHANNELS, SDO_CHANNELS, sdo_channel
@@ -20,7 +19,7 @@ NOBODY = 0
 @dataclass(slots=True)
 class _Channel:
     token: int = NOBODY
-    origin: Hashable = None
+    origin: object = None
     heard_ns: int = -CLAIM_NS
     """When somebody last asked for something, on the clock that the runner sets."""
 
@@ -34,11 +33,11 @@ class SdoChannels:
         """The channel of the request that is being served."""
         self.ignored = 0
         """Requests on a channel that belongs to another client."""
-        self._origin: Hashable = None
+        self._origin: object = None
         self._channels = [_Channel() for _ in range(SDO_CHANNELS + 1)]
         self._numbers = {sdo_channel(node_id, number)[0]: number for number in range(SDO_CHANNELS + 1)}
 
-    def admit(self, cob_id: int, origin: Hashable) -> bool:
+    def admit(self, cob_id: int, origin: object) -> bool:
         """A frame comes: whether it is to be served. False for one from a stranger on a claimed channel."""
         number = self._numbers.get(cob_id)
         if number is None:
@@ -80,7 +79,7 @@ class SdoChannels:
         self._channels[number] = _Channel(token, self._origin, self.now_ns)
         return not is_renewed
 
-    def leave(self, origin: Hashable) -> None:
+    def leave(self, origin: object) -> None:
         """A client has left the bus: what it had claimed is free."""
         for number in CLIENT_CHANNELS:
             if self._channels[number].token != NOBODY and self._channels[number].origin == origin:

@@ -28,6 +28,8 @@ class _Transfer:
     is_upload: bool
     data: bytearray = field(default_factory=bytearray)
     announced: int | None = None
+    length: int | None = None
+    """Bytes of the object, where it has a fixed length."""
     toggle: int = 0
 
 
@@ -46,8 +48,10 @@ class SdoServer:
         """The answer to eight bytes of a client; None to an abort."""
         command, index, subindex = _HEAD.unpack_from(request)
         specifier = command >> 5
-        if specifier in (0, 3) and self._transfer is not None:
-            index, subindex = self._transfer.index, self._transfer.subindex
+        if specifier in (0, 3):  # a segment, which names no object
+            index, subindex = 0, 0
+            if self._transfer is not None:
+                index, subindex = self._transfer.index, self._transfer.subindex
         try:
             if specifier == 0:
                 return self._download_segment(command, request)
@@ -64,6 +68,16 @@ class SdoServer:
         except SdoRefused as refusal:
             self._transfer = None
             return struct.pack("<BHBI", 0x80, index, subindex, refusal.code)
+
+    def refuse(self, request: bytes, code: AbortCode) -> bytes | None:
+        """An abort with `code` whatever is asked for; nothing is read or written. None to an abort."""
+        command, index, subindex = _HEAD.unpack_from(request)
+        transfer, self._transfer = self._transfer, None
+        if command >> 5 == 4:
+            return None
+        if command >> 5 in (0, 3):
+            index, subindex = (transfer.index, transfer.subindex) if transfer is not None else (0, 0)
+        return struct.pack("<BHBI", 0x80, index, subindex, code)
 
     def _start_upload(self, index: int, subindex: int) -> bytes:
         self._transfer = None
@@ -93,15 +107,20 @@ class SdoServer:
         else:
             self._store.check_writable(index, subindex)
             announced = struct.unpack_from("<I", request, 4)[0] if command & _SIZED else None
+            length = self._length(index, subindex)
+            if announced is not None and length is not None and announced != length:
+                raise SdoRefused(AbortCode.TOO_LONG if announced > length else AbortCode.TOO_SHORT)
             if announced is not None and announced > LARGEST_DOWNLOAD:
                 raise SdoRefused(AbortCode.OUT_OF_MEMORY)
-            self._transfer = _Transfer(index, subindex, False, announced=announced)
+            self._transfer = _Transfer(index, subindex, False, announced=announced, length=length)
         return _HEAD.pack(0x60, index, subindex) + bytes(4)
 
     def _download_segment(self, command: int, request: bytes) -> bytes:
         transfer = self._continued(command, is_upload=False)
         transfer.data += request[1 : 8 - (command >> 1 & 7)]
         size, announced = len(transfer.data), transfer.announced
+        if transfer.length is not None and size > transfer.length:
+            raise SdoRefused(AbortCode.TOO_LONG)
         if announced is None and size > LARGEST_DOWNLOAD:
             raise SdoRefused(AbortCode.OUT_OF_MEMORY)
         if announced is not None and (size > announced or (command & _LAST and size < announced)):
@@ -122,5 +141,9 @@ class SdoServer:
 
     def _size_of(self, index: int, subindex: int) -> int:
         """Bytes that count in an expedited download that does not say: as many as the object has, four at most."""
+        return min(self._length(index, subindex) or 4, 4)
+
+    def _length(self, index: int, subindex: int) -> int | None:
+        """Bytes of an object that always has as many."""
         variable = self._store.variable(index, subindex)
-        return min(len(variable) // 8, 4) if variable.fixed_size else 4
+        return len(variable) // 8 if variable.fixed_size else None

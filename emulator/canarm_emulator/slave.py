@@ -7,7 +7,7 @@ Left out, as the standard permits: node guarding, SDO block transfer, TIME, bit-
 identifiers, another COB-ID for SYNC, and changes of PDOs in OPERATIONAL.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 
 from canarm_protocol.dictionary import (
     CLOCK_MODE,
@@ -20,6 +20,7 @@ from canarm_protocol.dictionary import (
     INTERRUPT_ENABLE,
     INTERRUPT_SOURCE,
     PRODUCER_HEARTBEAT,
+    SYNC_COB_ID,
     SYNC_OVERFLOW,
     SYNC_WINDOW,
     Dictionary,
@@ -44,6 +45,7 @@ from .pdo_rules import (
     SYNCHRONOUS_TYPES,
     check_emergency_cob_id,
     check_pdo_write,
+    check_sync_cob_id,
 )
 from .rpdo_deadlines import RpdoDeadlines
 from .sdo_server import SdoServer
@@ -66,6 +68,8 @@ class Slave:
         self, name: str, node_id: int, dictionary: Dictionary, device: IoDevice, emit: Emit, clock_mode: int
     ) -> None:
         self.name, self.node_id, self.device = name, node_id, device
+        self.bus_name: Hashable = node_id
+        """Its name on the bus, apart from all others even where two nodes share a node-ID."""
         self.state = NmtState.BOOT_UP
         self.next_due_ns = NEVER
         """When `run_timers` has something to do."""
@@ -74,6 +78,8 @@ class Slave:
         self.ignored_frames = 0
         self.timer_scale = 1.0
         """How long the periods of its heartbeat and of those that it waits for last, of what they should."""
+        self.refuses_sdo = False
+        """Whether every SDO request is answered by an abort."""
         self._emit = emit
         self._clock_mode = clock_mode
         self._now_ns = 0
@@ -94,7 +100,7 @@ class Slave:
         self._syncs_until_due: dict[int, int] = {}
         self._first_syncs: dict[int, int] = {}
         self._last_sync_ns = NEVER
-        self._sync_length = 0
+        self._sync_length = self._sync_overflow = 0
         self._window_ns = 0
         self._deadlines = RpdoDeadlines()
         self._last_sent: dict[int, bytes] = {}
@@ -111,20 +117,24 @@ class Slave:
         self.device.configure(self._store.number)
         self.device.take_error_values(self._store.number)
         self._emergency.reset()
-        self._sync_length = 1 if self._store.optional(SYNC_OVERFLOW) else 0
+        self._take_sync_overflow(self._store.optional(SYNC_OVERFLOW))
         self._window_ns = self._store.optional(SYNC_WINDOW) * MICROSECOND
         heartbeat_ns = self._store.number(PRODUCER_HEARTBEAT) * MILLISECOND
-        self._heartbeat_due_ns = now_ns + heartbeat_ns if heartbeat_ns else NEVER
+        self._heartbeat_due_ns = now_ns + self._scaled(heartbeat_ns) if heartbeat_ns else NEVER
         self._watch.reset()
+        self._is_bus_off = False
         self._schedule()
         self._emit(now_ns, heartbeat_frame(self.node_id, NmtState.BOOT_UP))
         self.state = NmtState.PRE_OPERATIONAL
 
     def resume(self, now_ns: int) -> None:
-        """Go on after a standstill of the node: its heartbeat starts anew, and so does its watch over others'."""
+        """Go on after a standstill of the node: heartbeat, time-outs and the timers of PDOs start anew."""
         if self._heartbeat_due_ns != NEVER:
             self._heartbeat_due_ns = now_ns
         self._watch.reset()
+        self._deadlines.restart()
+        self._emergency.postpone(now_ns)
+        self._events.restart(now_ns)
         self._schedule()
 
     def on_nmt(self, command: NmtCommand, now_ns: int) -> None:
@@ -168,7 +178,7 @@ class Slave:
             return
         self._now_ns = now_ns
         server, answer_id = self._sdo[cob_id]
-        answer = server.answer(data)
+        answer = server.answer(data) if not self.refuses_sdo else server.refuse(data, AbortCode.GENERAL)
         if self._is_configured:
             self._is_configured = False
             self.device.configure(self._store.number)
@@ -210,7 +220,8 @@ class Slave:
     def on_sync(self, data: bytes, now_ns: int) -> list[PdoLayout]:
         """SYNC: outputs act; returns the TPDOs to be sent once their inputs are converted.
 
-        One whose length is not what 0x1019 says is reported by EMCY 0x8240 and acts nevertheless.
+        One whose length is not what 0x1019 says is reported by EMCY 0x8240 and acts nevertheless; one whose counter is
+        not within 1 and 0x1019 acts as one without.
         """
         if self.state is NmtState.STOPPED:
             return []
@@ -223,7 +234,9 @@ class Slave:
         self._last_sync_ns = now_ns
         if self._received:
             self.apply_outputs()
-        return self.tpdos_due(data[0] if data else 0) if self.tpdos else []
+        if not self.tpdos:
+            return []
+        return self.tpdos_due(data[0] if data and data[0] <= self._sync_overflow else 0)
 
     def tpdos_due(self, counter: int = 0) -> list[PdoLayout]:
         """The TPDOs that the SYNC with this counter asks for; 0 is one without."""
@@ -405,6 +418,8 @@ class Slave:
     def _read_object(self, index: int, subindex: int) -> bytes | None:
         if index == CLOCK_MODE:
             return bytes((self._clock_mode,))
+        if index == ERROR_HISTORY and subindex and subindex > self._store.number(ERROR_HISTORY):
+            raise SdoRefused(AbortCode.NO_DATA)
         if index == INTERRUPT_SOURCE and subindex and self._inputs is not None:
             return self._inputs.take_sources().to_bytes(4, "little")
         if index >= APPLICATION_OBJECTS:
@@ -432,16 +447,23 @@ class Slave:
         self._is_configured = index >= APPLICATION_OBJECTS
         return False
 
+    def _take_sync_overflow(self, value: int) -> None:
+        self._sync_overflow, self._sync_length = value, 1 if value else 0
+
     def _configure(self, index: int, subindex: int, value: int) -> None:
         """A client is about to write a communication object: refuse what cannot be, act on what acts at once."""
         is_operational = self.state is NmtState.OPERATIONAL
         check_pdo_write(self._store, self._can_map, is_operational, index, subindex, value)
         if index == PRODUCER_HEARTBEAT:
-            self._heartbeat_due_ns = self._now_ns + value * MILLISECOND if value else NEVER
+            self._heartbeat_due_ns = self._now_ns + self._scaled(value * MILLISECOND) if value else NEVER
             self._schedule()
         elif index == CONSUMER_HEARTBEAT:
             self._watch.rewrite(subindex, value)
+            if not self._watch.is_any_lost:
+                self._emergency.end(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, self._now_ns)
             self._schedule()
+        elif index == SYNC_COB_ID:
+            check_sync_cob_id(value)
         elif index == ERROR_HISTORY:
             if value:
                 raise SdoRefused(AbortCode.INVALID_VALUE)
@@ -455,4 +477,4 @@ class Slave:
                 raise SdoRefused(AbortCode.DEVICE_STATE)
             if value == 1:
                 raise SdoRefused(AbortCode.INVALID_VALUE)
-            self._sync_length = 1 if value else 0
+            self._take_sync_overflow(value)

@@ -118,23 +118,56 @@ class Wire:
         if name in self._nodes:
             raise ValueError(f"node {name!r} is on the bus already; detach it first")
         node = self._nodes[name] = Node(name, queueing)
-        self._on_bus += 1
-        self._plan = None
+        self._count_on_bus()
         return node
 
     def detach(self, name: Hashable) -> None:
         """A node leaves the bus with all that it had to send; a frame on the wire is finished. Raises `ValueError`."""
         node = self._node(name)
         del self._nodes[name]
-        self._on_bus -= node.state is not ErrorState.BUS_OFF
+        self._count_on_bus()
         for group in (self._waiting, self._recovering):
             if node in group:
                 group.remove(node)
         node.queue.clear()
         self._plan = None
 
+    def disconnect(self, name: Hashable) -> None:
+        """A node's line is cut: it hears, sends and acknowledges nothing, and what it had to send is lost.
+
+        A frame on the wire is finished; the error counters stay as they are. Raises `ValueError`.
+        """
+        node = self._node(name)
+        node.is_connected = False
+        self._drop_queue(node)
+
+    def connect(self, name: Hashable) -> None:
+        """A node's line is mended. Raises `ValueError`."""
+        self._node(name).is_connected = True
+        self._count_on_bus()
+
+    def reset(self, name: Hashable) -> None:
+        """A node's CAN controller starts anew: error-active, with nothing to send. Raises `ValueError`."""
+        node = self._node(name)
+        node.reset()
+        node.recovering_from_ns, node.ready_ns = None, 0
+        if node in self._recovering:
+            self._recovering.remove(node)
+        self._drop_queue(node)
+
+    def _drop_queue(self, node: Node) -> None:
+        node.discarded += len(node.queue)
+        node.queue.clear()
+        if node in self._waiting:
+            self._waiting.remove(node)
+        self._count_on_bus()
+
+    def _count_on_bus(self) -> None:
+        self._on_bus = sum(node.is_on_bus for node in self._nodes.values())
+        self._plan = None
+
     def offer(self, time_ns: int, frame: Frame, sender: Hashable) -> bool:
-        """`sender` has `frame` to send from `time_ns` on; False when it is in bus-off, or its queue full, and the frame
+        """`sender` has `frame` to send from `time_ns` on; False when it is off the bus, or its queue is full: the frame
         is lost.
 
         Raises `ValueError` for a time gone by or an unknown sender, `FrameError` for what is no classical frame.
@@ -145,7 +178,7 @@ class Wire:
                 f"frame 0x{frame.can_id:X} offered at {time_ns} ns; the wire is at {self.time_ns} ns already"
             )
         waiting = Waiting(time_ns, arbitration_key(frame), frame, frame_bits(frame))
-        if node.state is ErrorState.BUS_OFF or len(node.queue) >= LONGEST_QUEUE:
+        if not node.is_connected or node.state is ErrorState.BUS_OFF or len(node.queue) >= LONGEST_QUEUE:
             node.discarded += 1
             return False
         if not node.queue:
@@ -188,19 +221,27 @@ class Wire:
         receivers: Iterable[Hashable] | None = None,
         bit: int | None = None,
         is_unacknowledged: bool = False,
-    ) -> None:
+    ) -> Disturbance:
         """The `nth` transmission of an identifier from now (1: the next), and `times` in a row, end in an error.
 
         A CRC error at the `receivers` (None: at all of them, so that nobody acknowledges), or with `bit` a bit error
         that the transmitter sees, so many bits after the arbitration field, or with `is_unacknowledged` an ACK error. A
-        retransmission is a transmission.
+        retransmission is a transmission; a row ends with the bus-off that it brings about. Returns what `withdraw`
+        takes.
 
         Raises `ValueError` for numbers that count nothing.
         """
         if nth < 1 or times < 1 or (bit is not None and bit < 0):
             raise ValueError(f"nth = {nth} and times = {times} must be at least 1, bit = {bit} at least 0")
         chosen = None if receivers is None else frozenset(receivers)
-        self._disturbances.add((can_id, is_extended), Disturbance(nth - 1, times, chosen, bit, is_unacknowledged))
+        disturbance = Disturbance(nth - 1, times, chosen, bit, is_unacknowledged)
+        self._disturbances.add((can_id, is_extended), disturbance)
+        self._plan = None
+        return disturbance
+
+    def withdraw(self, disturbance: Disturbance) -> None:
+        """What is left of a disturbance does not happen; a transmission that it has hit already still fails."""
+        self._disturbances.withdraw(disturbance)
         self._plan = None
 
     def recover(self, name: Hashable) -> None:
@@ -240,8 +281,8 @@ class Wire:
             else:
                 plan = self._arbitrate(self._next_start_ns())
             if len(plan.transmitters) > 1 or self._disturbances or self._on_bus < 2:
-                disturbance = self._disturbances.next(plan.transmitters[0][1].frame)
-                foresee(plan, self._nodes.values(), disturbance, self.bit_ns)
+                plan.disturbance = self._disturbances.next(plan.transmitters[0][1].frame)
+                foresee(plan, self._nodes.values(), plan.disturbance, self.bit_ns)
             self._plan = plan
         return self._plan
 
@@ -326,7 +367,10 @@ class Wire:
             if signal.counts_for_transmitter:
                 node.transmit_error()
             self._send_again(node, waiting)
-        for node in self._receivers(attempt):
+        if attempt.disturbance is not None and any(node.state is ErrorState.BUS_OFF for node, _ in attempt.senders):
+            self._disturbances.withdraw(attempt.disturbance)
+        is_seen = kind is not ErrorKind.ACK or signal.counts_for_transmitter
+        for node in self._receivers(attempt) if is_seen else ():
             node.receive_error(signal.first_to_see_suffer and node in attempt.faulty)
         self._conclude(attempt, before)
 
@@ -335,11 +379,11 @@ class Wire:
 
     def _receivers(self, attempt: Attempt) -> list[Node]:
         senders = {node for node, _ in attempt.senders}
-        return [node for node in self._nodes.values() if node not in senders and node.state is not ErrorState.BUS_OFF]
+        return [node for node in self._nodes.values() if node not in senders and node.is_on_bus]
 
     def _send_again(self, node: Node, waiting: Waiting) -> None:
         """A frame goes back in front of what came later; in bus-off, or off the bus, all that waits is lost."""
-        if node.state is ErrorState.BUS_OFF or self._nodes.get(node.name) is not node:
+        if not node.is_on_bus or self._nodes.get(node.name) is not node:
             node.discarded += 1 + len(node.queue)
             if node.queue:
                 self._waiting.remove(node)
@@ -354,7 +398,7 @@ class Wire:
         for node, state in before.items():
             if node.state is not state:
                 self.events.append(StateChange(attempt.end_ns, node.name, node.state))
-                self._on_bus -= node.state is ErrorState.BUS_OFF
+                self._count_on_bus()
         for node, _ in attempt.senders:
             if node.state is ErrorState.PASSIVE:
                 node.ready_ns = self._idle_ns + SUSPEND_BITS * self.bit_ns
@@ -369,7 +413,6 @@ class Wire:
             self._recovering.remove(node)
             node.recovering_from_ns = None
             node.reset()
-            self._on_bus += 1
-            self._plan = None
+            self._count_on_bus()
             self.events.append(StateChange(due[node], node.name, ErrorState.ACTIVE))
         return bool(back)

@@ -13,7 +13,6 @@ from canarm_protocol.frames import Frame
 from .confinement import (
     DELIMITER_BITS,
     ErrorKind,
-    ErrorState,
     Signal,
     bit_error,
     collision,
@@ -57,6 +56,8 @@ class Attempt:
     """Receivers that find a CRC error by themselves."""
     beaten: Sequence[Sender] = ()
     """Error-passive transmitters of another frame with the same identifier: their bit error disturbs nobody."""
+    disturbance: Disturbance | None = None
+    """What was put in on purpose to hit it."""
 
     @property
     def senders(self) -> list[Sender]:
@@ -87,6 +88,15 @@ class Disturbances:
         pending = self._pending.get((frame.can_id, frame.is_extended), ())
         return next((each for each in pending if not each.spare), None)
 
+    def withdraw(self, disturbance: Disturbance) -> None:
+        """Forget a disturbance, if it has not all happened."""
+        for identifier, pending in list(self._pending.items()):
+            left = [each for each in pending if each is not disturbance]
+            if left:
+                self._pending[identifier] = left
+            else:
+                del self._pending[identifier]
+
     def count(self, frame: Frame) -> None:
         """A transmission with this identifier begins."""
         pending = self._pending.get((frame.can_id, frame.is_extended))
@@ -98,7 +108,8 @@ class Disturbances:
         if hit is not None:
             hit.times -= 1
             if not hit.times:
-                pending.remove(hit)
+                self.withdraw(hit)
+                return
         if not pending:
             del self._pending[(frame.can_id, frame.is_extended)]
 
@@ -108,7 +119,7 @@ def foresee(attempt: Attempt, nodes: Iterable[Node], disturbance: Disturbance | 
     if _collide(attempt, bit_ns):
         return
     senders = {node for node, _ in attempt.senders}
-    receivers = [node for node in nodes if node not in senders and node.state is not ErrorState.BUS_OFF]
+    receivers = [node for node in nodes if node not in senders and node.is_on_bus]
     transmitter, waiting = attempt.transmitters[0]
     if disturbance is not None and disturbance.bit is not None:
         sent = wire_bits(waiting.frame)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from canarm_protocol.frames import Frame
 
-from .confinement import RECESSIVE_SEQUENCE_BITS, RECOVERY_SEQUENCES, Counters
+from .confinement import RECESSIVE_SEQUENCE_BITS, RECOVERY_SEQUENCES, Counters, ErrorState
 
 LONGEST_QUEUE = 256
 """Frames that a controller and its driver hold; what is offered beyond them is lost. SocketCAN's default is 10."""
@@ -41,6 +41,7 @@ class Node(Counters):
     __slots__ = (
         "discarded",
         "errors",
+        "is_connected",
         "lost_arbitrations",
         "name",
         "queue",
@@ -54,6 +55,8 @@ class Node(Counters):
     def __init__(self, name: Hashable, queueing: Queueing) -> None:
         super().__init__()
         self.name, self.queueing = name, queueing
+        self.is_connected = True
+        """Whether its line to the bus is whole."""
         self.queue: list[Waiting] = []
         """Frames to send, by the time at which they came."""
         self.ready_ns = 0
@@ -67,6 +70,11 @@ class Node(Counters):
         self.lost_arbitrations = 0
         self.discarded = 0
         """Frames thrown away in bus-off, or since the queue was full."""
+
+    @property
+    def is_on_bus(self) -> bool:
+        """Whether it hears and acknowledges."""
+        return self.is_connected and self.state is not ErrorState.BUS_OFF
 
     def put(self, waiting: Waiting) -> None:
         """Queue a frame behind those that came no later."""

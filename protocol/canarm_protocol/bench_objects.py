@@ -39,7 +39,7 @@ SDO_CHANNELS = 9
 """SDO channels beside the default one (0x1201 and up), one a client: two clients on one channel break each other."""
 CONTROLLER_CHANNEL = 1
 CLIENT_CHANNELS = range(2, 9)
-"""Channels that clients claim: each writes a number of its own to CHANNEL_OWNER over CLAIM_CHANNEL, and reads it back."""
+"""Those that clients claim: each writes a number of its own to CHANNEL_OWNER over CLAIM_CHANNEL and reads it back."""
 CLAIM_CHANNEL = 9
 """For claims alone, which are expedited: any number of clients may use it at one time."""
 CLAIM_S = 10.0

@@ -8,12 +8,15 @@ from collections.abc import Iterator
 from canopen.objectdictionary import datatypes
 
 from .bench_objects import (
+    ACTIVE_FAULTS,
+    BEGUN_FAULTS,
     CONTROLLER_CHANNEL,
     CONTROLLER_STATE,
     CONTROLLER_STATES,
     CURRENT_COMMAND,
     CYCLE,
     DIVIDER,
+    EMERGENCY_STOP,
     FEED_FORWARD,
     INTERNAL,
     INTERNALS,
@@ -39,6 +42,9 @@ CONTROLLER, BENCH = "controller", "bench"
 ROBOT_BUS, BENCH_BUS = "can0", "bench"
 SIGNAL_NAMES = {
     CYCLE: "cycle",
+    ACTIVE_FAULTS: "active_faults",
+    BEGUN_FAULTS: "begun_faults",
+    EMERGENCY_STOP: "emergency_stop",
     TRUE_ANGLE: "true_angle",
     TRUE_SPEED: "true_speed",
     TRUE_CURRENT: "motor_current",

@@ -181,6 +181,8 @@ class HubClientBus(can.BusABC):
         answer = " ".join(text.decode("ascii", "replace").split())
         if answer == "< error could not open bus >":
             self._fail(f"there is no channel {self.channel} there")
+        if answer == "< error too many clients >":
+            self._fail("it serves as many clients as it can; end one of them")
         if answer != reply:
             self._fail(f"{otherwise}: it said {answer[:60]!r} instead of {reply!r}")
 

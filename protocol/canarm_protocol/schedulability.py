@@ -182,11 +182,9 @@ def cell_verdict(cell: Cell, nodes: Sequence[CardNode] | None = None, with_time:
     late = [response for response in responses if not response.is_in_time]
     for response in responses:
         message = response.message
-        worst = "no bound" if response.worst_ns is None else f"{response.worst_ns / 1000:.0f} us"
+        worst = "without a bound" if response.worst_ns is None else f"at most {response.worst_ns / 1000:.0f} us"
         mark = "" if response.is_in_time else ": TOO LATE"
-        lines.append(
-            f"{message.name} 0x{message.can_id:03X}: at most {worst} of {message.limit_ns / 1000:.0f} us{mark}"
-        )
+        lines.append(f"{message.name} 0x{message.can_id:03X}: {worst}, limit {message.limit_ns / 1000:.0f} us{mark}")
     chain_ns, chain_line = _chain(cell, nodes, messages)
     lines.append(chain_line)
     fits = not late and chain_ns <= bus.cycle_ns
@@ -206,12 +204,13 @@ def _chain(cell: Cell, nodes: Sequence[CardNode], messages: Sequence[Message]) -
     sync = next(message.bits for message in messages if message.can_id == Cob.SYNC)
     blocking = max(message.bits for message in messages if message.can_id >= Cob.HEARTBEAT)
     scan_us = max((node.card.conversion_us * _inputs(node) for node in nodes), default=0)
-    bits = (sync + blocking, inputs + blocking, outputs + blocking)
-    bursts_us = [each * bit_ns / 1000 for each in bits]
-    total_ns = round(sum(bits) * bit_ns) + (scan_us + bus.compute_delay_us) * 1000
+    total_ns = round((sync + inputs + outputs + 3 * blocking) * bit_ns) + (scan_us + bus.compute_delay_us) * 1000
+    sync_us, inputs_us, outputs_us, blocking_us = (
+        f"{bits * bit_ns / 1000:.0f}" for bits in (sync, inputs, outputs, blocking)
+    )
     terms = (
-        f"SYNC {bursts_us[0]:.0f} + scan {scan_us} + TPDOs {bursts_us[1]:.0f} + computing {bus.compute_delay_us} "
-        f"+ RPDOs {bursts_us[2]:.0f}"
+        f"SYNC {sync_us} + scan {scan_us} + TPDOs {inputs_us} + computing {bus.compute_delay_us} + RPDOs {outputs_us} "
+        f"+ 3 x {blocking_us} (before each burst the longest heartbeat, on the wire already)"
     )
     mark = "" if total_ns <= bus.cycle_ns else ": TOO LONG"
     return total_ns, f"chain of a cycle: {terms} = {total_ns / 1000:.0f} us of {bus.cycle_us} us{mark}"

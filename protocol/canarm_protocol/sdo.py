@@ -32,6 +32,8 @@ class AbortCode(IntEnum):
     PDO_TOO_LONG = 0x0604_0042
     INCOMPATIBLE_PARAMETER = 0x0604_0043
     LENGTH = 0x0607_0010
+    TOO_LONG = 0x0607_0012
+    TOO_SHORT = 0x0607_0013
     NO_SUBINDEX = 0x0609_0011
     INVALID_VALUE = 0x0609_0030
     TOO_HIGH = 0x0609_0031
@@ -56,6 +58,8 @@ ABORT_TEXT: dict[int, str] = {
     AbortCode.PDO_TOO_LONG: "the objects to be mapped would exceed the PDO's length",
     AbortCode.INCOMPATIBLE_PARAMETER: "general parameter incompatibility",
     AbortCode.LENGTH: "data type does not match, length of service parameter does not match",
+    AbortCode.TOO_LONG: "data type does not match, length of service parameter too high",
+    AbortCode.TOO_SHORT: "data type does not match, length of service parameter too low",
     AbortCode.NO_SUBINDEX: "sub-index does not exist",
     AbortCode.INVALID_VALUE: "invalid value for parameter",
     AbortCode.TOO_HIGH: "value of parameter written too high",

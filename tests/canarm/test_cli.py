@@ -59,7 +59,7 @@ def test_help_lists_the_commands_that_there_are(canarm):
     assert process.wait() == 0
     words = words_of(process)
     assert set(OPTIONS) <= set(words)
-    assert not {"replay", "report", "fault", "tune"} & set(words)
+    assert not {"replay", "report", "tune"} & set(words)
     assert "--install-completion" in words
 
 
@@ -242,7 +242,7 @@ def test_without_a_terminal_the_dashboard_says_what_it_needs(canarm):
     assert "terminal" in process.complaint
 
 
-def test_a_reader_that_has_gone_is_one_line_and_status_1(canarm):
+def test_a_reader_that_has_gone_is_status_1_and_no_word(canarm):
     reading, writing = os.pipe()
     os.close(reading)
     try:
@@ -257,7 +257,7 @@ def test_a_reader_that_has_gone_is_one_line_and_status_1(canarm):
     finally:
         os.close(writing)
     assert process.returncode == 1
-    assert process.stderr.splitlines() == ["canarm: stdout: Broken pipe"]
+    assert process.stderr == ""
 
 
 def test_a_reader_of_the_first_line_does_not_end_the_emulator(canarm):

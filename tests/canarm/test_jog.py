@@ -66,6 +66,60 @@ def test_one_shot_commands_set_step_and_read_in_lockstep(canarm):
     assert outputs(emulator) == (0, 0)
 
 
+def test_one_shot_commands_work_with_the_wire_model_in_lockstep(canarm):
+    emulator = canarm.emulator("sync", "--wire")
+    commands = "current joint2 0.57; step 10; read; state; step 3; read"
+    jog = canarm("jog", "--clock", "sync", *address(emulator), "--do", commands)
+    assert jog.wait() == 0, jog
+    assert jog.complaint == emulator.complaint == ""
+    assert truth(emulator, CYCLE, 0, "<I") == 12
+    assert truth(emulator, TRUE_COMMAND, 1) == pytest.approx(97 * CODE_A)
+    assert outputs(emulator) == (0, 0)
+
+
+def test_commands_that_took_so_long_that_the_bench_ran_on_are_a_failure(canarm):
+    # less than the 0.1 s after which jog lets itself be heard again
+    emulator = canarm.emulator("sync", "--sync-timeout", "0.05")
+    with subprocess.Popen(
+        [sys.executable, "-m", "canarm", "jog", "--clock", "sync", *address(emulator)],
+        cwd=canarm.folder,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as jog:
+        jog.stdin.write("step 2\n")
+        jog.stdin.flush()
+        emulator.wait_for("virtual time ran on")
+        _, complaint = jog.communicate("", timeout=DEADLINE_S)
+    assert jog.returncode == 1
+    assert "0x8130" in complaint
+
+
+def test_ctrl_c_ends_a_step_and_not_the_session(canarm):
+    emulator = canarm.emulator("sync")
+    with Terminal(canarm, "jog", "--clock", "sync", *address(emulator)) as terminal:
+        terminal.wait_for("help lists the commands")
+        terminal.type("step 100000")
+        limit = time.monotonic() + DEADLINE_S
+        while not 10 < truth(emulator, CYCLE, 0, "<I") < 100_000:
+            assert time.monotonic() < limit
+        os.kill(terminal.pid, signal.SIGINT)
+        terminal.wait_for("; interrupted after ")
+        terminal.type("state")
+        terminal.wait_for("card adc (0x14): OPERATIONAL, error register 0x00")
+        terminal.type("quit")
+        assert terminal.wait() == 0
+
+
+def test_an_unknown_command_in_a_pipe_says_what_was_done(canarm):
+    emulator = canarm.emulator("sync")
+    done = piped(canarm, "--clock", "sync", *address(emulator), text="step; step\nfly\nstep 100\n")
+    assert done.returncode == 2
+    assert "fly: no such command" in done.stderr
+    assert done.stderr.endswith("; the 2 commands before it were carried out\n")
+
+
 def test_a_wrong_command_is_found_before_anything_is_done(canarm):
     jog = canarm("jog", "--do", "current joint2 0.3; step 10; current joint2 9")
     assert jog.wait() == 2

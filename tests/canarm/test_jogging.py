@@ -23,9 +23,9 @@ CODE_A = 1.5 / 255
 class Table:
     """A bench, and somebody at the prompt."""
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, with_wire: bool = False) -> None:
         nodes = card_nodes(CELL)
-        self.bench = make_bench(CELL, SILENT, clock, 0)
+        self.bench = make_bench(CELL, SILENT, clock, 0, with_wire)
         self.jog = Jog(CELL, nodes, clock)
         self.sent: list[Frame] = []
         self._parser = Parser(CELL, nodes)
@@ -37,6 +37,10 @@ class Table:
 
     def do(self, text: str) -> list[str]:
         return [line for command in self._parser.parse_all(text) for line in self.carry_out(self.jog.run(command))]
+
+    def command(self, text: str):
+        (command,) = self._parser.parse_all(text)
+        return command
 
     def carry_out(self, work: Work) -> list[str]:
         try:
@@ -132,6 +136,73 @@ def test_steps_move_time_by_cycles_in_lockstep_and_not_otherwise(lockstep):
     assert lockstep.bench.cycle == 10
     # ten periods of 2.5 ms, and the last scan of six channels of 100 us
     assert lockstep.bench.time_ns - before_ns == 25 * MILLISECOND + 600_000
+
+
+@pytest.mark.parametrize("commands", ["step 10; read", "step 10; state", "step 3; read; step 3; read"])
+def test_with_the_wire_model_cards_answer_between_steps_in_lockstep(commands):
+    table = Table(Clock.SYNC, with_wire=True)
+    table.begin()
+    waited = []
+    table.wait = waited.append
+    lines = table.do(f"current joint2 0.57; {commands}")
+    assert waited == []
+    assert any(line.startswith(("joint2.potentiometer", "card dac (0x12): OPERATIONAL")) for line in lines)
+    # 0.57 A are 97 codes
+    assert table.commands_a()[0] == pytest.approx(97 * CODE_A)
+    table.exchange(table.jog.end())
+    assert table.commands_a() == [0.0, 0.0]
+
+
+def test_what_was_read_while_the_bench_ran_on_is_not_shown(lockstep):
+    lockstep.do("current joint2 0.4; step")
+    exchange = lockstep.exchange
+
+    def run_on_and_exchange(frames):
+        lockstep.bench.run_on()
+        lockstep.exchange = exchange
+        return exchange(frames)
+
+    lockstep.exchange = run_on_and_exchange
+    with pytest.raises(JogError, match="0x8130"):
+        lockstep.do("read")
+
+
+def test_a_loss_after_the_last_command_is_told(lockstep):
+    lockstep.do("current joint2 0.4; step")
+    lockstep.bench.run_on()
+    lockstep.exchange(())
+    with pytest.raises(JogError, match="0x8130"):
+        lockstep.jog.check()
+
+
+def test_virtual_time_that_somebody_else_moves_is_an_alarm(lockstep):
+    """Two cycles pass between two of ours, without a SYNC that we could see."""
+    lockstep.do("step 2")
+    for _ in range(3):
+        lockstep.bench.receive(Frame(0x080, b"\x01"), lockstep)
+    lockstep.bench.records.clear()
+    with pytest.raises(JogError, match="virtual time did not move by a cycle"):
+        lockstep.do("step")
+    assert {slave.state for slave in lockstep.bench.slaves} == {NmtState.PRE_OPERATIONAL}
+
+
+def test_steps_of_cards_that_do_not_run_say_that_nothing_is_driven(lockstep):
+    text = lockstep.do("reset; step 4")[-1]
+    assert text.endswith(": nothing is driven, the cards are not in OPERATIONAL; type: start")
+
+
+def test_an_interrupted_step_ends_with_its_cycle(lockstep):
+    lockstep.do("current joint2 0.4")
+    work = lockstep.jog.run(lockstep.command("step 100"))
+    ask = next(work)
+    assert lockstep.jog.is_stepping
+    lockstep.jog.interrupt()
+    with pytest.raises(StopIteration) as done:
+        work.send(next(frame for frame in lockstep.exchange(ask.frames) if ask.is_answer(frame)))
+    assert done.value.value[0].endswith("; interrupted after 1 of 100 cycles")
+    assert not lockstep.jog.is_stepping
+    assert lockstep.bench.cycle == 0
+    lockstep.do("step")
 
 
 def test_a_burst_on_the_wall_clock_keeps_the_period_and_the_heartbeat():

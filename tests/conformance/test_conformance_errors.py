@@ -86,7 +86,19 @@ def test_the_history_has_the_newest_first_and_is_cleared_by_0(link) -> None:
     link.await_frames(0x080 + DAC, 2)
     assert [dac.sdo[0x1003][n].raw for n in range(3)] == [2, 0x8130, 0x8210]
     dac.sdo[0x1003][0].raw = 0
-    assert [dac.sdo[0x1003][n].raw for n in range(3)] == [0, 0, 0]
+    assert dac.sdo[0x1003][0].raw == 0
+    assert link.exchange(DAC, "4003100100000000") == "8003100124000008"  # 0x08000024: no data
+
+
+def test_switching_monitoring_off_after_a_loss_ends_the_error(link) -> None:
+    """0x1016, EMCY 0x0000, 0x1001."""
+    dac = link.card(DAC)
+    watch(dac, 20)
+    link.send(MASTER_HEARTBEAT, b"\x05")
+    assert link.await_frames(0x080 + DAC) == [LOST]
+    dac.sdo[0x1016][1].raw = 0
+    assert link.await_frames(0x080 + DAC, 2) == [LOST, OVER]
+    assert dac.sdo[0x1001].raw == 0
 
 
 def test_a_sync_of_another_length_is_reported_until_a_right_one_comes(link) -> None:

@@ -293,7 +293,9 @@ def test_a_card_that_resets_itself_stops_the_robot(pair) -> None:
 def test_a_card_that_leaves_operational_stops_the_robot(pair) -> None:
     pair.run_to_tick(100)
     pair.bench.receive(Frame(0, bytes((0x02, DAC))))
-    assert_stopped(pair, "card-state", "card 'dac' (node 0x12) is in STOPPED, not OPERATIONAL")
+    # Its outputs are gone before its heartbeat tells: the current says so first.
+    assert_stopped(pair, "current-mismatch", "commanded")
+    assert "card-state" in [each.detector for each in pair.controller.detections]
 
 
 def test_a_heartbeat_from_before_nmt_start_that_comes_late_stops_nothing(pair) -> None:
@@ -307,7 +309,15 @@ def test_a_card_that_does_not_start_stops_the_robot_within_the_heartbeat_time(pa
     pair.to_bench = dropping(lambda frame: frame == Frame(0, bytes((0x01, DAC))))
     pair.run_to(State.STOPPING)
     assert pair.controller.tick <= 42
-    assert_stopped(pair, "heartbeat-lost", "card 'dac' (node 0x12) not in OPERATIONAL after NMT start")
+    assert_stopped(pair, "current-mismatch", "commanded")
+
+
+def test_a_latch_that_does_not_start_is_named(pair) -> None:
+    pair.controller.without = {"current-mismatch", "acceleration-mismatch"}
+    pair.to_bench = dropping(lambda frame: frame == Frame(0, bytes((0x01, LATCH))))
+    pair.run_to(State.STOPPING)
+    assert pair.controller.tick <= 42
+    assert_stopped(pair, "heartbeat-lost", "card 'latch' (node 0x13) not in OPERATIONAL after NMT start")
 
 
 def bent_position(pair, code: int) -> Callable[[Frame], Iterable[Frame]]:

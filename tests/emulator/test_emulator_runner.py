@@ -15,7 +15,7 @@ from canarm_emulator import runner as runner_module
 from canarm_emulator.bench import Bench, Record
 from canarm_emulator.confinement import ErrorKind, ErrorState
 from canarm_emulator.error_frames import error_frame
-from canarm_emulator.hub import Hub
+from canarm_emulator.hub import Hub, Received
 from canarm_emulator.recording import Recorder
 from canarm_emulator.runner import EmulatorRunner
 from canarm_emulator.truth import Truth
@@ -354,3 +354,27 @@ def test_error_frames_stay_away_from_other_buses() -> None:
     emulator.runner.run()
     emulator.hub.close()
     assert [frame.can_id for frame in port.sent] == [0x712, 0x713, 0x714]
+
+
+def test_a_stall_is_caught_up_with_no_more_than_a_bus_could_have_carried(monkeypatch) -> None:
+    """A client that floods must not keep the emulator for itself: at 1 Mbit/s a frame has 47 bits at least."""
+    bench = Bench(CELL, Truth.from_settings(CELL), Clock.WALL, 0, with_wire=True)
+    hub = Hub(port=0)
+    asked = 0
+
+    def poll(timeout_s: float) -> list[Received]:
+        nonlocal asked
+        asked += 1
+        if asked == 1:  # the machine stalls: the clock goes on by 20 ms more than was waited for
+            monkeypatch.setattr(runner_module.time, "monotonic_ns", lambda: 25_000_000)
+        return [Received("can0", 1, Frame(0x7F0, bytes(8)))] * 100
+
+    try:
+        monkeypatch.setattr(runner_module.time, "monotonic_ns", lambda: 0)
+        monkeypatch.setattr(hub, "poll", poll)
+        questions = iter([False, True])
+        EmulatorRunner(bench, hub, should_stop=lambda: next(questions)).run()
+    finally:
+        hub.close()
+    assert 2 <= asked <= 8
+    assert bench.trouble.lost_frames == 100 * asked - 256

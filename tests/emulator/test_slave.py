@@ -23,7 +23,7 @@ MILLISECOND = 1_000_000
 START, STOP = NmtCommand.START, NmtCommand.STOP
 READ_ONLY, NO_OBJECT, NO_SUBINDEX, LENGTH = 0x0601_0002, 0x0602_0000, 0x0609_0011, 0x0607_0010
 INVALID, TOO_HIGH, TOO_LOW, STATE, NO_DATA = 0x0609_0030, 0x0609_0031, 0x0609_0032, 0x0800_0022, 0x0800_0024
-UNSUPPORTED, NOT_MAPPABLE, PDO_TOO_LONG = 0x0601_0000, 0x0604_0041, 0x0604_0042
+UNSUPPORTED, NOT_MAPPABLE, PDO_TOO_LONG, TOO_LONG = 0x0601_0000, 0x0604_0041, 0x0604_0042, 0x0607_0012
 
 
 @functools.cache
@@ -177,12 +177,13 @@ def test_expedited_and_segmented_uploads(node: Node) -> None:
         (0x6411, 0, b"\0", READ_ONLY),
         (0x1017, 0, b"\0", LENGTH),
         (0x1017, 0, b"\0\0\0\0", LENGTH),
-        (0x1017, 0, bytes(20), LENGTH),
+        (0x1017, 0, bytes(20), TOO_LONG),
         (0x6411, 1, struct.pack("<h", -1), TOO_LOW),
         (0x6443, 1, b"\x02", TOO_HIGH),
         (0x1029, 1, b"\x03", TOO_HIGH),
-        (0x1005, 0, b"\x81\0\0\0", TOO_HIGH),
-        (0x1005, 0, b"\x7f\0\0\0", TOO_LOW),
+        (0x1005, 0, b"\x81\0\0\0", INVALID),
+        (0x1005, 0, b"\x80\0\0\x40", INVALID),  # bit 30: SYNC producer
+        (0x1005, 0, b"\x80\0\0\x20", INVALID),  # bit 29: 29-bit identifier
         (0x1019, 0, b"\xf1", TOO_HIGH),
         (0x1019, 0, b"\x01", INVALID),
         (0x1003, 0, b"\x01", INVALID),
@@ -220,13 +221,15 @@ def exchange(node: Node, *requests: str) -> list[str]:
     ("requests", "answers"),
     [
         (["6000000000000000"], ["8000000001000405"]),  # a segment of nothing
-        (["4017100000000000", "1164000000000000"], ["4b17100000000000", "8064000001000405"]),
+        (["4017100000000000", "1164000000000000"], ["4b17100000000000", "8000000001000405"]),  # names nothing
         (["4008100000000000", "7000000000000000"], ["410810000c000000", "8008100000000305"]),  # wrong toggle
         (["4008100000000000", "0000000000000000"], ["410810000c000000", "8008100001000405"]),  # wrong direction
-        (["2117100002000000", "0000000000000000"], ["6017100000000000", "8017100010000706"]),  # more than announced
+        (["2117100002000000", "0000000000000000"], ["6017100000000000", "8017100012000706"]),  # more than announced
+        (["2017100000000000", "0000000000000000"], ["6017100000000000", "8017100012000706"]),  # more than the object
         (["2117100002000000", "0d00000000000000"], ["6017100000000000", "8017100010000706"]),  # less than announced
-        (["2117100000001000", "0d00000000000000"], ["6017100000000000", "8017100010000706"]),
-        (["21171000ffffffff"], ["8017100005000405"]),  # more than any object takes
+        (["2117100003000000", "0d00000000000000"], ["8017100012000706", "8000000001000405"]),  # announces too much
+        (["2117100001000000"], ["8017100013000706"]),  # announces too little
+        (["21171000ffffffff"], ["8017100012000706"]),
         (["a017100000000000"], ["8017100001000405"]),  # block upload
         (["c217100000000000"], ["8017100001000405"]),  # block download
         (["e017100000000000"], ["8017100001000405"]),
@@ -603,7 +606,57 @@ def test_the_error_history_has_the_newest_first_keeps_four_and_can_be_cleared(no
     node.rpdo(b"", 5000 * MILLISECOND)
     assert [node.read(0x1003, n) for n in range(5)] == [4, 0x8210, 0x8130, 0x8130, 0x8130]
     node.write(0x1003, 0, 0, 1)
-    assert [node.read(0x1003, n) for n in range(5)] == [0] * 5
+    assert node.read(0x1003, 0) == 0
+    assert [no_data(node, 0x1003, n) for n in range(1, 5)] == [NO_DATA] * 4
+
+
+def no_data(node: Node, index: int, subindex: int) -> int:
+    with pytest.raises(SdoAborted) as caught:
+        node.read(index, subindex)
+    return caught.value.code
+
+
+def test_an_entry_of_the_history_beyond_its_number_has_no_data(node: Node) -> None:
+    """CiA 301, 7.5.2.4: only sub-index 1 to the number of errors hold something."""
+    watch(node)
+    node.slave.on_heartbeat(MASTER, 0)
+    node.run_until(500 * MILLISECOND)
+    assert (node.read(0x1003, 0), node.read(0x1003, 1)) == (1, 0x8130)
+    assert no_data(node, 0x1003, 2) == NO_DATA
+
+
+def test_switching_the_watch_off_after_a_loss_ends_the_error(node: Node) -> None:
+    watch(node)
+    node.slave.on_heartbeat(MASTER, 0)
+    node.run_until(500 * MILLISECOND)
+    assert node.read(0x1001) == 0x11
+    node.take()
+    node.slave.on_sdo(0x612, next(download(0x1016, 1, bytes(4))), 600 * MILLISECOND)
+    assert (600 * MILLISECOND, Frame(0x92, bytes(8))) in node.take()
+    assert node.read(0x1001) == 0
+
+
+def test_a_sync_counter_beyond_its_overflow_is_none(adc: Node) -> None:
+    """CiA 301, 7.2.5: the counter runs from 1 to 0x1019. The SYNC acts; its length is right, so no EMCY is sent."""
+    adc.write(0x1019, 0, 20, 1)
+    adc.write(0x1801, 1, 0x8000_0292, 4)
+    adc.write(0x1801, 6, 30, 1)
+    adc.write(0x1801, 1, 0x292, 4)
+    adc.slave.on_nmt(START, 0)
+    adc.take()
+    due = [layout.number for layout in adc.slave.on_sync(b"\x1e", 0)]
+    assert 2 not in due
+    assert due == [layout.number for layout in adc.slave.tpdos if layout.number != 2]
+    assert adc.take() == []
+
+
+def test_an_entry_of_a_mapping_is_cleared_by_0(adc: Node) -> None:
+    """CiA 301, 7.5.2.38."""
+    adc.write(0x1801, 1, 0x8000_0292, 4)
+    adc.write(0x1A01, 0, 0, 1)
+    adc.write(0x1A01, 1, 0, 4)
+    assert adc.read(0x1A01, 1) == 0
+    assert adc.refused(0x1A01, 0, b"\x01") == NO_OBJECT
 
 
 def test_a_reset_ends_monitoring_and_clears_errors(node: Node) -> None:

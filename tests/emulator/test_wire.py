@@ -412,3 +412,27 @@ def test_wire_bits_of_the_collision_differ_where_the_error_falls() -> None:
     pairs = zip(wire_bits(one), wire_bits(other), strict=False)
     differing = next(index for index, (a, b) in enumerate(pairs) if a != b)
     assert differing + 1 + 6 + 8 <= wire.time_ns // BIT <= differing + 1 + 12 + 8
+
+
+def test_the_load_of_the_busiest_second_is_kept() -> None:
+    """Half of a second within a quiet minute."""
+    wire = Wire(1_000_000, ["a", "b"])
+    frame = Frame(0x123, bytes(8))
+    busy_ns = (frame_bits(frame) + 3) * 1000  # 3 bits of intermission (ISO 11898-1)
+    count = 500_000_000 // busy_ns
+    start_ns = 30_000_000_000
+    wire.advance(start_ns)
+    for number in range(count):
+        wire.offer(start_ns + 2 * number * busy_ns, frame, "a")
+        wire.advance(start_ns + 2 * (number + 1) * busy_ns)
+    wire.advance(60_000_000_000)
+    assert wire.peak_load == pytest.approx(count * busy_ns / 1e9)
+    assert wire.load(1_000_000_000) == 0.0
+    assert wire.load() == pytest.approx(count * busy_ns / 60e9)
+
+
+def test_before_a_second_is_over_the_busiest_is_all_there_was() -> None:
+    wire = Wire(1_000_000, ["a", "b"])
+    wire.offer(0, Frame(0x123, bytes(8)), "a")
+    wire.advance(1_000_000)
+    assert wire.peak_load == wire.load() > 0.1

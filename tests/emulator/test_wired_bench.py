@@ -1,5 +1,5 @@
-"""The bench with the wire model: frames of a cycle take their time, outside a cycle and for SYNC and TIME none
-passes.
+"""The bench with the wire model: on the wall clock every frame takes its time; in lockstep those of a cycle do, but
+not NMT, SDO, SYNC and TIME.
 """
 
 from collections.abc import Callable
@@ -93,10 +93,10 @@ def test_a_client_that_leaves_has_what_it_sent_carried_all_the_same(make_bench: 
     bench = make_bench()
     cycle(bench)
     bench.records.clear()
-    bench.receive(nmt_frame(NmtCommand.STOP), MASTER)
-    assert bench.is_operational
+    bench.receive(CURRENTS, MASTER)
+    assert CURRENTS not in [record.frame for record in bench.records]
     bench.leave(MASTER)
-    assert not bench.is_operational
+    assert CURRENTS in [record.frame for record in bench.records]
     assert bench.wire is not None
     assert MASTER not in bench.wire.nodes
 
@@ -116,9 +116,86 @@ def test_load_and_worst_response_are_counted(make_bench: MakeBench) -> None:
     )
 
 
+def test_in_a_running_lockstep_cycle_nmt_and_sdo_are_answered_at_once_and_are_no_load(make_bench: MakeBench) -> None:
+    """Time stands still until the next SYNC: nobody could wait for an answer that the wire carries."""
+    bench = make_bench()
+    cycle(bench)
+    assert bench.wire is not None
+    now_ns, load = bench.time_ns, bench.wire.load()
+    bench.records.clear()
+    bench.receive(Frame(0x614, bytes.fromhex("4000100000000000")), MASTER)
+    bench.receive(nmt_frame(NmtCommand.RESET_NODE, 0x12), MASTER)
+    assert [record.frame.can_id for record in bench.records] == [0x614, 0x594, 0x000, 0x712]
+    assert {record.time_ns for record in bench.records} == {now_ns}
+    assert bench.wire.load() == load
+    cycle(bench)
+    assert not {0x000, 0x594, 0x614, 0x712} & {can_id for can_id, _ in bench.wire.worst_response_ns}
+
+
+def test_cards_frames_that_nobody_takes_are_not_ignored_ones(make_bench: MakeBench) -> None:
+    bench = make_bench()
+    for _ in range(20):
+        cycle(bench, CURRENTS, DIRECTIONS)
+    assert bench.ignored_frames == 0
+    bench.receive(Frame(0x7EE, b"?"), MASTER)
+    cycle(bench)
+    assert bench.ignored_frames == 1
+
+
+def test_on_the_wall_clock_the_wire_carries_everything_from_power_on(make_bench: MakeBench) -> None:
+    """Boot-up, NMT, SDO and SYNC: one after the other, each at its last bit."""
+    bench = make_bench(clock=Clock.WALL)
+    assert bench.records == []
+    question = Frame(0x614, bytes.fromhex("4000100000000000"))
+    bench.receive(question, MASTER)
+    bench.receive(sync_frame(1), MASTER)
+    bench.advance(20 * CYCLE_NS)
+    found = {record.frame.can_id: record.time_ns for record in bench.records}
+    # What the master sends has lower identifiers than the boot-up messages, which wait since power-on.
+    end_ns = -INTERMISSION_BITS * BIT_NS
+    for frame in (nmt_frame(NmtCommand.START), question, sync_frame(1)):
+        end_ns += (INTERMISSION_BITS + frame_bits(frame)) * BIT_NS
+        assert found[frame.can_id] == end_ns
+    # The card's controller sends in order, so that its answer comes behind its own boot-up message.
+    assert end_ns < found[0x712] < found[0x713] < found[0x714] < found[0x594]
+    assert found[0x294] > found[Cob.SYNC] + SCAN_NS
+    assert bench.wire is not None
+    carried = [frame_bits(record.frame) + INTERMISSION_BITS for record in bench.records]
+    assert bench.wire.load() == pytest.approx(sum(carried) * BIT_NS / (20 * CYCLE_NS))
+
+
+def test_what_a_sender_offers_beyond_its_queue_is_lost_and_counted(make_bench: MakeBench) -> None:
+    bench = make_bench(clock=Clock.WALL)
+    bench.advance(CYCLE_NS)
+    for _ in range(1000):
+        bench.receive(CURRENTS, MASTER)
+    assert bench.wire is not None
+    assert len(bench.wire.nodes[MASTER].queue) == 256
+    assert bench.trouble.lost_frames == 1000 - 256
+    bench.leave(MASTER)
+    bench.advance(CYCLE_NS + 1000 * CYCLE_NS)
+    assert MASTER not in bench.wire.nodes
+    assert bench.trouble.lost_frames == 1000 - 256
+
+
+def test_a_flood_delays_sync_by_its_share_of_the_wire(make_bench: MakeBench) -> None:
+    """A frame that wins every arbitration: SYNC waits until the flood's queue is empty."""
+    bench = make_bench(clock=Clock.WALL)
+    bench.advance(CYCLE_NS)
+    flood = Frame(0x001, bytes(8))
+    for _ in range(100):
+        bench.receive(flood, "flood")
+    bench.receive(sync_frame(1), MASTER)
+    bench.records.clear()
+    bench.advance(20 * CYCLE_NS)
+    flood_ns = 100 * (frame_bits(flood) + INTERMISSION_BITS) * BIT_NS
+    assert end_of(bench.records, Cob.SYNC) == CYCLE_NS + flood_ns + frame_bits(sync_frame(1)) * BIT_NS
+
+
 def test_on_the_wall_clock_frames_arrive_when_the_wire_has_carried_them(make_bench: MakeBench) -> None:
     bench = make_bench(clock=Clock.WALL)
     bench.receive(sync_frame(1), MASTER)
+    bench.advance(CYCLE_NS)
     bench.records.clear()
     bench.receive(CURRENTS, MASTER)
     assert bench.records == []

@@ -1,13 +1,24 @@
 """The bench node's dictionary and PDOs: complete for every joint, and no COB-ID twice on its bus."""
 
+import io
+
 import canopen
 import pytest
 
-from canarm_protocol.bench_objects import SDO_CHANNELS, bench_dictionary, bench_pdos, sdo_channel
+from canarm_protocol.bench_objects import (
+    CLAIM_CHANNEL,
+    CLIENT_CHANNELS,
+    CONTROLLER_CHANNEL,
+    SDO_CHANNELS,
+    bench_dictionary,
+    bench_pdos,
+    sdo_channel,
+)
 from canarm_protocol.cell import Cell
 from canarm_protocol.cell_checks import BENCH_NODE_IDS, MOST_JOINTS
 from canarm_protocol.cell_file import load_cell
 from canarm_protocol.dictionary import default_value
+from canarm_protocol.export import export_eds
 from canarm_protocol.pdo import read_layouts
 
 CELL = load_cell("konkuk1")
@@ -43,6 +54,7 @@ def test_every_pdo_carries_what_its_name_says() -> None:
     assert objects(pdos.status) == [(0x2001, 0)]
     assert [objects(layout) for layout in pdos.truth] == [[(0x2100, 1), (0x2101, 1)], [(0x2100, 2), (0x2101, 2)]]
     assert [objects(layout) for layout in pdos.drive] == [[(0x2102, 1), (0x2103, 1)], [(0x2102, 2), (0x2103, 2)]]
+    assert objects(pdos.faults) == [(0x2405, 0), (0x2410, 0), (0x2406, 0)]
     assert objects(pdos.controller) == [(0x2110, 0), (0x2111, 0), (0x2112, 0)]
     assert [objects(layout) for layout in pdos.reference] == [[(0x2110, 0), (0x2120, 1)], [(0x2110, 0), (0x2120, 2)]]
     assert [objects(layout) for layout in pdos.measured] == [[(0x2121, 1), (0x2122, 1)], [(0x2121, 2), (0x2122, 2)]]
@@ -66,14 +78,33 @@ def test_defaults_fit_their_types_and_every_array_tells_its_length() -> None:
             variable.encode_raw(variable.default)
 
 
-def test_sdo_channels_are_the_default_one_and_eight_more() -> None:
+def test_sdo_channels_are_the_default_one_and_nine_more() -> None:
     assert sdo_channel(0x70, 0) == (0x670, 0x5F0)
-    assert [sdo_channel(0x70, n) for n in (1, 8)] == [(0x631, 0x5B1), (0x638, 0x5B8)]
+    assert [sdo_channel(0x70, n) for n in (1, 9)] == [(0x631, 0x5B1), (0x639, 0x5B9)]
     dictionary = bench_dictionary(CELL)
     for channel in range(SDO_CHANNELS + 1):
         record = 0x1200 + channel
         assert (default_value(dictionary, record, 1), default_value(dictionary, record, 2)) == sdo_channel(
             0x70, channel
         )
-    with pytest.raises(ValueError, match=r"^SDO channel 9: the bench has channels 0 to 8$"):
-        sdo_channel(0x70, 9)
+    with pytest.raises(ValueError, match=r"^SDO channel 10: the bench has channels 0 to 9$"):
+        sdo_channel(0x70, 10)
+
+
+def test_clients_channels_are_neither_the_default_one_nor_the_controllers_nor_that_for_claims() -> None:
+    assert sorted({0, CONTROLLER_CHANNEL, CLAIM_CHANNEL, *CLIENT_CHANNELS}) == list(range(SDO_CHANNELS + 1))
+    assert len(CLIENT_CHANNELS) == SDO_CHANNELS - 2
+
+
+def test_the_eds_describes_the_objects_of_faults_to_any_tool() -> None:
+    eds = io.StringIO(export_eds(CELL)["konkuk1_bench.eds"])
+    eds.name = "konkuk1_bench.eds"
+    dictionary = canopen.import_od(eds, 0x70)
+    domain, text, u8 = 0x000F, 0x0009, 0x0005  # CiA 301, table 44
+    described = {index: (dictionary[index].data_type, dictionary[index].access_type) for index in range(0x2400, 0x2406)}
+    assert described == {
+        0x2400: (domain, "wo"),
+        **dict.fromkeys(range(0x2401, 0x2405), (text, "ro")),
+        0x2405: (u8, "ro"),
+    }
+    assert (dictionary[0x2410].data_type, dictionary[0x2410].access_type, dictionary[0x2410].max) == (u8, "rw", 1)

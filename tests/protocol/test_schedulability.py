@@ -1,6 +1,7 @@
 """Response times against Davis, Burns, Bril, Lukkien 2007, and the verdict on the shipped cell."""
 
 import dataclasses
+import re
 
 import pytest
 
@@ -109,6 +110,15 @@ def test_konkuk1_fits_at_1_mbit(konkuk1: Cell, nodes: tuple[CardNode, ...]) -> N
     assert any("= 455 bits" in line for line in verdict.lines)
     assert any("= 1750 us of 2500 us" in line for line in verdict.lines)
     assert verdict.lines[-1] == "fits: 750 us of 2500 us are left"
+    assert "SYNC 0x080: at most 200 us, limit 2500 us" in verdict.lines
+
+
+def test_the_terms_of_the_chain_add_up_for_a_reader(konkuk1: Cell, nodes: tuple[CardNode, ...]) -> None:
+    (chain,) = [line for line in cell_verdict(konkuk1, nodes).lines if line.startswith("chain")]
+    terms, _, total = chain.removeprefix("chain of a cycle: ").partition(" = ")
+    numbers = re.findall(r"(?<= )(?:(\d+) x )?(\d+)(?= [+(])", f"{terms} +")
+    assert sum(int(times or 1) * int(number) for times, number in numbers) == int(total.split()[0]) == 1750
+    assert "SYNC 65 +" in chain
 
 
 def test_konkuk1_does_not_fit_at_125_kbit(konkuk1: Cell, nodes: tuple[CardNode, ...]) -> None:
@@ -117,7 +127,7 @@ def test_konkuk1_does_not_fit_at_125_kbit(konkuk1: Cell, nodes: tuple[CardNode, 
     assert not verdict.fits
     assert verdict.load == pytest.approx(1.56)
     assert "125000 bit/s x 2500 us = 312 bits a cycle" in verdict.lines[0]
-    assert any(line.startswith("RPDO2 of dac 0x312") and "TOO LATE" in line for line in verdict.lines)
+    assert any(line.startswith("RPDO2 of dac 0x312: without a bound, limit 2500 us: TOO") for line in verdict.lines)
     assert verdict.lines[-1].startswith("does not fit: raise bus.bitrate")
 
 

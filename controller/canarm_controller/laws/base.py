@@ -65,13 +65,16 @@ class ControlLaw(ABC):
     - `name` is shown in reports;
     - `default_feedforward` is used unless the command line says otherwise;
     - `feedforward_excludes_inertia` is true for a law that already supplies J·q̈_d by itself;
-    - `takes_feedforward` is false for a law whose own model supplies all of the torque: a table would count it twice.
+    - `takes_feedforward` is false for a law whose own model supplies all of the torque: a table would count it twice;
+    - `following_error_lsb` is the following error, in steps of the potentiometer, that is normal for the law at a
+      payload of ±50 %: a joint that lags by more than twice as much, and ever more, is stopped.
     """
 
     name: ClassVar[str]
     default_feedforward: ClassVar[Literal["none", "table", "online"]] = "none"
     feedforward_excludes_inertia: ClassVar[bool] = False
     takes_feedforward: ClassVar[bool] = True
+    following_error_lsb: ClassVar[float] = 60.0
 
     @abstractmethod
     def __init__(self, arm: NominalArm, control: Control, period_s: float) -> None:

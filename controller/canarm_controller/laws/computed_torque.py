@@ -32,6 +32,7 @@ class ComputedTorque(ControlLaw):
     """
 
     name: ClassVar[str] = "computed-torque"
+    following_error_lsb: ClassVar[float] = 5.0
     takes_feedforward: ClassVar[bool] = False
 
     def __init__(self, arm: NominalArm, control: Control, period_s: float) -> None:

@@ -51,6 +51,7 @@ class Mras(ControlLaw):
     """
 
     name: ClassVar[str] = "mras"
+    following_error_lsb: ClassVar[float] = 3.0
     default_feedforward: ClassVar[Literal["none", "table", "online"]] = "table"
     feedforward_excludes_inertia: ClassVar[bool] = True
 

@@ -47,6 +47,7 @@ class MrasLyapunov(ControlLaw):
     """
 
     name: ClassVar[str] = "mras-lyapunov"
+    following_error_lsb: ClassVar[float] = 3.0
     default_feedforward: ClassVar[Literal["none", "table", "online"]] = "table"
     feedforward_excludes_inertia: ClassVar[bool] = True
 

@@ -18,6 +18,7 @@ class Pd(ControlLaw):
     """
 
     name: ClassVar[str] = "pd"
+    following_error_lsb: ClassVar[float] = 15.0
 
     def __init__(self, arm: NominalArm, control: Control, period_s: float) -> None:
         omega, zeta = control.natural_frequency_rad_s, control.damping_ratio

@@ -50,6 +50,7 @@ class SlotineLi(ControlLaw):
     """
 
     name: ClassVar[str] = "slotine-li"
+    following_error_lsb: ClassVar[float] = 3.0
     takes_feedforward: ClassVar[bool] = False
 
     def __init__(self, arm: NominalArm, control: Control, period_s: float) -> None:

@@ -45,7 +45,7 @@ class Dac0808Card:
 
     def refresh(self, channel: int) -> None:
         """Convert what stands in the latches, as changed by whatever breaks between them and the converter."""
-        code = self.code(channel)
+        code = self._latches[2 * channel] | self._latches[2 * channel + 1] << 4
         if self._distortions and channel in self._distortions:
             code = int(self._distortions[channel](code))
         self._on_output(channel, self._transfer[code])

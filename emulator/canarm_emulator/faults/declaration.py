@@ -217,7 +217,7 @@ class MessageFault(Fault):
         """What becomes of a frame: (time, frame) pairs, at `now_ns` or later; none where it is lost."""
 
     def due(self, until_ns: int) -> Iterable[tuple[int, Frame]]:
-        """Frames that come by themselves up to `until_ns`, the end of the cycle; asked once a cycle."""
+        """Frames that come by themselves before `until_ns`; asked again then, and again, a cycle at a time."""
         return ()
 
     def rest(self, now_ns: int) -> Iterable[tuple[int, Frame]]:
@@ -282,6 +282,10 @@ class NodePort(ABC):
     @abstractmethod
     def set_send_filter(self, passes: Callable[[Frame], Frame | None] | None) -> None:
         """`passes(frame)` is what becomes of each frame that the node sends, if anything; None: all go out."""
+
+    @abstractmethod
+    def set_sdo_refusal(self, is_refusing: bool) -> None:
+        """Whether every SDO request is answered by an abort, "general error", and nothing is read or written."""
 
     @abstractmethod
     def set_timer_scale(self, scale: float) -> None:

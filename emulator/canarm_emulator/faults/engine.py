@@ -209,9 +209,13 @@ class FaultEngine:
         """Every set that was accepted and not cleared, in order."""
         return [SetStatus(turn.declared.name, turn.state, turn.activations) for turn in self._turns()]
 
+    def begin_run(self) -> None:
+        """NMT start: times and cycles count from the next cycle 0."""
+        self._begin_ns, self._cycle = None, -1
+
     def update(self, now_ns: int, cycle: int) -> None:
         """Begin and end what is due. `cycle` is the number of the cycle that begins now, -1 before the first."""
-        if cycle == 0 and self._cycle != 0:
+        if cycle >= 0 and self._begin_ns is None:
             self._begin_ns = now_ns
         self._cycle = cycle
         values: dict[str, float] = {}

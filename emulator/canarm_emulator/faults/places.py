@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from .declaration import BusFault, ClockFault, Context, Fault, NodeFault, Tap
+from .declaration import BusFault, ClockFault, Context, Fault, NodeFault, NodePort, Tap
 from .points import Point
 
 if TYPE_CHECKING:
@@ -15,45 +15,54 @@ class BusPoint(Point):
     def __init__(self, bench: "Bench") -> None:
         assert bench.wire is not None
         self._wire = bench.wire
-        self._faults: list[BusFault] = []
+        self._faults: list[tuple[BusFault, int]] = []
+        """With the times at which they began."""
 
     def _add(self, fault: Fault, context: Context) -> None:
         assert isinstance(fault, BusFault)
-        self._faults.append(fault)
+        self._faults.append((fault, context.now_ns))
+        fault.act(self._wire, context.now_ns)
 
     def remove(self, fault: Fault, now_ns: int) -> None:
-        """The wire is left with what it has not carried out yet."""
+        """What the fault has asked of the wire and has not happened yet does not happen."""
         assert isinstance(fault, BusFault)
-        self._faults.remove(fault)
+        self._faults = [each for each in self._faults if each[0] is not fault]
         fault.end(self._wire)
 
     def refresh(self, now_ns: int) -> None:
-        """Every fault acts once a cycle."""
-        for fault in self._faults:
-            fault.act(self._wire, now_ns)
+        """Every fault acts once a cycle, when it begins for the first time."""
+        for fault, begun_ns in self._faults:
+            if now_ns > begun_ns:
+                fault.act(self._wire, now_ns)
 
 
 class NodePoint(Point):
     """A card as a node."""
 
     def __init__(self, bench: "Bench", tap: Tap) -> None:
-        self._port = bench.node_port(tap.node_id)
-        self._faults: list[NodeFault] = []
+        self._bench, self._node_id = bench, tap.node_id
+        self._faults: list[tuple[NodeFault, NodePort, int]] = []
+        """Each with a port of its own, and the time at which it began."""
 
     def _add(self, fault: Fault, context: Context) -> None:
         assert isinstance(fault, NodeFault)
-        self._faults.append(fault)
+        port = self._bench.node_port(self._node_id)
+        self._faults.append((fault, port, context.now_ns))
+        fault.act(port, context.now_ns)
 
     def remove(self, fault: Fault, now_ns: int) -> None:
-        """The node is as the fault leaves it."""
+        """The node is as the fault, and those that still act on it, leave it."""
         assert isinstance(fault, NodeFault)
-        self._faults.remove(fault)
-        fault.end(self._port, now_ns)
+        ports = [port for each, port, _ in self._faults if each is fault]
+        self._faults = [each for each in self._faults if each[0] is not fault]
+        for port in ports:
+            fault.end(port, now_ns)
 
     def refresh(self, now_ns: int) -> None:
-        """Every fault acts once a cycle."""
-        for fault in self._faults:
-            fault.act(self._port, now_ns)
+        """Every fault acts once a cycle, when it begins for the first time."""
+        for fault, port, begun_ns in self._faults:
+            if now_ns > begun_ns:
+                fault.act(port, now_ns)
 
 
 class ClockPoint(Point):
@@ -71,7 +80,7 @@ class ClockPoint(Point):
     def remove(self, fault: Fault, now_ns: int) -> None:
         """Cycles are as long as the cell says once the last fault has gone."""
         assert isinstance(fault, ClockFault)
-        self._faults.remove(fault)
+        self._faults = [each for each in self._faults if each is not fault]
         if not self._faults:
             self._bench.set_cycle_length(None)
 

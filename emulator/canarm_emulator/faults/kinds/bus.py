@@ -1,66 +1,72 @@
 """Faults of the bus as a wire. They need the wire model, which counts and recovers as ISO 11898-1 says."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
+from ...confinement import BUS_OFF_LIMIT, ERROR_STEP
 from ...wire import Wire
+from ...wire_errors import Disturbance
 from ..declaration import BusFault, Family, TapKind, parameter
 
 _BUS = (TapKind.BUS,)
-UNTIL_BUS_OFF = 32
+UNTIL_BUS_OFF = -(-(BUS_OFF_LIMIT + 1) // ERROR_STEP)
 """Errors in a row, 8 each, that bring a transmit error counter from 0 to 256."""
-
-
-def _identifier(about: str) -> int:
-    value: int = parameter(about, "", 0x194, 1, 0x7FF, is_whole=True)
-    return value
+BIT = 8
+"""The bit that is hit: IDE, r0 and DLC take six after the arbitration field, so this is in the data or the CRC."""
 
 
 @dataclass
-class ErrorFrames(BusFault, name="error-frames", family=Family.BUS, acts_on=_BUS, needs_wire=True):
-    """Transmissions of an identifier are hit by a bit error, and sent again."""
+class _Disturbing(BusFault):
+    """A fault on the transmissions of an identifier. What of it has not happened when it ends never does."""
 
-    cob_id: int = _identifier("which identifier")
+    cob_id: int = parameter("which identifier", "", 0x294, 1, 0x7FF, is_whole=True)
+    _pending: Disturbance | None = None
+
+    def end(self, wire: Wire) -> None:
+        """Let pass what was still to be hit."""
+        if self._pending is not None:
+            wire.withdraw(self._pending)
+            self._pending = None
+
+
+@dataclass
+class _EveryCycle(_Disturbing):
+    """So many transmissions fail in every cycle. Those of a cycle without any do not add up."""
+
+    hits_the_ack_slot: ClassVar[bool]
     count: int = parameter("how many transmissions in a row, every cycle", "", 1, 1, 15, is_whole=True)
 
     def act(self, wire: Wire, now_ns: int) -> None:
         """The next ones."""
-        wire.corrupt(self.cob_id, times=self.count, bit=8)
+        self.end(wire)
+        if self.hits_the_ack_slot:
+            self._pending = wire.corrupt(self.cob_id, times=self.count, is_unacknowledged=True)
+        else:
+            self._pending = wire.corrupt(self.cob_id, times=self.count, bit=BIT)
 
 
 @dataclass
-class _Burst(BusFault):
-    """As many errors in a row as bring a node off the bus, once."""
+class ErrorFrames(_EveryCycle, name="error-frames", family=Family.BUS, acts_on=_BUS, needs_wire=True):
+    """Transmissions of an identifier are hit by a bit error, and sent again."""
 
-    cob_id: int = _identifier("an identifier that the node sends")
+    hits_the_ack_slot = False
+
+
+@dataclass
+class NoAcknowledge(_EveryCycle, name="no-ack", family=Family.BUS, acts_on=_BUS, needs_wire=True):
+    """Nobody acknowledges frames of an identifier, and they are sent again."""
+
+    hits_the_ack_slot = True
+
+
+@dataclass
+class BusOff(_Disturbing, name="bus-off", family=Family.BUS, acts_on=_BUS, needs_wire=True):
+    """The transmissions of an identifier fail until its sender is off the bus; it recovers as its controller does."""
+
     _has_acted: bool = False
 
     def act(self, wire: Wire, now_ns: int) -> None:
-        """Once."""
+        """32 bit errors in a row, once; the sender's bus-off ends the row."""
         if not self._has_acted:
             self._has_acted = True
-            self.strike(wire)
-
-    def strike(self, wire: Wire) -> None:
-        """What it does."""
-        raise NotImplementedError
-
-
-@dataclass
-class BusOff(_Burst, name="bus-off", family=Family.BUS, acts_on=_BUS, needs_wire=True):
-    """A node's transmissions fail until it is off the bus; it recovers as its controller does."""
-
-    def strike(self, wire: Wire) -> None:
-        """32 bit errors."""
-        wire.corrupt(self.cob_id, times=UNTIL_BUS_OFF, bit=8)
-
-
-@dataclass
-class NoAcknowledge(BusFault, name="no-ack", family=Family.BUS, acts_on=_BUS, needs_wire=True):
-    """Nobody acknowledges the frames of an identifier: they are sent again and again."""
-
-    cob_id: int = _identifier("which identifier")
-    count: int = parameter("how many transmissions in a row, every cycle", "", 1, 1, 15, is_whole=True)
-
-    def act(self, wire: Wire, now_ns: int) -> None:
-        """The next ones."""
-        wire.corrupt(self.cob_id, times=self.count, is_unacknowledged=True)
+            self._pending = wire.corrupt(self.cob_id, times=UNTIL_BUS_OFF, bit=BIT)

@@ -1,20 +1,17 @@
 """Faults of a node, that is of a card's processor and its connection to the bus."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from canarm_protocol.frames import Cob, Frame
-from canarm_protocol.sdo import AbortCode
 
 from ..declaration import Context, Family, NodeFault, NodePort, TapKind, choice, parameter
 
 _NODE = (TapKind.NODE,)
-SDO_ABORT = 0x80
 
 
 @dataclass
 class _Once(NodeFault):
-    """A fault that does one thing when it begins."""
+    """A fault that does one thing when it begins, and whose end undoes it."""
 
     _has_acted: bool = False
 
@@ -49,7 +46,10 @@ class Crash(_Once, name="crash", family=Family.NODE, acts_on=_NODE):
 
 @dataclass
 class Hang(_Once, name="hang", family=Family.NODE, acts_on=_NODE, is_dangerous=True):
-    """The card's processor stands still: outputs keep their last values, and it goes on when the fault ends."""
+    """The card's processor stands still: outputs keep their last values, and it goes on when the fault ends.
+
+    Its CAN controller stands still as well, and acknowledges nothing.
+    """
 
     def strike(self, node: NodePort, now_ns: int) -> None:
         """Stand still."""
@@ -106,7 +106,12 @@ class LateBoot(_Once, name="late-boot", family=Family.NODE, acts_on=_NODE):
 
 @dataclass
 class DuplicateNodeId(_Once, name="duplicate-node-id", family=Family.NODE, acts_on=_NODE, is_dangerous=True):
-    """A second card with the same node-ID, wired to nothing, boots on the bus and answers as well."""
+    """A second card with the same node-ID, wired to nothing, boots on the bus and answers as well.
+
+    A master sees two boot-ups, two heartbeats that may name different states, and two answers to an SDO request; both
+    obey NMT. With the wire model different frames with one identifier that begin at once are errors for both senders,
+    equal ones are one.
+    """
 
     def strike(self, node: NodePort, now_ns: int) -> None:
         """It boots."""
@@ -129,13 +134,13 @@ class WrongNmtState(_Once, name="wrong-nmt-state", family=Family.NODE, acts_on=_
 
 
 @dataclass
-class SyncMissed(NodeFault, name="sync-missed", family=Family.NODE, acts_on=_NODE):
+class SyncMissed(_Once, name="sync-missed", family=Family.NODE, acts_on=_NODE):
     """The card does not see some SYNCs: outputs do not act, inputs are not sent."""
 
     every: int = parameter("of so many SYNCs one is missed; 1: all of them", "", 1, 1, 1000, is_whole=True)
     _count: int = 0
 
-    def act(self, node: NodePort, now_ns: int) -> None:
+    def strike(self, node: NodePort, now_ns: int) -> None:
         """Watch the SYNCs."""
         node.set_sync_filter(self._passes)
 
@@ -149,16 +154,16 @@ class SyncMissed(NodeFault, name="sync-missed", family=Family.NODE, acts_on=_NOD
 
 
 @dataclass
-class _Sending(NodeFault):
-    """A fault on what the node sends."""
+class HeartbeatLost(_Once, name="heartbeat-lost", family=Family.NODE, acts_on=_NODE):
+    """The card sends everything but its heartbeat, and no boot-up message either."""
 
-    def act(self, node: NodePort, now_ns: int) -> None:
+    def strike(self, node: NodePort, now_ns: int) -> None:
         """Watch what it sends."""
         node.set_send_filter(self.passes)
 
     def passes(self, frame: Frame) -> Frame | None:
-        """What goes out instead of `frame`."""
-        raise NotImplementedError
+        """All but 0x700 + node-ID."""
+        return None if frame.can_id & ~0x7F == Cob.HEARTBEAT else frame
 
     def end(self, node: NodePort, now_ns: int) -> None:
         """All goes out again."""
@@ -166,41 +171,32 @@ class _Sending(NodeFault):
 
 
 @dataclass
-class HeartbeatLost(_Sending, name="heartbeat-lost", family=Family.NODE, acts_on=_NODE):
-    """The card sends everything but its heartbeat."""
-
-    def passes(self, frame: Frame) -> Frame | None:
-        """All but 0x700 + node-ID."""
-        return None if frame.can_id & ~0x7F == Cob.HEARTBEAT else frame
-
-
-@dataclass
-class SdoAbort(_Sending, name="sdo-abort", family=Family.NODE, acts_on=_NODE):
+class SdoAbort(_Once, name="sdo-abort", family=Family.NODE, acts_on=_NODE):
     """The card refuses every SDO transfer with "general error"."""
 
-    _code: bytes = field(default=AbortCode.GENERAL.to_bytes(4, "little"))
+    def strike(self, node: NodePort, now_ns: int) -> None:
+        """Refuse."""
+        node.set_sdo_refusal(True)
 
-    def passes(self, frame: Frame) -> Frame | None:
-        """Answers of the SDO server become aborts."""
-        if frame.can_id & ~0x7F != Cob.SDO_TO_CLIENT or frame.data[0] == SDO_ABORT:
-            return frame
-        return frame._replace(data=bytes((SDO_ABORT,)) + frame.data[1:4] + self._code)
+    def end(self, node: NodePort, now_ns: int) -> None:
+        """Obey again."""
+        node.set_sdo_refusal(False)
 
 
 @dataclass
 class LineBroken(_Once, name="line-broken", family=Family.NODE, acts_on=_NODE):
-    """The card's stub of the bus is cut: nothing comes in or goes out, while the card goes on by itself."""
+    """The card's stub of the bus is cut: nothing comes in or goes out, while the card goes on by itself.
+
+    On the wire it acknowledges nothing; what it sends meanwhile is lost, and does not move its error counters.
+    """
 
     def strike(self, node: NodePort, now_ns: int) -> None:
         """Cut."""
-        nothing: Callable[[Frame], Frame | None] = lambda frame: None  # noqa: E731
         node.set_deaf(True)
-        node.set_send_filter(nothing)
 
     def end(self, node: NodePort, now_ns: int) -> None:
         """Mended."""
         node.set_deaf(False)
-        node.set_send_filter(None)
 
 
 @dataclass

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from html import escape
 
 WIDTH, LEFT, RIGHT, TOP, GAP = 760, 64, 200, 34, 46
+MARK_ROWS = 5
+"""The words of marks stand in so many rows, one below the other, before they begin at the top again."""
 COLOURS = ("#3b82f6", "#e0781f", "#22a06b", "#9a6fd6", "#8a8f98")
 STYLE = """<style>
 text { font: 12px system-ui, sans-serif; fill: #24292f }
@@ -47,13 +49,23 @@ class Curve:
 
 
 @dataclass(frozen=True)
+class Mark:
+    """A vertical line at `x` with a word beside it. `colour` is an index into `COLOURS`."""
+
+    x: float
+    label: str
+    colour: int
+
+
+@dataclass(frozen=True)
 class Panel:
-    """One plot of a picture: a line of title, its y axis, its height in pixels, and its curves."""
+    """One plot of a picture: a line of title, its y axis, its height in pixels, its curves, and marks on its x axis."""
 
     title: str
     y: Axis
     height: int
     curves: tuple[Curve, ...]
+    marks: tuple[Mark, ...] = ()
 
 
 def draw(title: str, x_label: str, x: Axis, panels: Sequence[Panel]) -> str:
@@ -93,6 +105,13 @@ def _panel(panel: Panel, x: Axis, top: int) -> Iterable[str]:
     for curve in panel.curves:
         places = [f"{across(a):.1f},{down(b):.1f}" for a, b in curve.points if math.isfinite(b)]
         yield f'<polyline points="{" ".join(places)}" {_stroke(curve)}/>'
+    for row, mark in enumerate(panel.marks):
+        place, height = across(mark.x), top + 12 + 13 * (row % MARK_ROWS)
+        yield f'<path stroke="{COLOURS[mark.colour]}" stroke-dasharray="2 3" d="M{place:.1f} {top}V{bottom}"/>'
+        if place > (LEFT + right) / 2:
+            yield _text(place - 4, height, mark.label, "end")
+        else:
+            yield _text(place + 4, height, mark.label, "start")
 
 
 def _legend(curves: Sequence[Curve]) -> Iterable[str]:

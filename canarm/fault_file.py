@@ -1,0 +1,30 @@
+"""Fault files for a run that is about to begin: read, and checked against its bench before anything starts."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from canarm_emulator.bench import Bench
+from canarm_emulator.faults.engine import FaultEngine
+from canarm_protocol.errors import FaultError
+from canarm_protocol.faults import FaultScript
+
+from .rig_faults import read_script
+
+
+def load_faults(path: Path, bench: Bench) -> FaultScript:
+    """The script in the file `path`, which `bench` supports; the bench stays as it is.
+
+    Raises `FaultError`: file, set, fault, what would be right.
+    """
+    script = read_script(path)
+    if not script.sets:
+        raise FaultError(f"{path}: injects nothing; a fault file for a new run has at least one [[set]]")
+    engine = FaultEngine(bench, seed=0)
+    for declared in script.sets:
+        try:
+            engine.accept(replace(script, sets=(declared,)))
+        except FaultError as error:
+            where = f"set {declared.name!r}"
+            text = str(error)
+            raise FaultError(f"{path}: {text if text.startswith(where) else f'{where}: {text}'}") from None
+    return script

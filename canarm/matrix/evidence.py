@@ -1,0 +1,115 @@
+"""What is known of one run: the true motion, what the controller was told of it, and what it noticed.
+
+The same whether the run was a rig's or that of processes on a bus. No judgement enters here.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from canarm_protocol.cell import Cell, Quantity
+from canarm_protocol.dictionary import CODE_SHIFT
+from canarm_protocol.frames import Frame
+from canarm_protocol.wiring import InputSlot, card_nodes, input_slots, sensor_scale
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SENSORS = (Quantity.POTENTIOMETER, Quantity.TACHOMETER, Quantity.CURRENT_SENSE)
+_HALF_NS = 0.5e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The truth, a row a SYNC: cycles and times (n,), the rest (n, joints). NaN where there is no reference.
+
+    After the last SYNC rows may follow that have its cycle number and times of their own.
+    """
+
+    cycle: Ints
+    time_s: Floats
+    angle_rad: Floats
+    speed_rad_s: Floats
+    current_a: Floats
+    command_a: Floats
+    motor_speed_rad_s: Floats
+    reference_rad: Floats
+
+
+def motion_of(cycle: Ints, time_s: Floats, joints: Floats, reference_rad: Floats) -> Motion:
+    """`joints` has the values of `canarm_emulator.world.JointState` in their order, shape (n, joints, 6)."""
+    angle_rad, speed_rad_s, current_a, command_a, _, motor_speed_rad_s = np.moveaxis(joints, 2, 0)
+    return Motion(cycle, time_s, angle_rad, speed_rad_s, current_a, command_a, motor_speed_rad_s, reference_rad)
+
+
+class Notice(NamedTuple):
+    """Something that the controller has noticed, or that it did: by which detector, where, in which cycle.
+
+    `stops` says whether the run ends by it.
+    """
+
+    detector: str
+    where: str
+    cycle: int
+    reaction: str
+    stops: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """One run. `seen` has, a sensor, what the controller last received by the end of each cycle, in the sensor's unit,
+    shape (n, joints); NaN before the first. `injected_cycle` is the first in which the fault acted.
+    """
+
+    motion: Motion
+    seen: dict[Quantity, Floats]
+    notices: tuple[Notice, ...]
+    injected_cycle: int
+    is_running: bool
+    """Whether the controller was still running at the end."""
+
+
+class Received(NamedTuple):
+    """A frame that the controller received, and when."""
+
+    time_s: float
+    frame: Frame
+
+
+def seen_by_controller(cell: Cell, frames: Iterable[Received], time_s: Floats) -> dict[Quantity, Floats]:
+    """What of `frames`, in order of time, had arrived before the SYNC that follows each of `time_s`; see `Evidence`.
+
+    Frames that are no usable process data are left out, as the controller leaves them out.
+    """
+    nodes = card_nodes(cell)
+    layouts = {layout.cob_id: layout for node in nodes for layout in node.tpdos}
+    slots = input_slots(cell, nodes)
+    times: dict[int, list[float]] = {cob_id: [] for cob_id in layouts}
+    values: dict[int, list[tuple[int, ...]]] = {cob_id: [] for cob_id in layouts}
+    for stamp_s, (can_id, data, is_extended, is_remote) in frames:
+        layout = layouts.get(can_id)
+        if layout is None or is_extended or is_remote or len(data) < layout.size:
+            continue
+        unpacked = layout.unpack(data[: layout.size])
+        if min(unpacked) >= 0:
+            times[can_id].append(stamp_s)
+            values[can_id].append(unpacked)
+    ends_s = np.append(time_s[1:], np.inf) - _HALF_NS
+    seen = {sensor: np.full((len(time_s), len(cell.joints)), np.nan) for sensor in SENSORS}
+    for slot in slots:
+        codes = [each[slot.position] >> CODE_SHIFT for each in values[slot.cob_id]]
+        seen[slot.quantity][:, slot.joint] = _held(np.array(times[slot.cob_id]), _scaled(cell, slot, codes), ends_s)
+    return seen
+
+
+def _scaled(cell: Cell, slot: InputSlot, codes: list[int]) -> Floats:
+    scale = sensor_scale(cell.joints[slot.joint], slot.quantity)
+    return (np.array(codes, dtype=np.float64) - scale.zero) * scale.step
+
+
+def _held(times_s: Floats, values: Floats, ends_s: Floats) -> Floats:
+    """The last of `values` before each end; NaN where there is none."""
+    return np.append(np.nan, values)[np.searchsorted(times_s, ends_s, side="left")]

@@ -1,0 +1,180 @@
+"""One run of the matrix with a controller that is not ours: the emulator and the controller's command as processes.
+
+The run is in lockstep. The truth comes from the emulator's run folder, reactions from the frames on the bus.
+"""
+
+import contextlib
+import os
+import shlex
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from canarm_emulator.recording import SIGNALS_FILE
+from canarm_protocol.cell import Cell
+from canarm_protocol.errors import BusError
+from canarm_protocol.faults import FaultScript, FaultSet, FaultSpec, Trigger
+from canarm_protocol.frames import Frame
+from canarm_protocol.run_folder import CAN_LOG_FILE, SIGNALS_FOLDER
+
+from ..child import END_S, Child
+from ..options import BENCH_BUS, DEFAULT_HOST
+from ..rig_faults import as_toml
+from ..usage import UsageError
+from .bus_reactions import ENDED, SILENT, cycle_at, reactions
+from .evidence import Evidence, Motion, Notice, Received, motion_of, seen_by_controller
+from .plan import INJECTED_S, OBSERVED_S, MatrixCell, Scenario
+
+START_S = 60.0
+"""How long emulator and controller may take to begin."""
+SILENT_S = 15.0
+"""A run that has not moved for so long is over: the emulator itself gives a silent sender of SYNC 2 s."""
+LOOK_S = 0.05
+_TRUE_COLUMNS = 6
+_STANDARD_DIGITS = 3
+
+
+def run_foreign(
+    scenario: Scenario, cell: Cell, fault: MatrixCell | None, command: str, with_wire: bool = False
+) -> Evidence:
+    """One run against `command`, in which {host} and {port} are replaced; CANARM_CONNECT has both, as HOST:PORT.
+
+    Without a reference of the controller's own its error is counted against the twin. Raises `UsageError` for a command
+    that cannot be started, `BusError` for one that controls nothing.
+    """
+    injected_cycle = round(INJECTED_S / cell.bus.cycle_s)
+    last_cycle = injected_cycle + round(OBSERVED_S / cell.bus.cycle_s)
+    with tempfile.TemporaryDirectory(prefix="canarm-matrix-") as name:
+        folder = Path(name) / "run"
+        arguments = _emulator_arguments(scenario, folder, with_wire)
+        if fault is not None:
+            file = Path(name) / "faults.toml"
+            file.write_text(as_toml(_script(fault, injected_cycle)), encoding="utf-8")
+            arguments += ["--faults", str(file)]
+        with Child("emulator", arguments, quiet=True) as emulator:
+            found = emulator.wait_for(rf"^{BENCH_BUS} .*port=(\d+)$", START_S)
+            if found is None:
+                raise BusError(f"the emulator has not offered its buses: {emulator.complaints.strip()}")
+            truth = folder / SIGNALS_FOLDER / SIGNALS_FILE
+            with _started(command, found.group(1), Path(name) / "said") as process:
+                end = _watch(process, truth, last_cycle)
+            if end == ENDED and not _last_tick(truth):
+                said = (Path(name) / "said").read_text(errors="replace").strip().splitlines()
+                raise BusError(f"{command}: ended with status {process.returncode}: {said[-1] if said else ''}")
+            _settle(truth)
+        return _evidence(cell, folder, end, injected_cycle, last_cycle)
+
+
+def _emulator_arguments(scenario: Scenario, folder: Path, with_wire: bool) -> list[str]:
+    arguments = ["--cell", scenario.cell, "--clock", "sync", "--seed", str(scenario.seed), "--out", str(folder)]
+    arguments += ["--serve", f"{DEFAULT_HOST}:0"]
+    for key, value in scenario.settings:
+        arguments += ["--set", f"{key}={value}"]
+    return [*arguments, "--wire"] if with_wire else arguments
+
+
+def _script(fault: MatrixCell, cycle: int) -> FaultScript:
+    return FaultScript((FaultSet(fault.name, (FaultSpec(fault.tap, fault.fault),), Trigger(cycle=cycle)),))
+
+
+@contextlib.contextmanager
+def _started(command: str, port: str, said: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """The controller as a process group of its own, ended at the end."""
+    words = [word.replace("{host}", DEFAULT_HOST).replace("{port}", port) for word in shlex.split(command)]
+    environment = {**os.environ, "CANARM_CONNECT": f"{DEFAULT_HOST}:{port}"}
+    with said.open("wb") as output:
+        try:
+            process = subprocess.Popen(
+                words,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                env=environment,
+            )
+        except (OSError, IndexError) as error:
+            raise UsageError(f"--controller {command}: cannot be started: {error}") from None
+    try:
+        yield process
+    finally:
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            if process.poll() is None:
+                os.killpg(process.pid, number)
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(END_S)
+
+
+def _watch(process: subprocess.Popen[bytes], truth: Path, last_cycle: int) -> str:
+    """Wait for the last cycle (""), the end of the process (`ENDED`), or until nothing moves (`SILENT`)."""
+    moved_s, limit_s, tick = time.monotonic(), START_S, 0
+    while tick < last_cycle:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(LOOK_S)
+        is_over, before, tick = process.returncode is not None, tick, _last_tick(truth)
+        if tick > before:
+            moved_s, limit_s = time.monotonic(), SILENT_S
+        elif is_over:
+            return ENDED
+        elif time.monotonic() - moved_s > limit_s:
+            return SILENT
+    return ""
+
+
+def _settle(truth: Path) -> None:
+    """The emulator lets time run on when the controller has left; wait until it has written no more for a while."""
+    limit_s, still_s = time.monotonic() + SILENT_S, time.monotonic()
+    size = 0
+    while time.monotonic() < min(still_s + 10 * LOOK_S, limit_s):
+        time.sleep(LOOK_S)
+        if truth.stat().st_size != size:
+            size, still_s = truth.stat().st_size, time.monotonic()
+
+
+def _last_tick(truth: Path) -> int:
+    """The last cycle in the file; 0 before there is one."""
+    try:
+        with truth.open("rb") as file:
+            file.seek(max(0, truth.stat().st_size - 4096))
+            words = file.read().rsplit(b"\n", 2)[-2].split(b",")
+        return int(words[0])
+    except (OSError, ValueError, IndexError):
+        return 0
+
+
+def _evidence(cell: Cell, folder: Path, end: str, injected_cycle: int, last_cycle: int) -> Evidence:
+    motion = _motion(folder, len(cell.joints), last_cycle if not end else None)
+    frames = [each for each in _frames(folder / CAN_LOG_FILE) if each.time_s < motion.time_s[-1] + cell.bus.cycle_s]
+    notices = reactions(cell, frames, motion.cycle, motion.time_s)
+    notices = [each for each in notices if each.cycle < last_cycle]
+    if end and motion.cycle[-1] < last_cycle:
+        notices.append(Notice(end, "", cycle_at(motion.time_s[-1], motion.cycle, motion.time_s), end, stops=True))
+    return Evidence(
+        motion=motion,
+        seen=seen_by_controller(cell, frames, motion.time_s),
+        notices=tuple(notices),
+        injected_cycle=injected_cycle,
+        is_running=not any(each.stops and each.cycle >= injected_cycle for each in notices),
+    )
+
+
+def _motion(folder: Path, joints: int, last_cycle: int | None) -> Motion:
+    rows = np.loadtxt(folder / SIGNALS_FOLDER / SIGNALS_FILE, delimiter=",", skiprows=1, ndmin=2)
+    if last_cycle is not None:
+        rows = rows[rows[:, 0] <= last_cycle]
+    true = rows[:, 2:].reshape(len(rows), joints, _TRUE_COLUMNS)
+    return motion_of(rows[:, 0].astype(np.int64), rows[:, 1], true, np.full((len(rows), joints), np.nan))
+
+
+def _frames(log: Path) -> Iterator[Received]:
+    """The frames of a candump log, but those that tell of errors."""
+    for line in log.read_text(encoding="ascii").splitlines():
+        stamp, _, text = line.split()
+        identifier, _, data = text.partition("#")
+        is_extended, is_remote = len(identifier) > _STANDARD_DIGITS, data.startswith("R")
+        payload = b"" if is_remote else bytes.fromhex(data)
+        yield Received(float(stamp.strip("()")), Frame(int(identifier, 16), payload, is_extended, is_remote))

@@ -1,0 +1,285 @@
+"""What became of a fault: every definition of the matrix in one place, each with its sentence.
+
+Runs nothing and prints nothing: evidence in, findings out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from canarm_controller.supervision.detection import Reaction
+from canarm_protocol.cell import Cell, Quantity
+from canarm_protocol.wiring import sensor_scale
+
+from .evidence import SENSORS, Evidence, Floats, Motion, Notice
+
+Bools = NDArray[np.bool_]
+
+FTTI_S = 0.1
+"""The fault-tolerant time interval: "safe within the FTTI" counts from the clock's start."""
+DETECTION_S = 0.025
+"""A fault is to be detected within this time from the clock's start."""
+POTENTIOMETER_FLOOR_LSB = 3.0
+TACHOMETER_FLOOR = 0.05
+CURRENT_FLOOR = 0.1
+"""Floors of the sensors, the last two as shares of full scale: below them a wrong value is no finding."""
+TOLERATED_LSB = 3.0
+"""A fault is tolerated while the true angle stays within so many steps of the reference."""
+SAFE_CURRENT_A = 1.5
+SAFE_SPEED_RAD_S = 3.0
+_EXACT = 1.0 + 1e-9
+_REACTIONS = [reaction.value for reaction in Reaction]
+
+DEFINITIONS = (
+    (
+        "true residual",
+        "(a) what the controller last received for a sensor, against the true value between this SYNC and the next; "
+        "(b) true angle, speed and current against the twin: the fault-free run with the same seed, same cycle.",
+    ),
+    (
+        "clock of a detection",
+        "Starts at the first cycle in which a true residual passes its floor: "
+        f"{POTENTIOMETER_FLOOR_LSB:g} LSB of the potentiometer, {TACHOMETER_FLOOR:.0%} of full scale of the "
+        f"tachometer, {CURRENT_FLOOR:.0%} of full scale of the current.",
+    ),
+    (
+        "tolerated",
+        f"The controller goes on, and the true angle stays within {TOLERATED_LSB:g} LSB of the potentiometer from the "
+        "reference from the injection to the end. A stop ends the reference: what it follows is not tolerated.",
+    ),
+    (
+        "detected",
+        "Latency is from the clock's start to the first detection; one that comes earlier counts as 0. It passes up to "
+        f"{DETECTION_S * 1e3:g} ms; else the verdict is late, and without any detection MISSED.",
+    ),
+    ("undetectable", "Neither tolerated nor detected in time, and declared so, with the reason."),
+    (
+        "dangerous",
+        "Declared to be able to drive the arm, or the true angle leaves the twin's by more than its floor before the "
+        "controller begins to stop.",
+    ),
+    (
+        "safe",
+        "Torque off (no amplifier is asked for current) or hold (standstill after the controller has begun to stop), "
+        f"for good; |current| at most {SAFE_CURRENT_A:g} A, and until then joint speed, as the motor makes it, at most "
+        f"{SAFE_SPEED_RAD_S:g} rad/s: nothing brakes a link that falls without its wire. A dangerous fault has to end "
+        f"there within the FTTI, {FTTI_S * 1e3:g} ms from the clock's start, unless it is tolerated, or the arm is by "
+        f"then, and stays, within {TOLERATED_LSB:g} LSB of the reference.",
+    ),
+    (
+        "peaks",
+        "Of the worst joint, since the injection. The error's ends with the reference; speed includes the fall of an "
+        "arm whose torque has been switched off.",
+    ),
+)
+"""Every definition in words, for reports."""
+
+
+class Verdict(StrEnum):
+    """What a cell of the matrix comes to, from good to bad."""
+
+    TOLERATED = "tolerated"
+    BOTH = "tolerated+detected"
+    DETECTED = "detected"
+    UNDETECTABLE = "undetectable"
+    LATE = "late"
+    MISSED = "MISSED"
+    BROKEN = "BROKEN"
+    """The run itself broke off: a defect of the bench, not a finding."""
+
+    @property
+    def passes(self) -> bool:
+        """Whether the cell is as it should be."""
+        return self not in (Verdict.LATE, Verdict.MISSED, Verdict.BROKEN)
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """What the evidence of one run says. Times in s; None where there is nothing of the kind.
+
+    `clock_s` is from injection to the clock's start, `latency_s` from there to the first detection, `safe_s` from there
+    to the safe state. `safe_by` is "off", "hold" or "tracking". Peaks are those since the injection, of the worst
+    joint; that of the error only while a reference runs.
+    """
+
+    verdict: Verdict
+    first: Notice | None
+    reaction: str
+    clock_s: float | None
+    latency_s: float | None
+    drives_arm: bool
+    safe_s: float | None
+    safe_by: str
+    is_safe: bool
+    peak_error_lsb: float | None
+    peak_current_a: float
+    peak_speed_rad_s: float
+
+
+def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool) -> Findings:
+    """Judge a run by its fault-free `twin`, which has the same seed; `is_dangerous` is as the fault is declared.
+
+    The fault counts as dangerous where it is declared so, or where it moves the arm away from the twin by more than the
+    potentiometer's floor before the controller begins to stop. A dangerous fault that passes its floor and is not
+    tolerated has to end in a safe state.
+    """
+    motion, steps_rad = run.motion, _steps_rad(cell)
+    since = motion.cycle >= run.injected_cycle
+    departure = true_departure(cell, motion, twin.motion)
+    passed = since & (sensor_error(cell, run) | departure[0] | departure[1])
+    clock = int(np.argmax(passed)) if passed.any() else None
+    error_lsb = np.abs(motion.angle_rad - _reference_rad(motion, twin.motion)) / steps_rad
+    is_tolerated = run.is_running and bool((error_lsb[since] <= TOLERATED_LSB).all())
+    notices = [each for each in run.notices if each.cycle >= run.injected_cycle]
+    first = notices[0] if notices else None
+    latency_s = None if first is None else _latency_s(cell, motion, clock, first)
+    stop = _stop_cycle(notices)
+    has_reference = since if stop is None else since & (motion.cycle <= stop)
+    drives_arm = is_dangerous or bool((has_reference & departure[0]).any())
+    safe_s, safe_by, is_safe = _safety(cell, run, notices, clock, error_lsb)
+    error_lsb = error_lsb[has_reference & _all(np.isfinite(error_lsb))]
+    return Findings(
+        verdict=_verdict(is_tolerated, latency_s),
+        first=first,
+        reaction=max((each.reaction for each in notices), key=_strictness, default=""),
+        clock_s=None if clock is None else _elapsed_s(motion, run.injected_cycle, clock),
+        latency_s=latency_s,
+        drives_arm=drives_arm,
+        safe_s=safe_s,
+        safe_by=safe_by,
+        is_safe=is_safe or is_tolerated or clock is None or not drives_arm,
+        peak_error_lsb=float(error_lsb.max()) if error_lsb.size else None,
+        peak_current_a=float(np.abs(motion.current_a[since]).max(initial=0.0)),
+        peak_speed_rad_s=float(np.abs(motion.speed_rad_s[since]).max(initial=0.0)),
+    )
+
+
+def sensor_error(cell: Cell, run: Evidence) -> Bools:
+    """In which cycles a sensor tells the controller something beyond its floor from the truth; shape (n,).
+
+    "True residual (a): what the controller last received for that sensor against the true value." A sample is taken at
+    some time between two SYNCs, so the truth is the range from this SYNC's value to the next one's. The current sense
+    sees magnitudes.
+    """
+    motion, is_wrong = run.motion, np.zeros(len(run.motion.cycle), dtype=np.bool_)
+    truths = (motion.angle_rad, motion.speed_rad_s, motion.current_a)
+    for quantity, truth, floor in zip(SENSORS, truths, _floors(cell), strict=True):
+        following = np.append(truth[1:], truth[-1:], axis=0)
+        low, high = np.minimum(truth, following), np.maximum(truth, following)
+        if quantity is Quantity.CURRENT_SENSE:
+            turns = (low < 0.0) & (high > 0.0)
+            low, high = np.where(turns, 0.0, np.minimum(abs(low), abs(high))), np.maximum(abs(low), abs(high))
+        seen = run.seen[quantity]
+        is_wrong |= ((seen > high + floor) | (seen < low - floor)).any(axis=1)
+    return is_wrong
+
+
+def true_departure(cell: Cell, motion: Motion, twin: Motion) -> tuple[Bools, Bools]:
+    """In which cycles the true angle, and the true speed or current, leave the twin's by the floor; (n,) each.
+
+    "True residual (b): true angle, speed and current against the fault-free run with the same seed, same cycle."
+    """
+    is_paced = np.append(True, np.diff(motion.cycle) > 0) & (motion.cycle <= twin.cycle[-1])
+    rows = np.searchsorted(twin.cycle, np.minimum(motion.cycle, twin.cycle[-1]))
+    pairs = (
+        (motion.angle_rad, twin.angle_rad),
+        (motion.speed_rad_s, twin.speed_rad_s),
+        (motion.current_a, twin.current_a),
+    )
+    angle, speed, current = (
+        is_paced & (np.abs(mine - its[rows]) > floor).any(axis=1)
+        for (mine, its), floor in zip(pairs, _floors(cell), strict=True)
+    )
+    return angle, speed | current
+
+
+def _reference_rad(motion: Motion, twin: Motion) -> Floats:
+    """The controller's reference; where it tells none at all, the true angle of its own fault-free run."""
+    if np.isfinite(motion.reference_rad).any():
+        return motion.reference_rad
+    rows = np.searchsorted(twin.cycle, np.minimum(motion.cycle, twin.cycle[-1]))
+    return np.where((motion.cycle <= twin.cycle[-1])[:, np.newaxis], twin.angle_rad[rows], np.nan)
+
+
+def _verdict(is_tolerated: bool, latency_s: float | None) -> Verdict:
+    """The run's own verdict: "latency = detection - clock start, passes if <= 25 ms; both may hold"."""
+    is_in_time = latency_s is not None and latency_s <= DETECTION_S * _EXACT
+    if is_tolerated:
+        return Verdict.BOTH if latency_s is not None else Verdict.TOLERATED
+    if is_in_time:
+        return Verdict.DETECTED
+    return Verdict.MISSED if latency_s is None else Verdict.LATE
+
+
+def _latency_s(cell: Cell, motion: Motion, clock: int | None, first: Notice) -> float:
+    """A detection before the clock's start, or without one, counts as 0."""
+    return 0.0 if clock is None else max(first.cycle - int(motion.cycle[clock]), 0) * cell.bus.cycle_s
+
+
+def _safety(
+    cell: Cell, run: Evidence, notices: Sequence[Notice], clock: int | None, error_lsb: Floats
+) -> tuple[float | None, str, bool]:
+    """When the run is safe, counted from the clock's start, by what, and whether in time.
+
+    "Safe is torque off or hold, |current| <= 1.5 A, speed <= 3 rad/s."
+    Torque is off where every amplifier is asked for nothing; a hold is a standstill (all speeds below the tachometer's
+    floor) after the controller has begun to stop. Where it goes on, being back within 3 LSB of the reference counts as
+    well. The state must last. Current must keep its limit throughout, and speed until the state is reached: how fast an
+    arm without torque falls after that is gravity's. Speed is the motor's, seen at the joint: a link whose wire is
+    broken falls, and no drive holds it.
+    """
+    if clock is None:
+        return None, "", True
+    motion = run.motion
+    stop = _stop_cycle(notices)
+    off = _all(motion.command_a == 0.0)
+    holding = tracking = np.zeros_like(off)
+    if stop is not None:
+        holding = _all(np.abs(motion.speed_rad_s) <= _floors(cell)[1]) & (motion.cycle >= stop)
+    if run.is_running:
+        tracking = _all(error_lsb <= TOLERATED_LSB)
+    weak = _all(np.abs(motion.current_a) <= SAFE_CURRENT_A * _EXACT)
+    slow = _all(np.abs(motion.motor_speed_rad_s) <= SAFE_SPEED_RAD_S)
+    good = (off | holding | tracking) & weak
+    if not good[-1]:
+        return None, "", False
+    bad = np.flatnonzero(~good)
+    start = max(clock, int(bad[-1]) + 1 if len(bad) else 0)
+    safe_s = float(motion.time_s[start] - motion.time_s[clock])
+    by = "off" if off[start] else "hold" if holding[start] else "tracking"
+    return safe_s, by, safe_s <= FTTI_S * _EXACT and bool(weak[clock:].all() and slow[clock : start + 1].all())
+
+
+def _stop_cycle(notices: Sequence[Notice]) -> int | None:
+    """The cycle in which the controller has begun to stop."""
+    return min((each.cycle for each in notices if each.stops), default=None)
+
+
+def _all(condition: Bools) -> Bools:
+    """Whether it holds for every joint; (n, joints) to (n,)."""
+    return np.asarray(condition.all(axis=1))
+
+
+def _floors(cell: Cell) -> tuple[Floats, Floats, Floats]:
+    """Floors of angle, speed and current, each (joints,): 3 LSB, 5 % and 10 % of full scale."""
+    sensors = [joint.sensors for joint in cell.joints]
+    return (
+        POTENTIOMETER_FLOOR_LSB * _steps_rad(cell),
+        np.array([TACHOMETER_FLOOR * each.tachometer_full_scale_rad_s for each in sensors]),
+        np.array([CURRENT_FLOOR * each.current_sense_full_scale_a for each in sensors]),
+    )
+
+
+def _steps_rad(cell: Cell) -> Floats:
+    return np.array([sensor_scale(joint, Quantity.POTENTIOMETER).step for joint in cell.joints])
+
+
+def _elapsed_s(motion: Motion, cycle: int, row: int) -> float:
+    return float(motion.time_s[row] - motion.time_s[np.searchsorted(motion.cycle, cycle)])
+
+
+def _strictness(reaction: str) -> int:
+    return _REACTIONS.index(reaction) if reaction in _REACTIONS else len(_REACTIONS)

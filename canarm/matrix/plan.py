@@ -1,0 +1,65 @@
+"""What the matrix runs: its cells, one a fault at a tap, and the scenario that all of them share. Nothing runs here."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+from canarm_emulator.faults.catalogue import catalogue
+from canarm_protocol.cell import Cell
+from canarm_protocol.cell_file import load_cell
+
+from ..usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY
+
+INJECTED_S = 2.8
+"""When the fault begins. The motion has blended in and the laws have adapted; on konkuk1's sine both joints move then,
+at 83 and 60 % of their highest speeds, and accelerate at 56 and 80 % of their highest accelerations."""
+OBSERVED_S = 2.2
+"""For how long it acts: nearly a period of either joint, so that every stretch of the motion meets it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """What all runs have in common: which cell, with which settings, law, motion and seed."""
+
+    cell: str = DEFAULT_CELL
+    settings: tuple[tuple[str, str], ...] = ()
+    law: str = DEFAULT_LAW
+    trajectory: str = DEFAULT_TRAJECTORY
+    seed: int = 0
+
+    def load(self) -> Cell:
+        """The cell. Raises `CellError`."""
+        return load_cell(self.cell, dict(self.settings))
+
+
+@dataclass(frozen=True, slots=True)
+class MatrixCell:
+    """One cell of the matrix: a fault at a tap, with its default parameters."""
+
+    tap: str
+    fault: str
+    family: str
+    needs_wire: bool
+    is_dangerous: bool
+    """Declared to be able to drive the arm."""
+
+    @property
+    def name(self) -> str:
+        """Tap and fault."""
+        return f"{self.tap} {self.fault}"
+
+
+def cells_of(cell: Cell, only: Sequence[str] = ()) -> list[MatrixCell]:
+    """The matrix of `cell` in the order of the signal path.
+
+    Of it, where `only` is given, what fits one of its patterns (`*`, `?`) by tap, fault, family or "TAP FAULT".
+    """
+    everything = [
+        MatrixCell(tap.name, fault.name, fault.family.value, fault.needs_wire, fault.is_dangerous)
+        for tap, fault, _ in catalogue(cell)
+    ]
+    return [each for each in everything if not only or any(_fits(each, pattern) for pattern in only)]
+
+
+def _fits(cell: MatrixCell, pattern: str) -> bool:
+    return any(fnmatchcase(text, pattern) for text in (cell.tap, cell.fault, cell.family, cell.name))

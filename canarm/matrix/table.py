@@ -1,0 +1,151 @@
+"""A row of the matrix as plain values, its CSV file, and the counts. Knows nothing of how a run is made or judged."""
+
+import csv
+import io
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Self
+
+from .judgement import Findings, Verdict
+from .plan import MatrixCell
+from .undetectable import declared
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A row: which fault, what became of it. Empty where there is nothing of the kind; times in ms, safe_s in s."""
+
+    tap: str
+    fault: str
+    family: str
+    dangerous: bool
+    verdict: Verdict
+    detector: str = ""
+    where: str = ""
+    latency_ms: float | None = None
+    reaction: str = ""
+    clock_ms: float | None = None
+    safe_s: float | None = None
+    safe_by: str = ""
+    is_safe: bool = True
+    peak_error_lsb: float | None = None
+    peak_current_a: float | None = None
+    peak_speed_rad_s: float | None = None
+    note: str = ""
+
+    @classmethod
+    def of(cls, cell: MatrixCell, found: Findings) -> Self:
+        """What was found, with the reason where it is declared to be undetectable."""
+        verdict, reason = found.verdict, declared(cell)
+        if reason is not None and verdict in (Verdict.MISSED, Verdict.LATE):
+            verdict = Verdict.UNDETECTABLE
+        return cls(
+            tap=cell.tap,
+            fault=cell.fault,
+            family=cell.family,
+            dangerous=found.drives_arm,
+            verdict=verdict,
+            detector=found.first.detector if found.first else "",
+            where=found.first.where if found.first else "",
+            latency_ms=_milliseconds(found.latency_s),
+            reaction=found.reaction,
+            clock_ms=_milliseconds(found.clock_s),
+            safe_s=_rounded(found.safe_s, 4),
+            safe_by=found.safe_by,
+            is_safe=found.is_safe,
+            peak_error_lsb=_rounded(found.peak_error_lsb, 3),
+            peak_current_a=_rounded(found.peak_current_a, 3),
+            peak_speed_rad_s=_rounded(found.peak_speed_rad_s, 3),
+            note=reason.reason if reason is not None and verdict is Verdict.UNDETECTABLE else "",
+        )
+
+    @classmethod
+    def broken(cls, cell: MatrixCell, error: BaseException) -> Self:
+        """The run broke off with `error`."""
+        note = " ".join(f"{type(error).__name__}: {error}".split())
+        verdict = Verdict.BROKEN
+        return cls(cell.tap, cell.fault, cell.family, cell.is_dangerous, verdict, is_safe=False, note=note)
+
+    @property
+    def name(self) -> str:
+        """Tap and fault."""
+        return f"{self.tap} {self.fault}"
+
+    @property
+    def passes(self) -> bool:
+        """Tolerated, detected in time or declared, and safe in time where that was called for."""
+        return self.verdict.passes and (self.is_safe or self.verdict is Verdict.UNDETECTABLE)
+
+    def as_plain(self) -> dict[str, Any]:
+        """Its columns by name."""
+        return {name: getattr(self, name) for name in COLUMNS}
+
+
+COLUMNS = tuple(each.name for each in fields(Row))
+
+
+@dataclass(frozen=True, slots=True)
+class FalseAlarm:
+    """Something that was noticed in a fault-free run: in which run, by which detector, where, when."""
+
+    run: str
+    detector: str
+    where: str
+    cycle: int
+
+
+@dataclass(frozen=True, slots=True)
+class Matrix:
+    """The whole: rows in the order of the plan, and what the fault-free runs gave."""
+
+    title: str
+    rows: tuple[Row, ...]
+    fault_free_runs: int
+    false_alarms: tuple[FalseAlarm, ...]
+
+    @property
+    def counts(self) -> dict[Verdict, int]:
+        """Cells by verdict, from good to bad."""
+        counted = Counter(row.verdict for row in self.rows)
+        return {verdict: counted[verdict] for verdict in Verdict if counted[verdict]}
+
+    @property
+    def failed(self) -> list[Row]:
+        """Rows that are not as they should be."""
+        return [row for row in self.rows if not row.passes]
+
+    @property
+    def alarmed_runs(self) -> int:
+        """Fault-free runs in which anything was noticed."""
+        return len({each.run for each in self.false_alarms})
+
+    @property
+    def passes(self) -> bool:
+        """Whether every row is as it should be, and no fault-free run raised an alarm."""
+        return not self.failed and not self.false_alarms
+
+
+def as_csv(rows: Iterable[Row], columns: Sequence[str] = COLUMNS) -> str:
+    """The rows as CSV with a header; the same rows give the same bytes."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([_cell_text(getattr(row, name)) for name in columns] for row in rows)
+    return text.getvalue()
+
+
+def _cell_text(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:g}"
+    return "" if value is None else str(value)
+
+
+def _milliseconds(seconds: float | None) -> float | None:
+    return None if seconds is None else round(seconds * 1e3, 3)
+
+
+def _rounded(value: float | None, digits: int) -> float | None:
+    return None if value is None else round(value, digits)

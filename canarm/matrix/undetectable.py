@@ -1,0 +1,35 @@
+"""Faults that no controller can find with these sensors, each with the reason. Data, kept by hand.
+
+A declaration covers a cell of the matrix only while it is neither tolerated nor detected in time; one that covers no
+cell any more is out of date, and the summary says so.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+from .plan import MatrixCell
+
+
+@dataclass(frozen=True, slots=True)
+class Undetectable:
+    """Patterns of tap and fault, and why nobody can tell."""
+
+    tap: str
+    fault: str
+    reason: str
+
+    def covers(self, tap: str, fault: str) -> bool:
+        """Whether the fault at the tap is one of these."""
+        return fnmatchcase(tap, self.tap) and fnmatchcase(fault, self.fault)
+
+
+DECLARED_UNDETECTABLE: tuple[Undetectable, ...] = ()
+
+HIGHEST_SHARE = 0.1
+"""At most this share of the cells may be undetectable."""
+
+
+def declared(cell: MatrixCell, table: Sequence[Undetectable] = DECLARED_UNDETECTABLE) -> Undetectable | None:
+    """The declaration that covers `cell`, if there is one."""
+    return next((each for each in table if each.covers(cell.tap, cell.fault)), None)

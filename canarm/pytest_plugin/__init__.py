@@ -1,0 +1,110 @@
+"""The pytest plugin: fixtures `canarm_rig` and `canarm_bench`, their options, and what is kept of a test that fails.
+
+pytest loads this module in every run of every project where canarm is installed, so it imports nothing else; what the
+fixtures need is imported by the first test that asks for one.
+"""
+
+from collections.abc import Generator, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from .foreign import CanarmBench
+    from .keeping import Keeper
+    from .rigs import RigFactory
+
+__all__ = ["canarm_bench", "canarm_rig"]
+
+_KEEPER: pytest.StashKey["Keeper"] = pytest.StashKey()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Options of the fixtures."""
+    group = parser.getgroup("canarm", "canarm: robots on an emulated CAN bus")
+    group.addoption(
+        "--canarm-seed", type=int, default=0, metavar="N", help="Seed of noise and faults of every rig (default 0)."
+    )
+    group.addoption(
+        "--canarm-out",
+        type=Path,
+        default=None,
+        metavar="DIR",
+        help="Keep run folder and plot of tests that fail in DIR (default: among pytest's temporary folders).",
+    )
+    group.addoption(
+        "--canarm-bus",
+        nargs="?",
+        const="virtual",
+        default=None,
+        metavar="BUS",
+        help="Run canarm_rig tests with emulator and controller as processes of their own, over a real bus: "
+        "virtual, or socketcan:vcan0,vcan1 (the robot's bus and the bench's). Write =virtual before a path.",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Refuse options that cannot be before any test runs."""
+    bus, seed = config.getoption("--canarm-bus"), config.getoption("--canarm-seed")
+    if seed < 0:
+        raise pytest.UsageError(f"--canarm-seed {seed}: must not be negative")
+    if bus is not None:
+        from ..bus_choice import BusChoice
+        from ..usage import UsageError
+
+        try:
+            BusChoice.parse(bus)
+        except UsageError as error:
+            raise pytest.UsageError(f"--canarm-bus: {error}; write --canarm-bus=virtual before a path") from None
+
+
+@pytest.fixture
+def canarm_rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator["RigFactory"]:
+    """Makes a rig whenever it is called, with the arguments of `canarm.Rig`; they are finished after the test."""
+    from .rigs import RigFactory
+
+    with RigFactory(_keeper(request, tmp_path_factory), request.config) as factory:
+        yield factory
+
+
+@pytest.fixture
+def canarm_bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator["CanarmBench"]:
+    """The emulator alone, on a port of its own, for any program as its controller; see `CanarmBench`."""
+    from .foreign import CanarmBench
+
+    keeper = _keeper(request, tmp_path_factory)
+    with CanarmBench(keeper.new_folder(), request.config.getoption("--canarm-seed")) as bench:
+        keeper.watch(bench)
+        yield bench
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, "_Outcome", None]:
+    """A test that has failed says where its runs are kept."""
+    outcome = yield
+    keeper = item.stash.get(_KEEPER, None)
+    if keeper is not None and call.when != "teardown":
+        report = outcome.get_result()
+        if report.failed:
+            report.sections += [("canarm", text) for text in keeper.keep()]
+
+
+def _keeper(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> "Keeper":
+    """What keeps the runs of a test; one a test, cleared away after the fixtures that use it."""
+    from .keeping import Keeper
+
+    stash = request.node.stash
+    if _KEEPER not in stash:
+        keeper = Keeper(request.node.name, tmp_path_factory.mktemp("canarm"), request.config.getoption("--canarm-out"))
+        stash[_KEEPER] = keeper
+        request.addfinalizer(keeper.clear)
+    found: Keeper = stash[_KEEPER]
+    return found
+
+
+if TYPE_CHECKING:
+    from typing import Protocol
+
+    class _Outcome(Protocol):
+        def get_result(self) -> pytest.TestReport: ...

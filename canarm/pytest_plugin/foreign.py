@@ -1,0 +1,223 @@
+"""The emulator alone, for a controller that is any program: started on a port of its own, watched from its bus.
+
+What the controller computes is not known here; what it does is what passes on the bus, and what the bench says of the
+robot.
+"""
+
+import contextlib
+import os
+import struct
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from canarm_protocol.bench_objects import TRUE_ANGLE, TRUE_COMMAND, TRUE_SPEED, sdo_channel
+from canarm_protocol.cell import Cell
+from canarm_protocol.cell_file import load_cell
+from canarm_protocol.faults import FaultScript
+from canarm_protocol.frames import NmtState
+from canarm_protocol.port import BusPort, open_port
+from canarm_protocol.sdo_session import SdoSession
+
+from ..bench_client import BenchClient
+from ..bus_rig import BENCH_BUS, HOST, port_of
+from ..child import Child
+from ..findings import Begun
+from ..recorded import RecordedHistory, fault_events, read_events, recorded_joints
+from ..rig_faults import FaultControl, FaultSource, as_toml
+from ..run_plot import plot_run
+from ..session import DEFAULT_CELL
+from ..usage import UsageError
+from .program import Program
+from .watch import BusWatch, SeenEmergency, SeenFrame, SeenNmt
+
+ANSWER_S = 10.0
+"""How long the bench may take to answer; the machine may be busy."""
+WAIT_S = 10.0
+
+
+class CanarmBench(FaultControl):
+    """What the fixture `canarm_bench` is. The emulator starts with `start`, or with the first use of anything else.
+
+    `port` is where to attach: socketcand protocol, or python-can's `interface="canarm", host="127.0.0.1", port=…`.
+    """
+
+    def __init__(self, folder: Path, seed: int) -> None:
+        super().__init__()
+        self.folder, self._seed = folder, seed
+        self.cell: Cell = load_cell(DEFAULT_CELL)
+        self.controller: Program | None = None
+        """The program that was started last."""
+        self._programs: list[Program] = []
+        self._emulator: Child | None = None
+        self._port = 0
+        self._watch: BusWatch | None = None
+
+    def start(
+        self,
+        cell: str | Path = DEFAULT_CELL,
+        *,
+        clock: str = "sync",
+        seed: int | None = None,
+        wire: bool = False,
+        truth: Mapping[str, object] | None = None,
+        faults: FaultSource | None = None,
+        sync_timeout: float = 10.0,
+    ) -> Self:
+        """Start the emulator; arguments as on the command line, `seed` --canarm-seed unless given.
+
+        In lockstep, time runs on by itself once SYNC has been missing for `sync_timeout` s of wall time, or its sender
+        has left. Raises `UsageError` for what cannot be, and where it runs already; `BusError` if it does not start.
+        """
+        if self._emulator is not None:
+            raise UsageError("start: the emulator runs already; call start() before anything else")
+        self.cell = load_cell(str(cell))
+        words = ["--cell", str(cell), "--serve", f"{HOST}:0", "--clock", clock, "--sync-timeout", str(sync_timeout)]
+        words += ["--seed", str(self._seed if seed is None else seed), "--out", str(self.folder)]
+        words += [word for key, value in (truth or {}).items() for word in ("--truth", f"{key}={value}")]
+        self._emulator = Child("emulator", [*words, *(["--wire"] * wire)], quiet=True)
+        self._port = port_of(self._emulator)
+        self._watch = BusWatch(open_port("canarm", "can0", host=HOST, port=self._port))
+        if faults is not None:
+            self.inject_file(faults)
+        return self
+
+    @property
+    def host(self) -> str:
+        """Where the emulator serves its buses."""
+        return HOST
+
+    @property
+    def port(self) -> int:
+        """The port on which it does."""
+        self._listener()
+        return self._port
+
+    def start_controller(
+        self,
+        command: Sequence[str | os.PathLike[str]],
+        *,
+        cwd: Path | None = None,
+        env: Mapping[str, str] | None = None,
+    ) -> Program:
+        """Start the controller under test; it ends with the test. It is to attach to `port`."""
+        self._listener()
+        log = self.folder / f"controller-{len(self._programs) + 1}.txt"
+        self.controller = Program(command, log, cwd, env)
+        self._programs.append(self.controller)
+        return self.controller
+
+    def wait_for(self, condition: Callable[[], object], timeout: float = WAIT_S, what: str | None = None) -> None:
+        """Wait until `condition()` is true. Raises `AssertionError` after `timeout` s of wall time."""
+        if not self._listener().wait_for(condition, timeout):
+            what = what or getattr(condition, "__name__", "the condition")
+            raise AssertionError(f"not within {timeout:g} s: {what}; {self.story()}")
+
+    @property
+    def frames(self) -> list[SeenFrame]:
+        """The last 100 000 frames on the robot's bus, with their times."""
+        return list(self._listener().frames)
+
+    @property
+    def nmt_commands(self) -> list[SeenNmt]:
+        """NMT commands so far; oldest first."""
+        return list(self._listener().nmt)
+
+    @property
+    def emergencies(self) -> list[SeenEmergency]:
+        """Emergencies (EMCY) so far; oldest first. A code of 0 says that an error has gone."""
+        return list(self._listener().emergencies)
+
+    @property
+    def time_s(self) -> float:
+        """The bus's time: that of the last frame."""
+        return self._listener().time_s
+
+    def heartbeat_state(self, node: int) -> NmtState | None:
+        """What the last heartbeat of a node said; None while there was none."""
+        seen = self._listener().heartbeats.get(node)
+        return None if seen is None else seen[1]
+
+    def heartbeat_age_s(self, node: int) -> float | None:
+        """The bus's time since the last heartbeat of a node; None while there was none."""
+        seen = self._listener().heartbeats.get(node)
+        return None if seen is None else self.time_s - seen[0]
+
+    def outputs_are_zero(self) -> bool:
+        """Whether no amplifier is asked for any current, in truth: by magnitude or by direction."""
+        return not any(self._read(TRUE_COMMAND))
+
+    def true_angle_rad(self, joint: str) -> float:
+        """Where a joint truly is."""
+        return self._read(TRUE_ANGLE)[self.cell.joint_names.index(joint)]
+
+    def true_speed_rad_s(self, joint: str) -> float:
+        """How fast it truly moves."""
+        return self._read(TRUE_SPEED)[self.cell.joint_names.index(joint)]
+
+    def end(self) -> None:
+        """End the controllers, then the emulator. May be called again."""
+        for program in self._programs:
+            program.end()
+        if self._watch is not None:
+            self._watch.close()
+        if self._emulator is not None:
+            self._emulator.end()
+
+    def plot(self, title: str) -> str:
+        """Its joints as they truly moved."""
+        joints = recorded_joints(self.cell, RecordedHistory(self.cell, self.folder, {}))
+        begun = [each for each in fault_events(read_events(self.folder)) if each.is_begin]
+        return plot_run(title, joints, [Begun(each.time_ns * 1e-9, each.tap, each.fault) for each in begun])
+
+    def story(self) -> str:
+        """The controllers, and what was seen of their reactions."""
+        watch = self._watch
+        if watch is None:
+            return "the emulator was not started"
+        lost = [f"bus lost: {watch.lost}"] if watch.lost else []
+        seen = [(each.time_s, f"NMT {each.command.name} to {_node_name(each.node_id)}") for each in watch.nmt]
+        seen += [(each.time_s, f"EMCY 0x{each.code:04X} of {_node_name(each.node_id)}") for each in watch.emergencies]
+        lines = [f"{time_s:9.4f} s  {text}" for time_s, text in sorted(seen, key=lambda each: each[0])]
+        states = [f"{_node_name(node)} {state.name}" for node, (_, state) in sorted(watch.heartbeats.items())]
+        last = f"{watch.time_s:9.4f} s  last frame; heartbeats: {', '.join(states) or 'none'}"
+        return "\n".join([*map(repr, self._programs), *lost, *lines, last])
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.end()
+
+    def _accept(self, script: FaultScript) -> None:
+        with self._client() as (_, client):
+            client.inject(as_toml(script))
+
+    def _listener(self) -> BusWatch:
+        if self._watch is None:
+            self.start()
+        assert self._watch is not None
+        return self._watch
+
+    @contextlib.contextmanager
+    def _client(self) -> Iterator[tuple[BusPort, BenchClient]]:
+        """The bench bus, opened anew: on one that nobody reads, a controller's reports would pile up meanwhile."""
+        with (
+            open_port("canarm", BENCH_BUS, host=HOST, port=self.port) as port,
+            BenchClient(port, self.cell, ANSWER_S) as client,
+        ):
+            yield port, client
+
+    def _read(self, index: int) -> list[float]:
+        """An object of the bench node that has a number for every joint."""
+        with self._client() as (port, client):
+            session = SdoSession(port, *sdo_channel(self.cell.bus.bench_node_id, client.channel), limit_s=ANSWER_S)
+            joints = range(1, len(self.cell.joints) + 1)
+            return [float(struct.unpack("<f", session.upload(index, joint))[0]) for joint in joints]
+
+
+def _node_name(node_id: int) -> str:
+    return f"node 0x{node_id:02X}" if node_id else "all nodes"

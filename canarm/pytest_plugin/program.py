@@ -1,0 +1,88 @@
+"""A program under test as a process: any command, what it says, and its end. Nothing of what it does on a bus."""
+
+import contextlib
+import os
+import shlex
+import signal
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+END_S = 5.0
+"""How long it may take to end when asked to, before it is killed."""
+SHOWN = 2000
+"""Characters of its output that an error shows: the last ones."""
+
+
+class Program:
+    """`command`, started in a session of its own in folder `cwd`; what it says on stdout and stderr goes to `log`."""
+
+    def __init__(
+        self,
+        command: Sequence[str | os.PathLike[str]],
+        log: Path,
+        cwd: Path | None = None,
+        env: Mapping[str, str] | None = None,
+    ) -> None:
+        """Start it. Raises `OSError` where there is no such program."""
+        words = [os.fspath(word) for word in command]
+        self.command, self._log = shlex.join(words), log
+        with log.open("wb") as output:
+            self._process = subprocess.Popen(
+                words,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                cwd=cwd,
+                env={**os.environ, "PYTHONUNBUFFERED": "1", **(env or {})},
+                start_new_session=True,
+            )
+
+    @property
+    def status(self) -> int | None:
+        """Exit status, negative for a signal; None while it runs."""
+        return self._process.poll()
+
+    @property
+    def output(self) -> str:
+        """What it has said so far."""
+        return self._log.read_text(encoding="utf-8", errors="replace")
+
+    def wait(self, timeout: float) -> int:
+        """Its exit status, once it has ended. Raises `TimeoutError` where it has not within `timeout` s."""
+        try:
+            return self._process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            raise TimeoutError(f"still running after {timeout:g} s: {self}") from None
+
+    def kill(self) -> None:
+        """End it at once, without a chance to leave anything safe: with SIGKILL, its children as well."""
+        self._signal(getattr(signal, "SIGKILL", signal.SIGTERM))
+        self._process.wait(END_S)
+
+    def interrupt(self) -> None:
+        """Ask it to end as Ctrl-C does."""
+        self._signal(signal.SIGINT)
+
+    def end(self) -> None:
+        """Ask it to end, and insist. May be called again."""
+        if self._process.poll() is None:
+            self._signal(signal.SIGTERM)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(END_S)
+        if self._process.poll() is None:
+            self.kill()
+
+    def _signal(self, number: signal.Signals) -> None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            if self._process.poll() is not None:
+                return
+            if hasattr(os, "killpg"):
+                os.killpg(self._process.pid, number)
+            else:
+                self._process.send_signal(number)
+
+    def __repr__(self) -> str:
+        state = "running" if self.status is None else f"ended with status {self.status}"
+        said = self.output.strip()[-SHOWN:]
+        return f"<{self.command}: {state}{', said: ' + said if said else ', said nothing'}>"

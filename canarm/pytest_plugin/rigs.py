@@ -1,0 +1,87 @@
+"""The rigs of a test: made as the options say, in this process or over a bus, and finished after it."""
+
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import pytest
+
+from ..bus_choice import BusChoice
+from ..bus_rig import BusRig
+from ..rig import Rig
+from ..run_plot import plot_run
+from ..session import DEFAULT_CELL
+from .keeping import Keeper
+
+MOST_EVENTS = 20
+"""Events that the report of a failure shows; the first of them, for they are nearest to the cause."""
+
+
+class RigFactory:
+    """What the fixture `canarm_rig` is: called with the arguments of `canarm.Rig`, it returns a rig of this test.
+
+    With --canarm-bus it is a `canarm.bus_rig.BusRig`.
+    """
+
+    def __init__(self, keeper: Keeper, config: pytest.Config) -> None:
+        self._keeper = keeper
+        self._seed: int = config.getoption("--canarm-seed")
+        bus: str | None = config.getoption("--canarm-bus")
+        self._bus = None if bus is None else BusChoice.parse(bus)
+        self._rigs: list[Rig | BusRig] = []
+
+    def __call__(self, cell: Any = DEFAULT_CELL, *arguments: str, **options: Any) -> Any:
+        """A rig. Its seed is --canarm-seed unless `options` have one, its run folder one that is kept on failure."""
+        options = {"seed": self._seed, "out": self._keeper.new_folder(), **options}
+        rig: Rig | BusRig
+        if self._bus is None:
+            rig = Rig(cell, *arguments, **options)
+        else:
+            rig = BusRig(cell, *arguments, **options, bus=self._bus)
+        self._rigs.append(rig)
+        self._keeper.watch(_RigRun(rig, None if options["out"] is None else Path(options["out"])))
+        return rig
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Finish every rig; the first error is raised when all had their turn."""
+        first: Exception | None = None
+        for rig in self._rigs:
+            try:
+                rig.finish()
+            except Exception as caught:
+                first = first or caught
+        if first is not None:
+            raise first
+
+
+class _RigRun:
+    """A rig as a run to be kept."""
+
+    def __init__(self, rig: Rig | BusRig, folder: Path | None) -> None:
+        self._rig, self.folder = rig, folder
+
+    def end(self) -> None:
+        """Finish the rig."""
+        self._rig.finish()
+
+    def plot(self, title: str) -> str:
+        """Its joints, with faults and detections."""
+        return plot_run(title, self._rig.joints, self._rig.begun, self._rig.noticed)
+
+    def story(self) -> str:
+        """Faults and detections with their times, and why it stopped."""
+        faults = [
+            (each.time_ns * 1e-9, f"fault {'begins' if each.is_begin else 'ends'}: {each.tap} {each.fault}")
+            for each in self._rig.fault_events
+        ]
+        seen = [(each.time_s, f"detected: {each.detection}") for each in self._rig.noticed]
+        lines = [f"{time_s:9.4f} s  {text}" for time_s, text in sorted(faults + seen, key=lambda each: each[0])]
+        if len(lines) > MOST_EVENTS:
+            lines[MOST_EVENTS:] = [f"and {len(lines) - MOST_EVENTS} more, in events.jsonl"]
+        end = [] if self._rig.reason is None else [f"stopped: {self._rig.reason}"]
+        return "\n".join([*lines, *end]) or "no faults, nothing detected"

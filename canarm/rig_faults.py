@@ -1,0 +1,136 @@
+"""How faults are asked for in Python, whatever carries them out: an engine in this process, or a bench on a bus.
+
+What there is to inject, and whether it is supported, is not known here.
+"""
+
+import itertools
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from canarm_protocol.errors import FaultError
+from canarm_protocol.faults import FaultScript, FaultSet, FaultSpec, ParameterValue, parse_faults, script_of
+
+FaultSource = Path | str | FaultScript
+UNNAMED = "set "
+"""How the names of sets begin that were given none."""
+
+
+class FaultControl(ABC):
+    """Injecting, triggering and clearing faults. What is refused raises `FaultError` at once, and changes nothing."""
+
+    def __init__(self) -> None:
+        self._names: set[str] = set()
+
+    @abstractmethod
+    def _accept(self, script: FaultScript) -> None:
+        """Do what `script` asks for, as a whole. Raises `FaultError` with the reason where it is refused."""
+
+    def inject(
+        self,
+        tap: str,
+        fault: str,
+        *,
+        at: float | None = None,
+        cycle: int | None = None,
+        when: str | None = None,
+        manual: bool = False,
+        duration: float | None = None,
+        repeat: int = 1,
+        period: float | None = None,
+        name: str | None = None,
+        **parameters: ParameterValue,
+    ) -> str:
+        """Inject one fault; returns the name of its set. Without a trigger it begins with the
+        next cycle, or now while there are none.
+
+        `at` and `cycle` count from the first SYNC after NMT start (s, cycles), `when` is a condition over true signals
+        such as "joint2.angle_deg > 30", `manual` waits for `trigger()`. It lasts `duration` s, or until `clear()`;
+        `repeat` activations in all begin `period` s apart. `canarm fault list` shows taps, faults and `parameters`.
+        """
+        wanted = {"at": at, "cycle": cycle, "when": when, "manual": manual or None, "duration": duration}
+        wanted |= {"repeat": None if repeat == 1 else repeat, "period": period}
+        name = name if name is not None else self._free_name(f"{tap} {fault}")
+        entry = {key: value for key, value in wanted.items() if value is not None}
+        spec = {**parameters, "tap": tap, "fault": fault}
+        self._take(script_of({"set": [{**entry, "name": name, "fault": [spec]}]}, "inject"))
+        return name
+
+    def inject_file(self, source: FaultSource) -> tuple[str, ...]:
+        """Inject what a fault file (its path, or its text as TOML) or a script says; returns the names of its sets."""
+        script = read_script(source)
+        named = tuple(
+            replace(each, name=self._free_name(each.name)) if each.name.startswith(UNNAMED) else each
+            for each in script.sets
+        )
+        script = replace(script, sets=named)
+        self._take(script)
+        return tuple(each.name for each in script.sets)
+
+    def trigger(self, name: str) -> None:
+        """Begin a set that waits, with the next cycle."""
+        self._accept(FaultScript(trigger=name))
+
+    def clear(self, name: str | None = None) -> None:
+        """End and forget the sets of that name; all of them without one."""
+        self._accept(FaultScript(clear=name or ""))
+
+    def _take(self, script: FaultScript) -> None:
+        self._accept(script)
+        self._names |= {each.name for each in script.sets}
+
+    def _free_name(self, wanted: str) -> str:
+        names = itertools.chain((wanted,), (f"{wanted} #{number}" for number in itertools.count(2)))
+        return next(name for name in names if name not in self._names)
+
+
+def read_script(source: FaultSource) -> FaultScript:
+    """The script in a file or text: a `Path`, or a line without "=" and "[", is a file. Raises `FaultError`."""
+    if isinstance(source, FaultScript):
+        return source
+    if isinstance(source, str) and (not source.strip() or any(sign in source for sign in "=[\n")):
+        return parse_faults(source, "faults")
+    try:
+        return parse_faults(Path(source).read_text(encoding="utf-8"), str(source))
+    except (OSError, UnicodeDecodeError) as error:
+        raise FaultError(f"fault file {source}: cannot be read: {' '.join(str(error).split())}") from None
+
+
+def as_toml(script: FaultScript) -> str:
+    """The text that `parse_faults` reads as `script`."""
+    plain = {"parallel": script.is_parallel or None, "clear": script.clear, "trigger": script.trigger}
+    lines = [*_lines(plain), *(line for each in script.sets for line in _set_lines(each))]
+    return "\n".join([*lines, ""])
+
+
+def _set_lines(declared: FaultSet) -> Iterable[str]:
+    trigger = declared.trigger
+    yield "[[set]]"
+    yield from _lines(
+        {
+            "name": declared.name,
+            "at": trigger.at_s,
+            "cycle": trigger.cycle,
+            "when": trigger.when,
+            "manual": trigger.is_manual or None,
+            "duration": declared.duration_s,
+            "repeat": declared.repeat if declared.repeat > 1 else None,
+            "period": declared.period_s,
+        }
+    )
+    for spec in declared.faults:
+        yield "[[set.fault]]"
+        yield from _lines(_spec_table(spec))
+
+
+def _spec_table(spec: FaultSpec) -> dict[str, Any]:
+    return {"tap": spec.tap, "fault": spec.fault, **spec.parameters}
+
+
+def _lines(table: Mapping[str, Any]) -> Iterable[str]:
+    """JSON's texts, numbers and switches are TOML's as well; but DEL, which names cannot have."""
+    given = ((key, value) for key, value in table.items() if value is not None)
+    return [f"{json.dumps(key)} = {json.dumps(value, ensure_ascii=False)}" for key, value in given]

@@ -1,0 +1,29 @@
+"""When TPDOs arrive: missing, late, twice. What they carry must not enter: equal data are no proof of a repetition."""
+
+from collections.abc import Callable, Collection
+
+from .detection import Detection, Reaction
+
+ArrivalReport = Callable[[str, str, str], Detection | None]
+
+
+class Arrivals:
+    """Counts arrivals of each cyclic TPDO between one SYNC and the next."""
+
+    def __init__(self, cob_ids: Collection[int], report: Callable[[str, int, str, Reaction | None], bool]) -> None:
+        self._report = report
+        self._was_missing: dict[int, bool] = dict.fromkeys(cob_ids, False)
+
+    def open_cycle(self, missing: Collection[int]) -> None:
+        """SYNC goes out; `missing` did not come in the cycle that ends."""
+        was_missing = self._was_missing
+        for cob_id in was_missing:
+            was_missing[cob_id] = cob_id in missing
+
+    def extra(self, cob_id: int) -> None:
+        """A TPDO came that this cycle has had already: the last cycle's, or one too many."""
+        if self._was_missing[cob_id]:
+            self._was_missing[cob_id] = False
+            self._report("inputs-late", cob_id & 0x7F, f"TPDO 0x{cob_id:03X} came a cycle late", None)
+        else:
+            self._report("inputs-repeated", cob_id & 0x7F, f"TPDO 0x{cob_id:03X} came twice in a cycle", None)

@@ -1,0 +1,37 @@
+"""The speed of a joint from its potentiometer and the arm's model alone: what replaces a tachometer that has failed."""
+
+POLE_RAD_S = 12.0
+"""Of the observer, threefold: noise of 0.42 LSB leaves 0.03 rad/s; a wrong payload is learned within 0.3 s."""
+
+
+class BlindObserver:
+    """x' = x + T·v + T²/2·(a + b),  v' = v + T·(a + b),  b' = b, corrected by the potentiometer.
+
+    Three poles at ω: gains 3ωT, 3ω²T, ω³T (Luenberger).
+    """
+
+    __slots__ = ("_gains", "_period_s", "bias", "position_rad", "velocity_rad_s")
+
+    def __init__(self, period_s: float) -> None:
+        omega = POLE_RAD_S
+        self._period_s = period_s
+        self._gains = 3.0 * omega * period_s, 3.0 * omega**2 * period_s, omega**3 * period_s
+        self.start(0.0, 0.0, 0.0)
+
+    def start(self, position_rad: float, velocity_rad_s: float, bias_rad_s2: float) -> None:
+        """Begin at a state that was still known."""
+        self.position_rad, self.velocity_rad_s, self.bias = position_rad, velocity_rad_s, bias_rad_s2
+
+    def predict(self, acceleration_rad_s2: float) -> None:
+        """One cycle on, by the model's acceleration."""
+        step_rad_s = self._period_s * (acceleration_rad_s2 + self.bias)
+        self.position_rad += self._period_s * (self.velocity_rad_s + 0.5 * step_rad_s)
+        self.velocity_rad_s += step_rad_s
+
+    def correct(self, measured_rad: float) -> None:
+        """Take the potentiometer's angle."""
+        off = measured_rad - self.position_rad
+        by_position, by_speed, by_bias = self._gains
+        self.position_rad += by_position * off
+        self.velocity_rad_s += by_speed * off
+        self.bias += by_bias * off

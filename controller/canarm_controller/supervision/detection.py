@@ -1,0 +1,102 @@
+"""What can be detected, how, and what follows: the table of detectors as data.
+
+Owns names, reactions, thresholds' descriptions and debounce. How a residual is computed must not enter.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Reaction(StrEnum):
+    """What follows a detection, from the mildest to the strictest."""
+
+    CONTINUE = "continue"
+    """It is noted."""
+    DEGRADED = "degraded"
+    """The law goes on; the run is shown as degraded."""
+    SUBSTITUTE = "substitute"
+    """A sensor is replaced by what the others and the model say; the run is shown as degraded."""
+    HOLD = "safe-stop-hold"
+    """The arm is brought to a standstill and held, then its torque is switched off."""
+    OFF = "safe-stop-off"
+    """Torque off at once."""
+
+    @property
+    def stops(self) -> bool:
+        """Whether the run ends."""
+        return self in (Reaction.HOLD, Reaction.OFF)
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """What was noticed: by which detector, at which joint or node (None: the run as a whole), in which cycle."""
+
+    detector: str
+    where: str | None
+    tick: int
+    detail: str
+    reaction: Reaction
+
+    def __str__(self) -> str:
+        return f"{self.detector}: {self.detail}"
+
+
+@dataclass(frozen=True, slots=True)
+class Detector:
+    """A row of the table. `debounce_cycles` is how long the condition must hold before the reaction."""
+
+    name: str
+    reaction: Reaction
+    debounce_cycles: int
+    condition: str
+
+
+def _row(name: str, reaction: Reaction, debounce_cycles: int, condition: str) -> tuple[str, Detector]:
+    return name, Detector(name, reaction, debounce_cycles, condition)
+
+
+DETECTORS: dict[str, Detector] = dict(
+    (
+        _row("foreign-master", Reaction.OFF, 1, "SYNC, heartbeat or TIME that another node sent in our name"),
+        _row("card-state", Reaction.OFF, 1, "a card that ran is not in OPERATIONAL"),
+        _row("card-emergency", Reaction.OFF, 1, "EMCY with an error code"),
+        _row("heartbeat-lost", Reaction.OFF, 1, "a card silent for bus.heartbeat_timeout_ms"),
+        _row("inputs-missing", Reaction.DEGRADED, 4, "cycles in a row without all inputs; missing_cycles: stop"),
+        _row("inputs-late", Reaction.CONTINUE, 1, "a TPDO comes in the cycle after its own"),
+        _row("inputs-repeated", Reaction.DEGRADED, 1, "a TPDO comes twice in a cycle"),
+        _row("deadline-missed", Reaction.CONTINUE, 1, "a SYNC was left out: the wall clock was ahead of us"),
+        _row("impossible-position", Reaction.HOLD, 1, "beyond the stops by more than range_margin_deg"),
+        _row("impossible-motion", Reaction.HOLD, 1, "more than max_position_step_deg a cycle"),
+        _row("law-output", Reaction.OFF, 1, "not one finite torque a joint"),
+        _row("law-failed", Reaction.OFF, 1, "the law raised an exception"),
+        _row("interrupted", Reaction.OFF, 1, "the user stops the run"),
+        _row("recording-failed", Reaction.OFF, 1, "a record cannot be written"),
+        _row("potentiometer-range", Reaction.HOLD, 4, "the last code at either end of the ADC"),
+        _row("potentiometer-jump", Reaction.HOLD, 4, "position_jump_lsb from the integrated tachometer"),
+        _row("potentiometer-spike", Reaction.SUBSTITUTE, 1, "as a jump, for less than four cycles"),
+        _row("potentiometer-stuck", Reaction.HOLD, 1, "position_drift_lsb, and the code has not changed meanwhile"),
+        _row("potentiometer-mismatch", Reaction.HOLD, 1, "filtered, position_drift_lsb from the tachometer"),
+        _row("tachometer-range", Reaction.SUBSTITUTE, 2, "the last code at either end of the ADC"),
+        _row("tachometer-jump", Reaction.SUBSTITUTE, 9, "speed_jump_lsb from the model, not followed by the angle"),
+        _row("tachometer-spike", Reaction.SUBSTITUTE, 1, "as a jump, for less than nine cycles"),
+        _row("tachometer-stuck", Reaction.SUBSTITUTE, 8, "the code does not change while the model's speed does"),
+        _row("tachometer-mismatch", Reaction.SUBSTITUTE, 1, "filtered, position_drift_lsb, after a doubtful speed"),
+        _row("sensor-noise", Reaction.SUBSTITUTE, 3, "three spikes within 80 cycles"),
+        _row("current-mismatch", Reaction.OFF, 3, "current_mismatch_a off, and the arm accelerates accordingly"),
+        _row("current-sense-mismatch", Reaction.CONTINUE, 8, "current_mismatch_a off, and the arm does not care"),
+        _row("current-sense-range", Reaction.CONTINUE, 8, "as before, with the last code at either end"),
+        _row("acceleration-mismatch", Reaction.DEGRADED, 4, "acceleration_mismatch_rad_s2 from the model"),
+        _row("wrong-direction", Reaction.OFF, 8, "1.5 to 2.6 times the commanded torque is missing, twice in a row"),
+        _row(
+            "following-error",
+            Reaction.HOLD,
+            4,
+            "twice what is normal for the law, and growing; no excuse by saturation",
+        ),
+        _row("saturation", Reaction.DEGRADED, 40, "amplifier at its limit and the following error abnormal"),
+        _row("drive-broken", Reaction.OFF, 1, "as a mismatch, within 80 cycles of an acceleration mismatch"),
+        _row("overspeed", Reaction.OFF, 2, "tachometer at its end after an unexpected acceleration"),
+        _row("both-sensors", Reaction.OFF, 1, "potentiometer and tachometer of a joint have both failed"),
+    )
+)
+"""Every detector by its name. Names are an API: tests of users ask for them."""

@@ -1,0 +1,63 @@
+"""Run the fault matrix of konkuk1 and compare it with its golden copy, or write that anew. Takes minutes.
+
+The golden copy holds verdict, detector and latency of every cell. Exit status 1 if anything differs by more than a
+cycle.
+"""
+
+import argparse
+import os
+import re
+import sys
+from pathlib import Path
+
+from canarm.matrix.campaign import Campaign, run_campaign
+from canarm.matrix.golden import differences, golden_text, read_golden
+from canarm.matrix.plan import Scenario, cells_of
+from canarm.matrix.table import Matrix
+from canarm.matrix.text_report import as_text
+from canarm.matrix.undetectable import DECLARED_UNDETECTABLE
+
+ROOT = Path(__file__).parent.parent
+GOLDEN = ROOT / "tests" / "canarm" / "golden" / "matrix-konkuk1.csv"
+PAGE = ROOT / "docs" / "fault-matrix.md"
+
+
+def with_figures(page: str, matrix: Matrix) -> str:
+    """The page with the counts of `matrix`, and with the table of what cannot be detected."""
+    counts = [
+        f"| {verdict.value} | {count} | {count / len(matrix.rows):.1%} |" for verdict, count in matrix.counts.items()
+    ]
+    page = _between(page, "counts", ["| verdict | cells | share |", "|---|---|---|", *counts])
+    declared = [f"| `{each.tap}` | {each.fault} | {each.reason} |" for each in DECLARED_UNDETECTABLE]
+    return _between(page, "undetectable", ["| tap | fault | why nobody can tell |", "|---|---|---|", *declared])
+
+
+def _between(page: str, name: str, lines: list[str]) -> str:
+    text = "\n".join([f"<!-- {name} -->", *lines, f"<!-- end of {name} -->"])
+    return re.sub(rf"<!-- {name} -->.*?<!-- end of {name} -->", lambda _: text, page, flags=re.DOTALL)
+
+
+def main() -> int:
+    """Run, then compare or write."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: %(default)s)")
+    parser.add_argument(
+        "--update-golden", action="store_true", help="write the golden copy and the page's figures anew"
+    )
+    arguments = parser.parse_args()
+    scenario = Scenario()
+    cell = scenario.load()
+    matrix = run_campaign(Campaign(scenario, tuple(cells_of(cell))), arguments.jobs)
+    print(as_text(matrix))
+    if arguments.update_golden:
+        GOLDEN.parent.mkdir(parents=True, exist_ok=True)
+        GOLDEN.write_text(golden_text(matrix.rows), encoding="utf-8")
+        PAGE.write_text(with_figures(PAGE.read_text(encoding="utf-8"), matrix), encoding="utf-8")
+        return 0
+    changed = differences(matrix.rows, read_golden(GOLDEN.read_text(encoding="utf-8")), cell.bus.cycle_s * 1e3)
+    print(*changed, sep="\n")
+    return 1 if changed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,264 @@
+"""The pytest plugin as its user meets it: pytest in a process of its own, in a folder of its own."""
+
+import os
+import re
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+pytest_plugins = ["pytester"]
+
+ROOT = Path(__file__).parents[2]
+PATIENCE_S = 60.0 * float(os.environ.get("PATIENCE", "1"))
+
+FAILING = """
+def test_fails(canarm_rig):
+    rig = canarm_rig(law="mras")
+    rig.inject("joint2.wire", "wire-broken", at=0.5)
+    rig.run(1.0)
+    assert rig.detected("heartbeat-lost").within(0.025)
+"""
+PASSING = """
+def test_passes(canarm_rig):
+    rig = canarm_rig(law="pd")
+    rig.run(0.1)
+    assert rig.summary().seed == {seed}
+"""
+
+
+@pytest.fixture
+def run(pytester):
+    """Run pytest on a test file with this text."""
+
+    def run_pytest(text: str, *options: str) -> pytest.RunResult:
+        pytester.makepyfile(text)
+        return pytester.runpytest_subprocess("-p", "no:cacheprovider", *options, timeout=PATIENCE_S)
+
+    return run_pytest
+
+
+def kept(result: pytest.RunResult) -> Path:
+    """The run folder that the report names."""
+    (line,) = (line for line in result.outlines if line.startswith("run folder: "))
+    return Path(line.removeprefix("run folder: "))
+
+
+def test_a_test_that_fails_names_its_run_folder_and_plot_and_what_happened(run) -> None:
+    result = run(FAILING)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "E*assert <heartbeat-lost not detected after joint2.wire wire-broken; *",
+            "*- canarm -*",
+            "run folder: *",
+            "plot: *joints.svg",
+            "*0.5000 s  fault begins: joint2.wire wire-broken",
+            "stopped: *",
+        ]
+    )
+    folder = kept(result)
+    assert {"run.json", "can0.log", "events.jsonl", "joints.svg"} <= {path.name for path in folder.iterdir()}
+    assert ElementTree.parse(folder / "joints.svg").getroot().tag == "{http://www.w3.org/2000/svg}svg"
+    texts = (folder / "joints.svg").read_text()
+    assert all(word in texts for word in ("reference", "true", "measured", "current", "joint2.wire wire-broken"))
+
+
+@pytest.mark.slow
+def test_canarm_out_says_where_failures_are_kept_and_keeps_them_all(run, tmp_path: Path) -> None:
+    out = tmp_path / "kept"
+    for name in ("test_fails", "test_fails-2"):
+        result = run(FAILING, f"--canarm-out={out}")
+        assert kept(result) == out / name
+    assert sorted(path.name for path in out.iterdir()) == ["test_fails", "test_fails-2"]
+
+
+def test_nothing_is_kept_of_a_test_that_passes(run, pytester, tmp_path: Path) -> None:
+    run(PASSING.format(seed=0), f"--canarm-out={tmp_path / 'kept'}", f"--basetemp={tmp_path / 'base'}").assert_outcomes(
+        passed=1
+    )
+    assert not (tmp_path / "kept").exists()
+    assert not list((tmp_path / "base").rglob("can0.log"))
+
+
+def test_the_seed_is_an_option(run) -> None:
+    run(PASSING.format(seed=7), "--canarm-seed=7").assert_outcomes(passed=1)
+
+
+def test_a_rig_is_finished_after_its_test(run) -> None:
+    text = """
+    rigs = []
+    def test_one(canarm_rig):
+        rigs.extend(canarm_rig(law="pd") for _ in range(2))
+        for rig in rigs:
+            rig.run(0.1)
+    def test_two():
+        assert [rig.state.name for rig in rigs] == ["DONE", "DONE"]
+    """
+    run(text).assert_outcomes(passed=2)
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("--canarm-bus=virtul", "must be virtual, or socketcan:vcan0,vcan1"),
+        ("--canarm-bus=socketcan:vcan0", "must be virtual, or socketcan:vcan0,vcan1"),
+        ("--canarm-seed=-1", "--canarm-seed -1: must not be negative"),
+    ],
+)
+def test_an_option_that_cannot_be_is_refused_before_any_test(run, option: str, message: str) -> None:
+    result = run(PASSING.format(seed=0), option)
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    assert message in result.stderr.str()
+
+
+def test_tests_that_use_no_fixture_of_it_import_next_to_nothing(run) -> None:
+    text = """
+    import sys
+    def test_imports():
+        loaded = {name for name in sys.modules if name.split(".")[0].startswith(("canarm", "mujoco", "can"))}
+        assert {name for name in loaded if name.split(".")[0] in ("mujoco", "can", "canopen")} == set()
+        assert {name for name in loaded if name.startswith("canarm")} == {"canarm", "canarm.pytest_plugin"}
+    """
+    run(text).assert_outcomes(passed=1)
+
+
+@pytest.mark.slow
+def test_over_a_bus_the_same_test_gives_the_same_answers(run) -> None:
+    text = """
+    def test_same(canarm_rig):
+        rig = canarm_rig("konkuk1", law="mras", seed=3, truth={"joint3.mass": 0.9})
+        rig.inject("can0.tx", "lost", cob_id=0x294, at=1.0)
+        rig.run(3.0)
+        print("ANSWER", rig.state.name, rig.torque_is_off, rig.detected(), rig.reason)
+        print("ANSWER", rig.joints["joint2"].stays_below("current_a", 1.5))
+        print("ANSWER", rig.joints["joint2"].peak_current_a.__round__(3), rig.fault_events[0])
+    """
+    answers = []
+    for option in ("--canarm-seed=0", "--canarm-bus=virtual"):
+        result = run(text, "-s", option)
+        result.assert_outcomes(passed=1)
+        answers.append([line[line.index("ANSWER") :] for line in result.outlines if "ANSWER" in line])
+    assert answers[0] == answers[1]
+    assert len(answers[0]) == 3
+    assert "inputs-missing" in answers[0][0]
+
+
+@pytest.mark.slow
+def test_over_a_bus_what_is_not_to_be_had_is_said(run) -> None:
+    text = """
+    import pytest
+    from canarm.usage import UsageError
+    from canarm_protocol.errors import FaultError
+    def test_refusals(canarm_rig):
+        rig = canarm_rig(law="pd")
+        with pytest.raises(FaultError, match="no tap 'joint9.tachometer'"):
+            rig.inject("joint9.tachometer", "stuck")
+        rig.run(0.1)
+        for use in (lambda: rig.run(1.0), lambda: rig.inject("joint2.tachometer", "stuck"), lambda: rig.controller):
+            with pytest.raises(UsageError, match="over a bus"):
+                use()
+    """
+    run(text, "--canarm-bus=virtual").assert_outcomes(passed=1)
+
+
+def test_the_buses_of_socketcan_reach_both_processes() -> None:
+    from canarm.bus_choice import BusChoice
+
+    flags = BusChoice.parse("socketcan:vcan0,vcan1").flags
+    assert flags == ["-i", "socketcan", "-c", "vcan0", "--bench-interface", "socketcan", "--bench-channel", "vcan1"]
+    assert BusChoice.parse("virtual").flags == []
+
+
+PROGRAM = """\
+import sys, can
+with can.Bus(interface="canarm", channel="can0", host="127.0.0.1", port=int(sys.argv[1])) as bus:
+    bus.send(can.Message(arbitration_id=0, data=[1, 0x12], is_extended_id=False))
+    bus.send(can.Message(arbitration_id=0x701, data=[5], is_extended_id=False))
+    print("sent", flush=True)
+    while bus.recv(1.0) is None or len(sys.argv) > 2:
+        pass
+"""
+
+
+def test_the_reactions_of_any_program_are_seen_from_the_bus(run, pytester) -> None:
+    (pytester.path / "program.py").write_text(PROGRAM)
+    text = """
+    import sys
+    from canarm_protocol.frames import NmtCommand, NmtState
+    def test_program(canarm_bench):
+        program = canarm_bench.start_controller([sys.executable, "program.py", str(canarm_bench.port), "stay"])
+        canarm_bench.wait_for(lambda: canarm_bench.heartbeat_state(1), 30)
+        assert canarm_bench.heartbeat_state(1) is NmtState.OPERATIONAL
+        assert canarm_bench.heartbeat_state(0x55) is None
+        assert [(each.command, each.node_id) for each in canarm_bench.nmt_commands] == [(NmtCommand.START, 0x12)]
+        assert canarm_bench.outputs_are_zero()
+        assert program.status is None and "sent" in program.output
+        program.kill()
+        assert program.status < 0
+    """
+    run(text).assert_outcomes(passed=1)
+
+
+def test_a_wait_that_is_in_vain_ends_and_tells_what_the_controller_said(run) -> None:
+    text = """
+    import sys
+    def test_wait(canarm_bench):
+        program = canarm_bench.start_controller([sys.executable, "-c", "print('no bus found'); raise SystemExit(3)"])
+        assert program.wait(30) == 3
+        canarm_bench.wait_for(lambda: False, 0.2, "a miracle")
+    """
+    result = run(text)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["E*not within 0.2 s: a miracle; *ended with status 3, said: no bus found*"])
+    assert kept(result).exists()
+
+
+@pytest.mark.slow
+def test_no_process_outlives_its_test(run, pytester) -> None:
+    text = """
+    import sys
+    def test_left(canarm_bench):
+        program = canarm_bench.start_controller([sys.executable, "-c", "import time; time.sleep(600)"])
+        open("pids", "w").write(f"{program._process.pid} {canarm_bench._emulator._process.pid}")
+        assert 0
+    """
+    run(text).assert_outcomes(failed=1)
+    for pid in (pytester.path / "pids").read_text().split():
+        with pytest.raises(ProcessLookupError):
+            os.kill(int(pid), 0)
+
+
+def test_faults_are_injected_by_sdo_and_refused_with_the_bench_s_reason(run) -> None:
+    text = """
+    import pytest
+    from canarm_protocol.errors import FaultError
+    def test_inject(canarm_bench):
+        assert canarm_bench.inject("joint2.tachometer", "stuck", manual=True) == "joint2.tachometer stuck"
+        with pytest.raises(FaultError, match="fault 'stuk' is not supported at joint2.tachometer"):
+            canarm_bench.inject("joint2.tachometer", "stuk")
+        canarm_bench.clear()
+    """
+    run(text).assert_outcomes(passed=1)
+
+
+# The cookbook
+
+
+def test_every_recipe_on_the_page_is_a_test_that_runs() -> None:
+    page = (ROOT / "docs" / "fault-tests.md").read_text(encoding="utf-8")
+    recipes = [
+        path.read_text(encoding="utf-8") for path in sorted((ROOT / "examples" / "fault_tests").glob("test_*.py"))
+    ]
+    blocks = re.findall(r"```python\n(.*?)\n```", page, re.DOTALL)
+    first, *others = [part for block in blocks for part in block.split("\n\n\n")]
+    assert [part for part in others if not any(part in recipe for recipe in recipes)] == []
+    assert all(any(part in recipe for part in others) for recipe in recipes)
+    assert "def test_first(canarm_rig)" in first
+
+
+def test_the_first_test_of_the_page_passes(run) -> None:
+    page = (ROOT / "docs" / "fault-tests.md").read_text(encoding="utf-8")
+    block = re.search(r"```python\n(.*?)\n```", page, re.DOTALL)
+    assert block
+    run(block[1]).assert_outcomes(passed=1)

@@ -1,0 +1,424 @@
+"""Faults through the rig: how they are asked for and refused, what is told of them, and questions about the outcome."""
+
+import inspect
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from canarm import Rig
+from canarm.findings import Begun, Noticed, ask_detected
+from canarm.recorded import RecordedHistory, fault_events, noticed, read_events, recorded_joints
+from canarm.rig import State
+from canarm.rig_faults import FaultControl, as_toml, read_script
+from canarm.rig_joint import SIGNALS, TRUE_SIGNALS
+from canarm.usage import UsageError
+from canarm_controller.supervision.detection import Detection, Reaction
+from canarm_emulator.faults.declaration import declared_faults, parameters_at
+from canarm_emulator.faults.taps import taps_of
+from canarm_protocol.cell_file import load_cell
+from canarm_protocol.errors import FaultError
+from canarm_protocol.faults import parse_faults
+
+CYCLE_S = 0.0025
+TEXT = """\
+[[set]]
+name = "tachometer dies"
+at = 0.5
+duration = 0.25
+[[set.fault]]
+tap = "joint2.tachometer"
+fault = "stuck"
+"""
+
+
+def frames(rig: Rig) -> list[object]:
+    return [(time_ns, frame) for time_ns, frame in rig.frames]
+
+
+# Asking for faults
+
+
+def test_a_fault_begins_and_ends_when_it_was_said_to() -> None:
+    with Rig(law="pd") as rig:
+        name = rig.inject("joint2.tachometer", "stuck", at=0.5, duration=0.25)
+        rig.run(1.0)
+        events = [(each.time_s, each.event, each.detail) for each in rig.events if each.event.startswith("fault")]
+    assert name == "joint2.tachometer stuck"
+    assert events == [
+        (pytest.approx(0.5), "fault begins", "joint2.tachometer stuck"),
+        (pytest.approx(0.75), "fault ends", "joint2.tachometer stuck"),
+    ]
+    assert [(each.cycle, each.is_begin) for each in rig.fault_events] == [(200, True), (300, False)]
+
+
+def test_a_fault_without_a_trigger_begins_with_the_next_cycle() -> None:
+    with Rig(law="pd") as rig:
+        rig.run(0.5)
+        rig.inject("joint2.tachometer", "stuck")
+        rig.run(0.1)
+        assert [each.cycle for each in rig.fault_events] == [200]
+
+
+def test_a_fault_waits_for_its_cycle_or_its_condition() -> None:
+    with Rig(law="pd") as rig:
+        rig.inject("joint2.current_sense", "offset", cycle=77)
+        rig.inject("joint3.current_sense", "offset", when="joint2.speed_rad_s > 0.2")
+        rig.run(4.0)
+        cycles = {each.tap: each.cycle for each in rig.fault_events}
+        speeds_rad_s = rig.joints["joint2"].true_speed_rad_s
+    assert cycles["joint2.current_sense"] == 77
+    assert cycles["joint3.current_sense"] == int(np.argmax(speeds_rad_s > 0.2))
+
+
+def test_a_manual_fault_waits_for_trigger_and_lasts_until_clear() -> None:
+    with Rig(law="pd") as rig:
+        name = rig.inject("joint2.current_sense", "offset", manual=True, name="mine")
+        rig.run(0.1)
+        assert [(each.name, each.state.value) for each in rig.fault_status] == [("mine", "waiting")]
+        rig.trigger(name)
+        rig.run(0.1)
+        assert [each.state.value for each in rig.fault_status] == ["active"]
+        rig.clear(name)
+        rig.run(0.1)
+        assert rig.fault_status == []
+        assert [(each.cycle, each.is_begin) for each in rig.fault_events] == [(40, True), (79, False)]
+
+
+def test_clear_without_a_name_clears_all() -> None:
+    with Rig(law="pd") as rig:
+        for tap in ("joint2.current_sense", "joint3.current_sense"):
+            rig.inject(tap, "offset")
+        rig.run(0.1)
+        rig.clear()
+        assert rig.fault_status == []
+        assert sum(not each.is_begin for each in rig.fault_events) == 2
+
+
+def test_repetitions_come_a_period_apart() -> None:
+    with Rig(law="pd") as rig:
+        rig.inject("joint2.current_sense", "offset", at=0.1, duration=0.05, repeat=3, period=0.2)
+        rig.run(1.0)
+        begins = [each.cycle for each in rig.fault_events if each.is_begin]
+    assert begins == [40, 120, 200]
+
+
+def test_the_same_fault_twice_gets_a_name_of_its_own() -> None:
+    with Rig(law="pd") as rig:
+        names = [rig.inject("joint2.current_sense", "offset", value=0.1) for _ in range(3)]
+        assert names == [
+            "joint2.current_sense offset",
+            "joint2.current_sense offset #2",
+            "joint2.current_sense offset #3",
+        ]
+
+
+@pytest.mark.parametrize("given", ["path", "name of a file", "text", "script", "constructor", "inject"])
+def test_every_way_in_gives_the_same_frames(tmp_path: Path, given: str) -> None:
+    (tmp_path / "faults.toml").write_text(TEXT)
+    sources = {
+        "path": tmp_path / "faults.toml",
+        "name of a file": str(tmp_path / "faults.toml"),
+        "text": TEXT,
+        "script": parse_faults(TEXT),
+    }
+    with (
+        Rig(law="mras", seed=1) as expected,
+        Rig(law="mras", seed=1, faults=TEXT if given == "constructor" else None) as rig,
+    ):
+        assert expected.inject_file(TEXT) == ("tachometer dies",)
+        if given == "inject":
+            rig.inject("joint2.tachometer", "stuck", at=0.5, duration=0.25, name="tachometer dies")
+        elif given != "constructor":
+            assert rig.inject_file(sources[given]) == ("tachometer dies",)
+        for each in (expected, rig):
+            each.run(1.0)
+        assert frames(rig) == frames(expected)
+        assert len(rig.fault_events) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"tap": "joint2.tacho"}, "no tap 'joint2.tacho'"),
+        ({"fault": "stuk"}, "fault 'stuk' is not supported at joint2.tachometer"),
+        ({"fault": "wire-broken"}, "acts at: drive wire"),
+        ({"valu": 3}, "no parameter 'valu'; did you mean 'value'?"),
+        ({"value": 7.0}, "value = 7.0: must be a number from 0 to 5 V"),
+        ({"at": -1}, "at = -1: must be a number of seconds"),
+        ({"at": 1.0, "cycle": 3}, "has at and cycle; must have one trigger"),
+        ({"when": "joint2.angl > 3"}, "no signal 'joint2.angl'"),
+        ({"repeat": 2}, "needs a duration"),
+        ({"name": "taken"}, "a set named 'taken' is there already"),
+        ({"tap": "can0.wire", "fault": "bus-off"}, "needs the model of the wire"),
+    ],
+    ids=str,
+)
+def test_what_is_not_supported_is_refused_at_once_and_changes_nothing(arguments: dict, message: str) -> None:
+    with Rig(law="pd") as rig:
+        rig.inject("joint2.current_sense", "offset", manual=True, name="taken")
+        before = rig.fault_status
+        with pytest.raises(FaultError) as caught:
+            rig.inject(**{"tap": "joint2.tachometer", "fault": "stuck", **arguments})
+        assert message in str(caught.value)
+        assert "\n" not in str(caught.value)
+        assert rig.fault_status == before
+
+
+@pytest.mark.parametrize("command", ["trigger", "clear"])
+def test_a_set_that_there_is_not_is_refused(command: str) -> None:
+    with Rig(law="pd") as rig, pytest.raises(FaultError, match=f"no set 'mine' to {command}; there are none"):
+        getattr(rig, command)("mine")
+
+
+def test_a_fault_file_that_cannot_be_read_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(FaultError, match=r"^fault file .*nowhere\.toml: cannot be read: .*No such file"):
+        Rig(law="pd", faults=tmp_path / "nowhere.toml")
+
+
+def test_no_parameter_of_a_fault_has_the_name_of_an_argument_of_inject() -> None:
+    taken = set(inspect.signature(FaultControl.inject).parameters) - {"parameters"}
+    taps = taps_of(load_cell("konkuk1")).values()
+    for (name, kind), fault in declared_faults().items():
+        tap = next((each for each in taps if each.kind is kind), None)
+        if tap is not None:
+            assert not taken & {each.name for each in parameters_at(fault, tap)}, name
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        TEXT,
+        'clear = "x"',
+        'trigger = "a set with \\"signs\\" \\\\ and ü"',
+        'parallel = true\n[[set]]\nwhen = "joint2.angle_deg > 3"\n'
+        "[[set]]\nmanual = true\nduration = 1\nrepeat = 2\nperiod = 3\n"
+        '[[set.fault]]\ntap = "a"\nfault = "b"\nword = "c"\nswitch = true\nnumber = 1e-3\nwhole = 5\n',
+    ],
+)
+def test_a_script_as_text_is_read_as_the_same_script(text: str) -> None:
+    script = read_script(text)
+    assert parse_faults(as_toml(script)) == script
+
+
+# What a fault does to the rig itself
+
+
+def test_a_rig_whose_fault_never_begins_has_the_same_frames() -> None:
+    with Rig(law="mras", seed=5) as plain, Rig(law="mras", seed=5) as armed:
+        armed.inject("joint2.tachometer", "stuck", at=1000.0)
+        for rig in (plain, armed):
+            rig.run(1.0)
+        assert frames(plain) == frames(armed)
+
+
+def test_frames_that_a_fault_sends_reach_the_controller() -> None:
+    """A heartbeat with the controller's node-ID that it did not send is what it calls a foreign master."""
+    with Rig(law="mras", wire=True) as rig:
+        rig.inject("can0.tx", "babbling-idiot", cob_id=0x701, at=0.5)
+        rig.run(1.0)
+        assert rig.detected("foreign-master").within(0.0025)
+        assert rig.state is State.FAILED
+
+
+def test_error_frames_are_no_data_to_the_controller() -> None:
+    with Rig(law="mras", wire=True) as rig:
+        rig.inject("can0.wire", "error-frames", cob_id=0x294, at=0.5, duration=0.05)
+        rig.run(1.0)
+        assert any(frame.is_error for _, frame in rig.frames)
+        assert rig.controller.ignored_frames == 0
+
+
+def test_a_broken_wire_ends_in_torque_off() -> None:
+    with Rig(law="mras") as rig:
+        rig.inject("joint2.wire", "wire-broken", at=1.0)
+        rig.run(0.9)
+        assert not rig.torque_is_off
+        rig.run(2.0)
+        assert (rig.state, rig.torque_is_off) == (State.FAILED, True)
+        assert rig.joints["joint2"].stays_below("command_a", 0.0, since=1.1)
+
+
+# What was detected
+
+
+def detection(name: str, where: str | None = None) -> Detection:
+    return Detection(name, where, 0, "", Reaction.CONTINUE)
+
+
+NOTICED = [
+    Noticed(0.5, detection("sensor-noise", "joint3")),
+    Noticed(1.0125, detection("tachometer-stuck", "joint2")),
+    Noticed(1.5, detection("tachometer-stuck", "joint3")),
+]
+BEGUN = [Begun(0.2, "joint3.latch", "stuck"), Begun(1.0, "joint2.tachometer", "stuck")]
+
+
+@pytest.mark.parametrize(
+    ("name", "joint", "count"),
+    [
+        (None, None, 3),
+        ("tachometer-stuck", None, 2),
+        ("tachometer-stuck", "joint3", 1),
+        (None, "joint3", 2),
+        ("heartbeat-lost", None, 0),
+    ],
+)
+def test_detections_are_found_by_name_and_joint(name: str | None, joint: str | None, count: int) -> None:
+    detected = ask_detected(NOTICED, BEGUN, name, joint, None)
+    assert (len(detected.found), bool(detected)) == (count, count > 0)
+
+
+def test_within_counts_from_the_latest_fault_to_the_first_detection_after_it() -> None:
+    detected = ask_detected(NOTICED, BEGUN, "tachometer-stuck", None, None)
+    assert detected.within(0.0125)
+    assert not detected.within(0.0124)
+    assert detected.latency_s == pytest.approx(0.0125)
+
+
+def test_a_detection_before_the_latest_fault_is_not_taken_for_its_own() -> None:
+    detected = ask_detected(NOTICED, BEGUN, "sensor-noise", None, None)
+    assert detected
+    assert not detected.within(10.0)
+    assert ask_detected(NOTICED, BEGUN, "sensor-noise", None, 0.4).within(0.11)
+
+
+def test_nothing_is_within_anything_where_no_fault_has_begun() -> None:
+    assert not ask_detected(NOTICED, [], None, None, None).within(10.0)
+    assert ask_detected(NOTICED, [], None, None, 1.0).within(0.0125)
+
+
+def test_the_answers_say_what_was_detected_and_when() -> None:
+    detected = ask_detected(NOTICED, BEGUN, "tachometer-stuck", "joint2", None)
+    told = "tachometer-stuck at joint2 at 1.0125 s, 12.5 ms after joint2.tachometer stuck"
+    assert repr(detected) == f"<{told}>"
+    assert repr(detected.within(0.025)) == f"<{told}>"
+    assert repr(detected.within(0.01)) == f"<{told}; must be within 10 ms>"
+    missing = ask_detected(NOTICED[:1], BEGUN, "tachometer-stuck", None, None)
+    assert repr(missing) == "<tachometer-stuck not detected; detected: sensor-noise at joint3 at 0.5000 s>"
+
+
+def test_detections_of_a_run_have_the_time_of_their_cycle() -> None:
+    with Rig(law="mras") as rig:
+        rig.inject("can0.tx", "lost", at=1.0)
+        rig.run(2.0)
+        first = rig.noticed[0]
+        assert first.time_s == pytest.approx(first.detection.tick * CYCLE_S)
+        assert rig.detections == rig.controller.detections
+        assert [each.event for each in rig.events if each.event.startswith("detected")] == [
+            f"detected {each.detector}" for each in rig.detections
+        ]
+
+
+def test_a_clock_may_start_when_the_fault_begins_to_show() -> None:
+    detected = ask_detected(NOTICED, BEGUN, "tachometer-stuck", None, None)
+    assert detected.within(0.005, of=1.01)
+    assert not detected.within(0.002, of=1.01)
+    assert detected.within(0.0, of=1.3)
+    assert repr(detected.within(0.002, of=1.01)).endswith("at 1.0125 s, 2.5 ms after 1.0100 s; must be within 2 ms>")
+
+
+# Histories
+
+
+def test_a_departure_is_when_a_signal_has_left_its_value() -> None:
+    with Rig(law="pd") as rig:
+        rig.run(2.0)
+        joint = rig.joints["joint2"]
+        speed = joint.true_speed_rad_s
+        expected = 400 + int(np.argmax(np.abs(speed[400:] - speed[400]) > 0.1))
+        assert joint.departure("true_speed_rad_s", 0.1, since=1.0) == pytest.approx(expected * CYCLE_S)
+        assert joint.departure("true_speed_rad_s", 100.0, since=1.0) is None
+        assert joint.departure("true_speed_rad_s", 0.0, since=5.0) is None
+
+
+def test_a_history_that_passes_its_limit_is_named_with_value_cycle_and_time() -> None:
+    with Rig(law="pd") as rig:
+        rig.run(2.0)
+        joint = rig.joints["joint2"]
+        current = np.abs(joint.current_a)
+        limit = float(current.max()) * 0.9
+        first = int(np.argmax(current > limit))
+        finding = joint.stays_below("current_a", limit)
+        assert not finding
+        assert f"joint2.current_a is {joint.current_a[first]:.4g} at {first * CYCLE_S:.4f} s (cycle {first})" in repr(
+            finding
+        )
+        assert f"in {int((current > limit).sum())} of 800 cycles; must stay below {limit:g}" in repr(finding)
+        assert joint.stays_below("current_a", float(current.max()))
+        assert joint.stays_within("current_a", float(joint.current_a.min()), float(joint.current_a.max()))
+        assert not joint.stays_within("current_a", float(joint.current_a.min()) + 1e-9, 10.0)
+
+
+def test_only_the_time_asked_for_is_looked_at() -> None:
+    with Rig(law="pd") as rig:
+        rig.run(1.0)
+        joint = rig.joints["joint2"]
+        late = float(np.abs(joint.true_angle_rad[200:]).max())
+        early = float(np.abs(joint.true_angle_rad[:200]).max())
+        assert joint.stays_below("true_angle_rad", late, since=0.5)
+        assert joint.stays_below("true_angle_rad", early, until=0.5 - CYCLE_S)
+        assert bool(joint.stays_below("true_angle_rad", min(early, late))) is False
+
+
+def test_a_true_history_goes_on_through_the_stop_cycle_by_cycle() -> None:
+    with Rig(law="pd") as rig:
+        rig.run(1.0)
+        rig.controller.interrupt("test")
+        rig.run(1.0)
+        for signal in SIGNALS[:TRUE_SIGNALS]:
+            span = rig.joints["joint2"].span(signal)
+            assert span.cycle.tolist() == list(range(len(span.cycle)))
+            assert span.time_s == pytest.approx(span.cycle * CYCLE_S)
+            assert len(span.value) > len(rig.joints["joint2"].true_angle_rad) == 400
+        assert len(rig.joints["joint2"].span("reference_rad").value) == 400
+
+
+def test_a_value_that_is_no_number_stays_nowhere() -> None:
+    with Rig(law="pd") as rig:
+        rig.run(0.1)
+        rig._history.rows[7, 1:] = np.nan
+        assert "is nan at 0.0175 s (cycle 7)" in repr(rig.joints["joint2"].stays_below("current_a", 10.0))
+
+
+def test_questions_that_have_no_answer_are_refused() -> None:
+    with Rig(law="pd") as rig:
+        with pytest.raises(UsageError, match=r"joint2.current_a: no cycle from 0 s to inf s; run\(\) first"):
+            rig.joints["joint2"].stays_below("current_a", 1.0)
+        rig.run(0.1)
+        with pytest.raises(UsageError, match="no history 'curent_a'; did you mean 'current_a'"):
+            rig.joints["joint2"].stays_below("curent_a", 1.0)
+
+
+# The record
+
+
+def test_the_summary_has_faults_and_detections() -> None:
+    with Rig(law="mras") as rig:
+        rig.inject("can0.tx", "lost", at=0.5)
+        rig.run(1.0)
+    summary = rig.summary()
+    assert summary.faults == 1
+    assert [each["detector"] for each in summary.detections] == [each.detector for each in rig.detections]
+    assert summary.detections
+
+
+def test_the_run_folder_tells_the_same_story_as_the_rig(tmp_path: Path) -> None:
+    with Rig(law="mras", out=tmp_path / "run") as rig:
+        rig.inject("can0.tx", "lost", at=1.0)
+        rig.run(3.0)
+    events = read_events(tmp_path / "run")
+    assert fault_events(events) == rig.fault_events
+    assert noticed(events, rig.cell.bus.cycle_ns) == rig.noticed
+    figures = {name: rig.summary().joints[name] for name in rig.joints}
+    joints = recorded_joints(rig.cell, RecordedHistory(rig.cell, tmp_path / "run", figures))
+    for name, joint in rig.joints.items():
+        for signal in SIGNALS:
+            told, known = joints[name].span(signal), joint.span(signal)
+            assert told.cycle.tolist() == known.cycle.tolist()
+            assert told.time_s == pytest.approx(known.time_s, abs=1e-6)
+            assert told.value == pytest.approx(known.value, rel=1e-8, abs=1e-12)
+        assert joints[name].peak_current_a == joint.peak_current_a
+    kinds = {json.loads(line)["event"] for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()}
+    assert {"state", "fault-begins", "detection"} <= kinds

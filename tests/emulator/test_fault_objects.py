@@ -1,0 +1,408 @@
+"""Faults by SDO on the bench node: what is written is done, what became of it is read back, clients do not meet."""
+
+import io
+import json
+import struct
+from typing import Any
+
+import canopen
+import pytest
+
+from canarm_emulator.bench import Bench
+from canarm_emulator.recording import Recorder
+from canarm_emulator.truth import Truth
+from canarm_protocol import bench_objects as objects
+from canarm_protocol.cell_file import load_cell
+from canarm_protocol.clock import Clock
+from canarm_protocol.export import export_eds
+from canarm_protocol.frames import Frame, NmtCommand, nmt_frame, sync_frame
+from canarm_protocol.run_folder import create_run_folder
+from canarm_protocol.sdo import AbortCode, SdoAborted, Transfer, download, upload
+from canarm_protocol.wiring import OutputFrames, card_nodes
+
+CELL = load_cell("konkuk1")
+NODE = 0x70
+SECOND = 1_000_000_000
+STUCK = """
+[[set]]
+name = "{name}"
+duration = 0.01
+
+[[set.fault]]
+tap = "joint2.tachometer"
+fault = "stuck"
+value = 5.0
+"""
+
+
+class Client:
+    """A client of the bench node's on one SDO channel, as one of several on the bus."""
+
+    def __init__(self, bench: Bench, channel: int, origin: object) -> None:
+        self.bench, self.channel, self.origin = bench, channel, origin
+
+    def request(self, data: bytes, channel: int | None = None) -> bytes | None:
+        """The answer to one request; None where there is none."""
+        request_id, answer_id = objects.sdo_channel(NODE, self.channel if channel is None else channel)
+        before = len(self.bench.bench_records)
+        self.bench.receive_bench(Frame(request_id, data), self.origin)
+        answers = [each.frame for each in self.bench.bench_records[before:] if each.frame.can_id == answer_id]
+        assert len(answers) <= 1
+        return answers[0].data if answers else None
+
+    def run(self, transfer: Transfer, channel: int | None = None) -> bytes:
+        return self.go_on(transfer, next(transfer), channel)
+
+    def go_on(self, transfer: Transfer, data: bytes, channel: int | None = None) -> bytes:
+        while True:
+            answer = self.request(data, channel)
+            assert answer is not None, "no answer"
+            try:
+                data = transfer.send(answer)
+            except StopIteration as done:
+                return bytes(done.value)
+
+    def inject(self, text: str) -> None:
+        self.run(download(objects.FAULT_SET, 0, text.encode()))
+
+    def read(self, index: int, subindex: int = 0) -> bytes:
+        return self.run(upload(index, subindex))
+
+    def text(self, index: int) -> str:
+        return self.read(index).decode("ascii")
+
+    def status(self) -> dict[str, Any]:
+        return dict(json.loads(self.text(objects.FAULT_STATUS)))
+
+    def claim(self, channel: int, token: int) -> int:
+        """The abort code of a claim, 0 where it was granted."""
+        try:
+            self.run(download(objects.CHANNEL_OWNER, channel, struct.pack("<I", token)), objects.CLAIM_CHANNEL)
+        except SdoAborted as error:
+            return error.code
+        self.channel = channel
+        return 0
+
+
+@pytest.fixture
+def bench() -> Bench:
+    bench = Bench(CELL, Truth.from_settings(CELL, {}), Clock.SYNC, seed=0)
+    bench.start()
+    return bench
+
+
+@pytest.fixture
+def client(bench: Bench) -> Client:
+    return Client(bench, 0, "client")
+
+
+def run_cycles(bench: Bench, count: int, codes: tuple[int, int] = (0, 0)) -> None:
+    if bench.cycle < 0:
+        bench.receive(nmt_frame(NmtCommand.START))
+    for _ in range(count):
+        for cob_id, data in OutputFrames(CELL, card_nodes(CELL)).pack(codes, (2, 2)):
+            bench.receive(Frame(cob_id, data.ljust(8, b"\0")))  # cards that nobody has configured map all channels
+        bench.receive(sync_frame(None))
+
+
+# What is written is done
+
+
+def test_a_set_is_done_and_its_result_is_read_back(bench: Bench, client: Client) -> None:
+    run_cycles(bench, 3)
+    client.inject(STUCK.format(name="dies"))
+    assert client.text(objects.FAULT_RESULT) == "accepted 'dies'"
+    assert client.status()["sets"] == [{"set": "dies", "state": "waiting", "activations": 0}]
+    run_cycles(bench, 1)
+    assert client.status() == {
+        "time_ns": bench.time_ns,
+        "cycle": 3,
+        "begun": 1,
+        "sets": [{"set": "dies", "state": "active", "activations": 1}],
+        "active": [{"set": "dies", "tap": "joint2.tachometer", "fault": "stuck"}],
+    }
+    assert client.read(objects.ACTIVE_FAULTS) == b"\1"
+    run_cycles(bench, 4)  # 10 ms
+    assert client.status()["active"] == []
+    assert client.read(objects.ACTIVE_FAULTS) == b"\0"
+    assert client.read(objects.BEGUN_FAULTS) == b"\1\0\0\0"
+
+
+def test_events_tell_time_cycle_and_place_of_beginnings_and_ends(bench: Bench, client: Client) -> None:
+    assert client.text(objects.FAULT_EVENTS) == "\n"
+    run_cycles(bench, 3)
+    client.inject(STUCK.format(name="dies"))
+    run_cycles(bench, 6)
+    begins, ends = [json.loads(line) for line in client.text(objects.FAULT_EVENTS).splitlines()]
+    where = {"set": "dies", "tap": "joint2.tachometer", "fault": "stuck"}
+    assert begins == {"time_ns": 7_500_000, "event": "fault-begins", **where, "cycle": 3}
+    assert ends == {"time_ns": 17_500_000, "event": "fault-ends", **where, "cycle": 7}
+
+
+def test_no_more_events_are_kept_than_the_last_hundred(bench: Bench, client: Client) -> None:
+    fault = '[[set.fault]]\ntap = "joint2.tachometer"\nfault = "offset"\n'
+    client.inject('[[set]]\nname = "many"\n' + 60 * fault)
+    client.inject("")
+    events = [json.loads(line)["event"] for line in client.text(objects.FAULT_EVENTS).splitlines()]
+    assert events == 40 * ["fault-begins"] + 60 * ["fault-ends"]
+    assert client.status()["begun"] == 60
+
+
+def test_sets_are_cleared_and_triggered_by_texts_of_their_own(bench: Bench, client: Client) -> None:
+    client.inject(STUCK.format(name="by hand").replace("duration = 0.01", "manual = true"))
+    run_cycles(bench, 2)
+    assert client.status()["active"] == []
+    client.inject('trigger = "by hand"')
+    assert client.text(objects.FAULT_RESULT) == "triggered 'by hand'"
+    run_cycles(bench, 1)
+    assert len(client.status()["active"]) == 1
+    client.inject('clear = "by hand"')
+    assert client.text(objects.FAULT_RESULT) == "cleared 1"
+    assert client.status()["sets"] == client.status()["active"] == []
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (STUCK.format(name="x").replace("tachometer", "tachometr"), "set 'x', fault 1: no tap 'joint2.tachometr'; did"),
+        ("[[set]\n", "fault set: not valid TOML: "),
+        ("# " + 100_000 * "x", "fault set: 100002 characters; must have at most 100000"),
+        ('trigger = "ü"', "no set '\\xfc' to trigger; there are none"),
+    ],
+)
+def test_what_is_refused_is_aborted_and_the_reason_can_be_read(client: Client, text: str, reason: str) -> None:
+    with pytest.raises(SdoAborted) as caught:
+        client.inject(text)
+    assert caught.value.code == AbortCode.INVALID_VALUE
+    assert client.text(objects.FAULT_RESULT).startswith(f"refused: {reason}")
+    assert client.status()["sets"] == []
+
+
+def test_what_is_no_utf_8_is_refused(client: Client) -> None:
+    with pytest.raises(SdoAborted):
+        client.run(download(objects.FAULT_SET, 0, b"\xff" * 20))
+    assert client.text(objects.FAULT_RESULT).startswith("refused: fault set: is not UTF-8: ")
+
+
+def test_100_kb_are_taken_and_more_than_there_is_room_for_is_refused_at_once(client: Client) -> None:
+    text = STUCK.format(name="x")
+    client.inject(text + "#" * (100_000 - len(text)))
+    assert client.text(objects.FAULT_RESULT) == "accepted 'x'"
+    announcement = struct.pack("<BHBI", 0x21, objects.FAULT_SET, 0, 0xFFFF_FFFF)
+    refusal = client.request(announcement)
+    assert refusal == struct.pack("<BHBI", 0x80, objects.FAULT_SET, 0, AbortCode.OUT_OF_MEMORY)
+
+
+def test_the_catalogue_has_every_tap_with_faults_parameters_and_limits(client: Client) -> None:
+    taps = {each["tap"]: each for each in json.loads(client.text(objects.FAULT_CATALOGUE))}
+    assert {"joint2.dac.code", "joint3.link", "can0.rx", "node.0x12", "bench.clock"} <= set(taps)
+    stuck = next(each for each in taps["joint2.tachometer"]["faults"] if each["fault"] == "stuck")
+    value = stuck["parameters"][0]
+    assert (value["name"], value["unit"], value["minimum"], value["maximum"]) == ("value", "V", 0.0, 5.0)
+
+
+def test_reading_makes_no_fault_engine_that_would_cost_something_in_every_cycle(bench: Bench, client: Client) -> None:
+    for index in range(objects.FAULT_RESULT, objects.BEGUN_FAULTS + 1):
+        client.read(index)
+    assert bench._faults is None
+
+
+def test_the_fault_set_itself_cannot_be_read(client: Client) -> None:
+    with pytest.raises(SdoAborted) as caught:
+        client.read(objects.FAULT_SET)
+    assert caught.value.code == AbortCode.WRITE_ONLY
+
+
+# Emergency stop
+
+
+def test_the_emergency_stop_takes_the_current_from_a_motor_that_is_driven_and_gives_it_back(
+    bench: Bench, client: Client
+) -> None:
+    told: list[bool] = []
+    bench.device.on_emergency_stop = told.append
+
+    def current_a() -> float:
+        return abs(bench.world.state()[0].current_a)
+
+    run_cycles(bench, 12, codes=(100, 0))
+    assert current_a() == pytest.approx(1.5 * 100 / 255, rel=0.02)  # D669: 1.5 A at full scale
+    client.run(download(objects.EMERGENCY_STOP, 0, b"\1"))
+    assert client.read(objects.EMERGENCY_STOP) == b"\1"
+    run_cycles(bench, 12, codes=(100, 0))
+    assert current_a() < 1e-3
+    client.run(download(objects.EMERGENCY_STOP, 0, b"\1"))
+    client.run(download(objects.EMERGENCY_STOP, 0, b"\0"))
+    run_cycles(bench, 12, codes=(100, 0))
+    assert current_a() > 0.3
+    assert told == [True, False]
+    with pytest.raises(SdoAborted) as caught:
+        client.run(download(objects.EMERGENCY_STOP, 0, b"\2"))
+    assert caught.value.code == AbortCode.TOO_HIGH
+
+
+def test_telemetry_shows_active_faults_and_the_emergency_stop(bench: Bench, client: Client) -> None:
+    layout = objects.bench_pdos(CELL).faults
+    client.inject(STUCK.format(name="x"))
+    client.run(download(objects.EMERGENCY_STOP, 0, b"\1"))
+    bench.bench_records.clear()
+    bench.send_telemetry()
+    sent = [each.frame.data for each in bench.bench_records if each.frame.can_id == layout.cob_id]
+    assert [layout.unpack(data) for data in sent] == [(1, 1, 1)]
+
+
+# Several clients
+
+
+def test_each_channel_has_results_of_its_own(bench: Bench) -> None:
+    first, second = Client(bench, 2, 1), Client(bench, 3, 2)
+    first.inject(STUCK.format(name="a"))
+    with pytest.raises(SdoAborted):
+        second.inject("[[set]\n")
+    assert first.text(objects.FAULT_RESULT) == "accepted 'a'"
+    assert second.text(objects.FAULT_RESULT).startswith("refused: ")
+
+
+def test_half_a_transfer_of_a_slow_client_holds_up_nobody_and_can_go_on_later(bench: Bench) -> None:
+    slow, quick = Client(bench, 2, 1), Client(bench, 3, 2)
+    transfer = download(objects.FAULT_SET, 0, STUCK.format(name="slow").encode())
+    request = next(transfer)
+    for _ in range(3):
+        answer = slow.request(request)
+        assert answer is not None
+        request = transfer.send(answer)
+    quick.inject(STUCK.format(name="quick"))
+    assert [each["set"] for each in quick.status()["sets"]] == ["quick"]
+    slow.go_on(transfer, request)
+    assert [each["set"] for each in quick.status()["sets"]] == ["quick", "slow"]
+
+
+def test_a_channel_is_claimed_by_one_client_and_refused_to_the_next(bench: Bench) -> None:
+    first, second = Client(bench, 0, 1), Client(bench, 0, 2)
+    assert first.claim(4, 111) == 0
+    assert second.claim(4, 222) == AbortCode.DEVICE_STATE
+    assert second.claim(5, 222) == 0
+    owners = [int.from_bytes(first.read(objects.CHANNEL_OWNER, channel), "little") for channel in (4, 5, 6)]
+    assert owners == [111, 222, 0]
+
+
+def test_a_stranger_on_a_claimed_channel_is_not_answered_and_breaks_no_transfer(bench: Bench) -> None:
+    owner, stranger = Client(bench, 0, 1), Client(bench, 4, 2)
+    owner.claim(4, 111)
+    transfer = upload(objects.FAULT_CATALOGUE, 0)
+    answer = owner.request(next(transfer))
+    assert answer is not None
+    request = transfer.send(answer)
+    assert stranger.request(next(upload(objects.CYCLE, 0))) is None
+    assert bench.device.channels.ignored == 1
+    answer = owner.request(request)
+    assert answer is not None
+    assert answer[0] & 0xE0 == 0x00  # the next segment
+
+
+def test_a_channel_is_free_when_given_back_when_its_client_leaves_and_after_ten_silent_seconds(bench: Bench) -> None:
+    first, second, channels = Client(bench, 0, 1), Client(bench, 0, 2), bench.device.channels
+    first.claim(4, 111)
+    first.run(download(objects.CHANNEL_OWNER, 4, bytes(4)))
+    assert second.claim(4, 222) == 0
+    channels.leave(2)
+    assert first.claim(4, 111) == 0
+    channels.now_ns += 6 * SECOND
+    first.read(objects.CYCLE)
+    channels.now_ns += 6 * SECOND
+    assert second.claim(4, 222) == AbortCode.DEVICE_STATE
+    channels.now_ns += 4 * SECOND
+    assert second.claim(4, 222) == 0
+    assert first.request(next(upload(objects.CYCLE, 0))) is None
+    assert first.claim(4, 111) == AbortCode.DEVICE_STATE
+
+
+def test_a_client_may_claim_its_channel_anew_and_has_one_at_most(bench: Bench) -> None:
+    client = Client(bench, 0, 1)
+    assert [client.claim(4, 111), client.claim(4, 111), client.claim(5, 111)] == [0, 0, 0]
+    assert [bench.device.channels.owner(channel) for channel in (4, 5)] == [0, 111]
+
+
+def test_a_channel_that_somebody_uses_without_a_claim_is_not_taken_from_under_him(bench: Bench) -> None:
+    channels = bench.device.channels
+    Client(bench, 4, 1).read(objects.CYCLE)
+    claimant = Client(bench, 0, 2)
+    assert claimant.claim(4, 222) == AbortCode.DEVICE_STATE
+    channels.now_ns += 10 * SECOND
+    assert claimant.claim(4, 222) == 0
+
+
+def test_the_default_channel_the_controllers_and_that_for_claims_cannot_be_claimed(bench: Bench) -> None:
+    for channel in (1, objects.CLAIM_CHANNEL):
+        assert Client(bench, 0, 1).claim(channel, 111) == AbortCode.READ_ONLY
+
+
+def test_a_claim_over_another_channel_than_that_for_claims_is_refused(bench: Bench) -> None:
+    with pytest.raises(SdoAborted) as caught:
+        Client(bench, 0, 1).run(download(objects.CHANNEL_OWNER, 4, b"\1\0\0\0"))
+    assert caught.value.code == AbortCode.DEVICE_STATE
+
+
+def test_a_new_owner_does_not_read_the_result_of_the_one_before(bench: Bench) -> None:
+    first, second = Client(bench, 0, 1), Client(bench, 0, 2)
+    first.claim(4, 111)
+    first.inject(STUCK.format(name="a"))
+    bench.device.channels.leave(1)
+    second.claim(4, 222)
+    assert second.text(objects.FAULT_RESULT) == "nothing was written on this channel yet"
+
+
+# Other people's tools
+
+
+class Link(canopen.Network):
+    """A network without a bus: what the library sends is answered before `send_message` returns."""
+
+    def __init__(self, bench: Bench) -> None:
+        super().__init__()
+        self._bench = bench
+
+    def send_message(self, can_id: int, data: Any, remote: bool = False) -> None:
+        before = len(self._bench.bench_records)
+        self._bench.receive_bench(Frame(can_id, bytes(data), is_remote=remote), self)
+        for time_ns, frame, origin in self._bench.bench_records[before:]:
+            if origin is None:
+                self.notify(frame.can_id, bytearray(frame.data), time_ns * 1e-9)
+
+
+def test_python_canopen_injects_by_its_stock_client_on_the_default_channel(bench: Bench) -> None:
+    eds = io.StringIO(export_eds(CELL)["konkuk1_bench.eds"])
+    eds.name = "konkuk1_bench.eds"
+    node = Link(bench).add_node(NODE, eds)
+    node.sdo["Fault set to be done, as TOML"].raw = STUCK.format(name="by canopen").encode()
+    assert node.sdo[0x2401].raw == "accepted 'by canopen'"
+    assert json.loads(node.sdo[0x2402].raw)["active"][0]["tap"] == "joint2.tachometer"
+    with pytest.raises(canopen.SdoAbortedError) as caught:
+        node.sdo[0x2400].raw = b"nonsense"
+    assert caught.value.code == AbortCode.INVALID_VALUE
+    node.sdo[0x2410].raw = 1
+    assert node.sdo[0x2410].raw == 1
+    assert len(json.loads(node.sdo[0x2403].raw)) > 30
+
+
+# The record
+
+
+def test_a_run_folder_has_beginnings_and_ends_with_time_since_power_on_and_cycle(bench: Bench, tmp_path: Any) -> None:
+    recorder = Recorder(create_run_folder(tmp_path / "run"), CELL)
+    bench.device.faults.on_event = recorder.fault
+    bench.on_cycle = recorder.cycle
+    bench.advance(1_000_000)
+    run_cycles(bench, 2)
+    Client(bench, 0, 1).inject(STUCK.format(name="dies"))
+    run_cycles(bench, 6)
+    recorder.event(bench.time_ns, "something")
+    recorder.close()
+    events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
+    assert [(each["event"], each["cycle"]) for each in events] == [
+        ("fault-begins", 2),
+        ("fault-ends", 6),
+        ("something", 7),
+    ]
+    assert events[0]["time_ns"] == 6_000_000
+    assert events[0]["tap"] == "joint2.tachometer"
