@@ -103,6 +103,8 @@ class Bench:
         self.time_ns = 0
         self.cycle = -1
         """The last SYNC's number since NMT start; -1 before the first."""
+        self.begin_ns: int | None = None
+        """When cycle 0 was; None before."""
         self.records: list[Record] = []
         self.bench_records: list[Record] = []
         self.on_cycle: Callable[[CycleTruth], None] | None = None
@@ -489,9 +491,13 @@ class Bench:
         if self._scan is not None:
             self.overruns += 1
         self._catch_up(now_ns)
+        is_operational = self.is_operational
+        if is_operational and self.cycle < 0:
+            self.begin_ns = now_ns
         faults = self._faults
         if faults is not None:
-            faults.update(now_ns, self.cycle + self.is_operational)
+            faults.update(now_ns, self.cycle + is_operational)
+            is_operational = self.is_operational
         if lockstep:
             length = self.hooks.cycle_length
             nominal_ns = self.cell.bus.cycle_ns
@@ -501,7 +507,7 @@ class Bench:
             slaves = [slave for slave in slaves if slave.bus_name not in missed_by]
         pdos = [(slave, layout) for slave in slaves for layout in slave.on_sync(frame.data, now_ns)]
         self._hurry()
-        if self.is_operational:
+        if is_operational:
             self._count_cycle(now_ns)
         if self._scan is None and pdos:
             mapped = [(slave.node_id, each) for slave, layout in pdos for each in layout.objects]
@@ -591,10 +597,9 @@ class Bench:
         for slave in self._running:
             if node_id in (0, slave.node_id) and slave.bus_name not in self._missed_by:
                 slave.on_nmt(command, self.time_ns)
+        self.device.truth = self.world.state()
         if command is NmtCommand.START and not was_operational:
-            self.cycle = -1
-            if self._faults is not None:
-                self._faults.begin_run()
+            self.cycle, self.begin_ns = -1, None
             self._next_sync_ns = max(self.time_ns, self.world.time_ns)
         self._route()
 

@@ -417,3 +417,16 @@ def test_a_condition_that_is_false_and_true_again_while_its_set_acts_counts() ->
 def test_a_set_that_would_end_as_soon_as_it_begins_is_refused() -> None:
     with pytest.raises(FaultError, match="set 'a' would end as soon as it begins"):
         Run().inject(fault_set("a") + fault_set("b"))
+
+
+def test_times_count_from_cycle_0_where_the_first_set_comes_in_mid_run() -> None:
+    bench = Bench(CELL, Truth.from_settings(CELL), Clock.SYNC, 0)
+    bench.start()
+    bench.receive(nmt_frame(NmtCommand.START))
+    begun: list[int] = []
+    for cycle in range(12):
+        if cycle == 5:
+            bench.faults.on_event = lambda event: begun.append(event.cycle)
+            bench.inject(parse_faults(fault_set("a", "at = 0.02")))
+        bench.receive(sync_frame(1))
+    assert begun == [8]

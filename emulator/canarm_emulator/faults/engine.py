@@ -137,8 +137,7 @@ class FaultEngine:
         self._points: dict[str, Point] = {}
         self._busy: dict[Point, int] = {}
         self._truth_point = TruthPoint(bench)
-        self._begin_ns: int | None = None
-        self._cycle = -1
+        self._cycle = bench.cycle
         self._accepted = 0
         signals = [name for joint in bench.cell.joint_names for name in _joint_signals(joint)]
         self._signals = ("time_s", "cycle", *signals)
@@ -209,14 +208,8 @@ class FaultEngine:
         """Every set that was accepted and not cleared, in order."""
         return [SetStatus(turn.declared.name, turn.state, turn.activations) for turn in self._turns()]
 
-    def begin_run(self) -> None:
-        """NMT start: times and cycles count from the next cycle 0."""
-        self._begin_ns, self._cycle = None, -1
-
     def update(self, now_ns: int, cycle: int) -> None:
         """Begin and end what is due. `cycle` is the number of the cycle that begins now, -1 before the first."""
-        if cycle >= 0 and self._begin_ns is None:
-            self._begin_ns = now_ns
         self._cycle = cycle
         values: dict[str, float] = {}
 
@@ -263,8 +256,13 @@ class FaultEngine:
                     return
                 self._end(turn)
 
+    @property
+    def _run_began_ns(self) -> int | None:
+        """Cycle 0 of the run that is on; between runs no time counts."""
+        return self._bench.begin_ns if self._bench.is_operational else None
+
     def _may_begin(self, turn: _Turn, now_ns: int, values: Values) -> bool:
-        return turn.may_begin(now_ns, self._begin_ns, self._cycle, values)
+        return turn.may_begin(now_ns, self._run_began_ns, self._cycle, values)
 
     def _begin(self, turn: _Turn, now_ns: int) -> None:
         turn.state, turn.is_pulled = SetState.ACTIVE, False
@@ -340,7 +338,8 @@ class FaultEngine:
             self.on_event(FaultEvent(now_ns, self._cycle, is_begin, turn.declared.name, tap.name, fault.name))
 
     def _values(self, now_ns: int) -> Mapping[str, float]:
-        begin_ns = now_ns if self._begin_ns is None else self._begin_ns
+        began_ns = self._run_began_ns
+        begin_ns = now_ns if began_ns is None else began_ns
         values = {"time_s": (now_ns - begin_ns) * 1e-9, "cycle": float(self._cycle)}
         for name, state in zip(self._bench.cell.joint_names, self._bench.world.state(), strict=True):
             values.update(zip(_joint_signals(name), _joint_values(state), strict=True))
