@@ -35,6 +35,8 @@ NORMAL_FACTOR, JAMMED_CYCLES = 2.0, 20
 """A following error is abnormal at twice what is normal; a joint that does not even move then is jammed."""
 STANDING_RAD_S = 0.06
 AGAINST_ASSESSMENTS = 2
+JUDGED_AT_RAD_S = 12.0
+"""Natural frequency at which laws state their normal following error; a softer loop lags by its inverse square more."""
 BEGINNING_CYCLES = 200
 """Half a second in which a law learns what the arm carries: a payload that sags then is no failure."""
 REST, UNSATURATED = (0.0, 0.0), (False, False)
@@ -55,7 +57,8 @@ class ArmWatch:
         limits, period_s = cell.supervision, self._period_s
         self._unexpected_rad_s2 = limits.acceleration_mismatch_rad_s2
         self._positions_lsb = [sensor_scale(joint, Quantity.POTENTIOMETER).step for joint in cell.joints]
-        self._following_rad = [NORMAL_FACTOR * following_lsb * lsb for lsb in self._positions_lsb]
+        softness = max(1.0, JUDGED_AT_RAD_S / cell.control.natural_frequency_rad_s) ** 2
+        self._following_rad = [NORMAL_FACTOR * softness * following_lsb * lsb for lsb in self._positions_lsb]
         speeds_lsb = [sensor_scale(joint, Quantity.TACHOMETER).step for joint in cell.joints]
         self.joints: list[JointWitness] = []
         self.currents: list[CurrentWatch] = []
