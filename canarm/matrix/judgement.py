@@ -58,14 +58,14 @@ DEFINITIONS = (
     ("undetectable", "Neither tolerated nor detected in time, and declared so, with the reason."),
     (
         "dangerous",
-        "Declared to be able to drive the arm, or the true angle leaves the twin's by more than its floor before the "
-        "controller begins to stop.",
+        "Declared so (torque that nobody asked for, a wrong direction, a broken wire), or the true angle leaves the "
+        "twin's by more than its floor before the controller begins to stop.",
     ),
     (
         "safe",
         "Torque off (no amplifier is asked for current) or hold (standstill after the controller has begun to stop), "
-        f"for good; |current| at most {SAFE_CURRENT_A:g} A, and until then joint speed, as the motor makes it, at most "
-        f"{SAFE_SPEED_RAD_S:g} rad/s: nothing brakes a link that falls without its wire. A dangerous fault has to end "
+        f"for good; |current| at most {SAFE_CURRENT_A:g} A throughout, joint speed at most {SAFE_SPEED_RAD_S:g} rad/s "
+        "during the FTTI: how fast an arm without torque falls after that is gravity's. A dangerous fault has to end "
         f"there within the FTTI, {FTTI_S * 1e3:g} ms from the clock's start, unless it is tolerated, or the arm is by "
         f"then, and stays, within {TOLERATED_LSB:g} LSB of the reference.",
     ),
@@ -242,7 +242,8 @@ def _safety(
     if run.is_running:
         tracking = _all(error_lsb <= TOLERATED_LSB)
     weak = _all(np.abs(motion.current_a) <= SAFE_CURRENT_A * _EXACT)
-    slow = _all(np.abs(motion.motor_speed_rad_s) <= SAFE_SPEED_RAD_S)
+    in_ftti = motion.time_s <= motion.time_s[clock] + FTTI_S * _EXACT
+    slow = _all(np.abs(motion.speed_rad_s) <= SAFE_SPEED_RAD_S) | ~in_ftti
     good = (off | holding | tracking) & weak
     if not good[-1]:
         return None, "", False
@@ -250,7 +251,7 @@ def _safety(
     start = max(clock, int(bad[-1]) + 1 if len(bad) else 0)
     safe_s = float(motion.time_s[start] - motion.time_s[clock])
     by = "off" if off[start] else "hold" if holding[start] else "tracking"
-    return safe_s, by, safe_s <= FTTI_S * _EXACT and bool(weak[clock:].all() and slow[clock : start + 1].all())
+    return safe_s, by, safe_s <= FTTI_S * _EXACT and bool(weak[clock:].all() and slow[clock:].all())
 
 
 def _stop_cycle(notices: Sequence[Notice]) -> int | None:

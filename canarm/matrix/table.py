@@ -9,7 +9,7 @@ from typing import Any, Self
 
 from .judgement import Findings, Verdict
 from .plan import MatrixCell
-from .undetectable import declared
+from .undetectable import BEYOND_CONTROL, declared
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,14 +32,17 @@ class Row:
     peak_error_lsb: float | None = None
     peak_current_a: float | None = None
     peak_speed_rad_s: float | None = None
+    is_excused: bool = False
     note: str = ""
 
     @classmethod
     def of(cls, cell: MatrixCell, found: Findings) -> Self:
-        """What was found, with the reason where it is declared to be undetectable."""
-        verdict, reason = found.verdict, declared(cell)
-        if reason is not None and verdict in (Verdict.MISSED, Verdict.LATE):
-            verdict = Verdict.UNDETECTABLE
+        """What was found, with the reason where it is declared undetectable, or beyond any controller."""
+        verdict, note, is_excused = found.verdict, "", False
+        if verdict in (Verdict.MISSED, Verdict.LATE) and (reason := declared(cell)) is not None:
+            verdict, note = Verdict.UNDETECTABLE, reason.reason
+        elif not found.is_safe and (reason := declared(cell, BEYOND_CONTROL)) is not None:
+            note, is_excused = reason.reason, True
         return cls(
             tap=cell.tap,
             fault=cell.fault,
@@ -57,7 +60,8 @@ class Row:
             peak_error_lsb=_rounded(found.peak_error_lsb, 3),
             peak_current_a=_rounded(found.peak_current_a, 3),
             peak_speed_rad_s=_rounded(found.peak_speed_rad_s, 3),
-            note=reason.reason if reason is not None and verdict is Verdict.UNDETECTABLE else "",
+            is_excused=is_excused,
+            note=note,
         )
 
     @classmethod
@@ -74,8 +78,8 @@ class Row:
 
     @property
     def passes(self) -> bool:
-        """Tolerated, detected in time or declared, and safe in time where that was called for."""
-        return self.verdict.passes and (self.is_safe or self.verdict is Verdict.UNDETECTABLE)
+        """Tolerated, detected in time or declared, and safe in time where that was called for and can be."""
+        return self.verdict.passes and (self.is_safe or self.is_excused or self.verdict is Verdict.UNDETECTABLE)
 
     def as_plain(self) -> dict[str, Any]:
         """Its columns by name."""

@@ -45,14 +45,16 @@ def out_of_date(rows: Sequence[Row]) -> list[str]:
 
 def _families(rows: Sequence[Row]) -> list[str]:
     names = list(dict.fromkeys(row.family for row in rows))
-    head = f"{'family':<12}{'cells':>7}" + "".join(f"{text:>14}" for text in _HEADINGS.values()) + f"{'unsafe':>9}"
+    head = f"{'family':<12}{'cells':>7}" + "".join(f"{text:>14}" for text in _HEADINGS.values()) + f"{'unsafe':>9}{'excused':>9}"
     return [head, *(_family(name, [row for row in rows if row.family == name]) for name in names), _family("all", rows)]
 
 
 def _family(name: str, rows: Sequence[Row]) -> str:
     counts = [sum(row.verdict is verdict for row in rows) for verdict in _HEADINGS]
-    unsafe = sum(not row.is_safe for row in rows)
-    return f"{name:<12}{len(rows):>7}" + "".join(f"{count or '-':>14}" for count in counts) + f"{unsafe or '-':>9}"
+    unsafe = sum(not (row.is_safe or row.is_excused) for row in rows)
+    excused = sum(row.is_excused for row in rows)
+    texts = "".join(f"{count or '-':>14}" for count in counts)
+    return f"{name:<12}{len(rows):>7}{texts}{unsafe or '-':>9}{excused or '-':>9}"
 
 
 def _listed(rows: Sequence[Row]) -> list[str]:

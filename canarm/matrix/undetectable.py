@@ -1,4 +1,4 @@
-"""Faults that no controller can find with these sensors, each with the reason. Data, kept by hand.
+"""Faults that no controller can find with these sensors, or make safe, each with the reason. Data, kept by hand.
 
 A declaration covers a cell of the matrix only while it is neither tolerated nor detected in time; one that covers no
 cell any more is out of date, and the summary says so.
@@ -12,7 +12,7 @@ from .plan import MatrixCell
 
 
 @dataclass(frozen=True, slots=True)
-class Undetectable:
+class Declared:
     """Patterns of tap and fault, and why nobody can tell."""
 
     tap: str
@@ -24,12 +24,22 @@ class Undetectable:
         return fnmatchcase(tap, self.tap) and fnmatchcase(fault, self.fault)
 
 
-DECLARED_UNDETECTABLE: tuple[Undetectable, ...] = ()
+DECLARED_UNDETECTABLE: tuple[Declared, ...] = ()
+
+BEYOND_CONTROL: tuple[Declared, ...] = (
+    Declared(
+        "joint*.wire",
+        "wire-broken",
+        "without its wire the link falls as gravity has it, 3 g / 2 a = 82 rad/s2 for joint3 held out level: past "
+        "3 rad/s in 37 ms; its motor stands still by then",
+    ),
+)
+"""Dangerous faults after which no controller can bring the arm to a safe state in time."""
 
 HIGHEST_SHARE = 0.1
 """At most this share of the cells may be undetectable."""
 
 
-def declared(cell: MatrixCell, table: Sequence[Undetectable] = DECLARED_UNDETECTABLE) -> Undetectable | None:
+def declared(cell: MatrixCell, table: Sequence[Declared] = DECLARED_UNDETECTABLE) -> Declared | None:
     """The declaration that covers `cell`, if there is one."""
     return next((each for each in table if each.covers(cell.tap, cell.fault)), None)

@@ -132,13 +132,15 @@ def test_torque_has_to_be_off_within_the_ftti(off_from: int, is_safe: bool) -> N
     assert found.safe_s == pytest.approx((off_from - 150) * CYCLE_S)
 
 
-def test_the_speed_is_limited_until_the_torque_is_off_and_no_longer() -> None:
+def test_the_speed_is_limited_during_the_ftti_and_no_longer() -> None:
     assert not judged(driven(160, speed_rad_s=3.1), is_dangerous=True).is_safe
     falling = driven(160)
-    falling.motion.speed_rad_s[170:] = falling.motion.motor_speed_rad_s[170:] = 8.0
+    falling.motion.speed_rad_s[192:] = 8.0
     found = judged(falling, is_dangerous=True)
     assert found.is_safe
     assert found.peak_speed_rad_s == 8.0
+    falling.motion.speed_rad_s[190:] = 8.0
+    assert not judged(falling, is_dangerous=True).is_safe
 
 
 def test_a_hold_is_safe_once_the_arm_stands_still() -> None:

@@ -162,7 +162,9 @@ class Fault(ABC):
     needs_wire: ClassVar[bool]
     """Whether it acts on the wire model alone, and is refused without."""
     is_dangerous: ClassVar[bool]
-    """Whether it can drive the arm: uncontrolled torque, a wrong direction, a broken wire, a wrong measurement."""
+    """Whether it makes torque that nobody asked for, turns its direction, or breaks the wire. Faults of sensors and loss of
+    torque are judged by what the arm does.
+    """
 
     def __init_subclass__(
         cls,

@@ -58,7 +58,7 @@ class MessagePoint(Point):
         if type(fault).due is not MessageFault.due:
             self._sources.append((fault, Intruder(self._tap, next(self._intruders))))
             self._ask_ns = context.now_ns
-        self._bench.set_message_point(self._is_towards_cards, self)
+        self._install(self)
 
     def remove(self, fault: Fault, now_ns: int) -> None:
         """Frames that a fault has held back still come; those that it has made up do not."""
@@ -69,7 +69,7 @@ class MessagePoint(Point):
         for _, intruder in [each for each in self._sources if each[0] is fault]:
             self._held = [each for each in self._held if each.origin is not intruder]
             heapq.heapify(self._held)
-            self._bench.expel(intruder)
+            self._bench.bus.expel(intruder)
         self._sources = [each for each in self._sources if each[0] is not fault]
         if not self._sources:
             self._ask_ns = NEVER
@@ -112,15 +112,21 @@ class MessagePoint(Point):
     def _leave_if_done(self) -> None:
         if not self._faults and not self._held:
             self._senders.clear()
-            self._bench.set_message_point(self._is_towards_cards, None)
+            self._install(None)
+
+    def _install(self, point: "MessagePoint | None") -> None:
+        if self._is_towards_cards:
+            self._bench.hooks.towards_cards = point
+        else:
+            self._bench.hooks.from_cards = point
 
     def _hold(self, time_ns: int, frame: Frame, origin: object) -> None:
         heapq.heappush(self._held, _Held(time_ns, next(self._count), frame, origin))
 
     def _let_go(self, time_ns: int, frame: Frame, origin: object) -> None:
         if isinstance(origin, Intruder):
-            self._bench.intrude(time_ns, frame, origin)
+            self._bench.bus.intrude(time_ns, frame, origin)
         elif self._is_towards_cards:
-            self._bench.take_in(time_ns, frame, origin)
+            self._bench.bus.take_in(time_ns, frame, origin)
         else:
-            self._bench.put_out(time_ns, frame, origin)
+            self._bench.bus.put_out(time_ns, frame, origin)

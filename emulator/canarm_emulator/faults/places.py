@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from ..card_port import CardPort
 from .declaration import BusFault, ClockFault, Context, Fault, NodeFault, NodePort, Tap
 from .points import Point
 
@@ -46,7 +47,7 @@ class NodePoint(Point):
 
     def _add(self, fault: Fault, context: Context) -> None:
         assert isinstance(fault, NodeFault)
-        port = self._bench.node_port(self._node_id)
+        port = CardPort(self._bench, self._node_id)
         self._faults.append((fault, port, context.now_ns))
         fault.act(port, context.now_ns)
 
@@ -75,14 +76,14 @@ class ClockPoint(Point):
     def _add(self, fault: Fault, context: Context) -> None:
         assert isinstance(fault, ClockFault)
         self._faults.append(fault)
-        self._bench.set_cycle_length(self._period_ns)
+        self._bench.hooks.cycle_length = self._period_ns
 
     def remove(self, fault: Fault, now_ns: int) -> None:
         """Cycles are as long as the cell says once the last fault has gone."""
         assert isinstance(fault, ClockFault)
         self._faults = [each for each in self._faults if each is not fault]
         if not self._faults:
-            self._bench.set_cycle_length(None)
+            self._bench.hooks.cycle_length = None
 
     def _period_ns(self, nominal_ns: int, now_ns: int) -> int:
         for fault in self._faults:

@@ -103,7 +103,7 @@ class Spike(SignalFault, name="spike", family=Family.SIGNAL, acts_on=SCALAR_KIND
 
 
 @dataclass
-class Saturated(SignalFault, name="saturated", family=Family.SIGNAL, acts_on=SCALAR_KINDS, is_dangerous=True):
+class Saturated(SignalFault, name="saturated", family=Family.SIGNAL, acts_on=SCALAR_KINDS):
     """The signal is clipped to a narrower range."""
 
     low: float = level("the least that goes on", 0.0)
@@ -117,7 +117,7 @@ class Saturated(SignalFault, name="saturated", family=Family.SIGNAL, acts_on=SCA
 
 
 @dataclass
-class Dropout(SignalFault, name="dropout", family=Family.SIGNAL, acts_on=ANY_SIGNAL, is_dangerous=True):
+class Dropout(SignalFault, name="dropout", family=Family.SIGNAL, acts_on=ANY_SIGNAL):
     """The signal is gone; something else stands in its place."""
 
     value: float = level("what is there instead", 0.0)
@@ -148,7 +148,7 @@ class Delayed(SignalFault, name="delayed", family=Family.SIGNAL, acts_on=ANY_SIG
 
 
 @dataclass
-class Intermittent(SignalFault, name="intermittent", family=Family.SIGNAL, acts_on=ANY_SIGNAL, is_dangerous=True):
+class Intermittent(SignalFault, name="intermittent", family=Family.SIGNAL, acts_on=ANY_SIGNAL):
     """The signal goes and comes back periodically; it goes first."""
 
     duty: float = parameter("share of a period without the signal", "", 0.5, 0.0, 1.0)

@@ -49,7 +49,7 @@ class _Contact:
 
 
 @dataclass
-class SensorOpenLoad(SignalFault, name="open-load", family=Family.WIRING, acts_on=SENSOR, is_dangerous=True):
+class SensorOpenLoad(SignalFault, name="open-load", family=Family.WIRING, acts_on=SENSOR):
     """The wire is broken: the pin is pulled to ground."""
 
     time_constant: float = parameter("of the way to ground: the filter at the pin", "s", PIN_OHM * PIN_F, 0.0, 10.0)
@@ -66,7 +66,7 @@ class SensorOpenLoad(SignalFault, name="open-load", family=Family.WIRING, acts_o
 
 
 @dataclass
-class ShortToGround(SignalFault, name="short-to-ground", family=Family.WIRING, acts_on=SENSOR, is_dangerous=True):
+class ShortToGround(SignalFault, name="short-to-ground", family=Family.WIRING, acts_on=SENSOR):
     """The wire touches ground."""
 
     def begin(self, context: Context) -> None:
@@ -79,7 +79,7 @@ class ShortToGround(SignalFault, name="short-to-ground", family=Family.WIRING, a
 
 
 @dataclass
-class ShortToSupply(SignalFault, name="short-to-supply", family=Family.WIRING, acts_on=SENSOR, is_dangerous=True):
+class ShortToSupply(SignalFault, name="short-to-supply", family=Family.WIRING, acts_on=SENSOR):
     """The wire touches the sensors' supply."""
 
     def begin(self, context: Context) -> None:
@@ -92,9 +92,7 @@ class ShortToSupply(SignalFault, name="short-to-supply", family=Family.WIRING, a
 
 
 @dataclass
-class SensorInLineResistance(
-    SignalFault, name="in-line-resistance", family=Family.WIRING, acts_on=SENSOR, is_dangerous=True
-):
+class SensorInLineResistance(SignalFault, name="in-line-resistance", family=Family.WIRING, acts_on=SENSOR):
     """A corroded contact: resistance in the wire divides the voltage with the 100 kohm at the pin."""
 
     resistance: float = parameter("in the wire", "ohm", 10e3, 0.0, 10e6)
@@ -105,7 +103,7 @@ class SensorInLineResistance(
 
 
 @dataclass
-class Leakage(SignalFault, name="leakage", family=Family.WIRING, acts_on=SENSOR, is_dangerous=True):
+class Leakage(SignalFault, name="leakage", family=Family.WIRING, acts_on=SENSOR):
     """Moisture or damaged insulation: the wire leaks to ground, against the 2.5 kohm of the sensor."""
 
     resistance: float = parameter("from the wire to ground", "ohm", 10e3, 1.0, 10e6)
@@ -116,7 +114,7 @@ class Leakage(SignalFault, name="leakage", family=Family.WIRING, acts_on=SENSOR,
 
 
 @dataclass
-class SensorLooseContact(SignalFault, name="loose-contact", family=Family.WIRING, acts_on=SENSOR, is_dangerous=True):
+class SensorLooseContact(SignalFault, name="loose-contact", family=Family.WIRING, acts_on=SENSOR):
     """The wire breaks and makes contact at random; meanwhile the pin is pulled to ground."""
 
     duty: float = parameter("mean share of the time without contact", "", 0.5, 0.01, 0.99)
@@ -135,7 +133,7 @@ class SensorLooseContact(SignalFault, name="loose-contact", family=Family.WIRING
 
 
 @dataclass
-class GroundShift(SignalFault, name="ground-shift", family=Family.WIRING, acts_on=SENSOR, is_dangerous=True):
+class GroundShift(SignalFault, name="ground-shift", family=Family.WIRING, acts_on=SENSOR):
     """The sensor's ground lies above the converter's."""
 
     shift: float = of_tap("by how much; below, where negative", 0.1, -1.0, 1.0)
@@ -154,18 +152,14 @@ class _SensorSupply(SignalFault):
 
 
 @dataclass
-class SensorUndervoltage(
-    _SensorSupply, name="supply-undervoltage", family=Family.WIRING, acts_on=SENSOR, is_dangerous=True
-):
+class SensorUndervoltage(_SensorSupply, name="supply-undervoltage", family=Family.WIRING, acts_on=SENSOR):
     """The sensor's supply is too low, and its voltage in proportion."""
 
     ratio: float = parameter("supply as a multiple of what it should be", "", 0.8, 0.0, 1.0)
 
 
 @dataclass
-class SensorOvervoltage(
-    _SensorSupply, name="supply-overvoltage", family=Family.WIRING, acts_on=SENSOR, is_dangerous=True
-):
+class SensorOvervoltage(_SensorSupply, name="supply-overvoltage", family=Family.WIRING, acts_on=SENSOR):
     """The sensor's supply is too high, and its voltage in proportion."""
 
     ratio: float = parameter("supply as a multiple of what it should be", "", 1.2, 1.0, 2.0)
