@@ -8,14 +8,15 @@ import argparse
 import os
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from canarm.matrix.campaign import Campaign, run_campaign
 from canarm.matrix.golden import differences, golden_text, read_golden
 from canarm.matrix.plan import Scenario, cells_of
-from canarm.matrix.table import Matrix
+from canarm.matrix.table import Matrix, Row
 from canarm.matrix.text_report import as_text
-from canarm.matrix.undetectable import DECLARED_UNDETECTABLE
+from canarm.matrix.undetectable import BEYOND_CONTROL, DECLARED_UNDETECTABLE, Declared
 
 ROOT = Path(__file__).parent.parent
 GOLDEN = ROOT / "tests" / "canarm" / "golden" / "matrix-konkuk1.csv"
@@ -28,8 +29,20 @@ def with_figures(page: str, matrix: Matrix) -> str:
         f"| {verdict.value} | {count} | {count / len(matrix.rows):.1%} |" for verdict, count in matrix.counts.items()
     ]
     page = _between(page, "counts", ["| verdict | cells | share |", "|---|---|---|", *counts])
-    declared = [f"| `{each.tap}` | {each.fault} | {each.reason} |" for each in DECLARED_UNDETECTABLE]
-    return _between(page, "undetectable", ["| tap | fault | why nobody can tell |", "|---|---|---|", *declared])
+    failed = [f"| `{row.tap}` | {row.fault} | {row.verdict.value} | {_safety(row)} |" for row in matrix.failed]
+    page = _between(page, "failed", ["| tap | fault | verdict | safe |", "|---|---|---|---|", *failed])
+    page = _between(page, "undetectable", ["| tap | fault | why nobody can tell |", *_declared(DECLARED_UNDETECTABLE)])
+    return _between(page, "beyond", ["| tap | fault | why |", *_declared(BEYOND_CONTROL)])
+
+
+def _safety(row: Row) -> str:
+    if row.is_safe:
+        return "in time, or not called for"
+    return "never" if row.safe_s is None else f"by {row.safe_by} after {row.safe_s:.3g} s"
+
+
+def _declared(table: Sequence[Declared]) -> list[str]:
+    return ["|---|---|---|", *[f"| `{each.tap}` | {each.fault} | {each.reason} |" for each in table]]
 
 
 def _between(page: str, name: str, lines: list[str]) -> str:

@@ -45,7 +45,11 @@ def out_of_date(rows: Sequence[Row]) -> list[str]:
 
 def _families(rows: Sequence[Row]) -> list[str]:
     names = list(dict.fromkeys(row.family for row in rows))
-    head = f"{'family':<12}{'cells':>7}" + "".join(f"{text:>14}" for text in _HEADINGS.values()) + f"{'unsafe':>9}{'excused':>9}"
+    head = (
+        f"{'family':<12}{'cells':>7}"
+        + "".join(f"{text:>14}" for text in _HEADINGS.values())
+        + f"{'unsafe':>9}{'excused':>9}"
+    )
     return [head, *(_family(name, [row for row in rows if row.family == name]) for name in names), _family("all", rows)]
 
 
