@@ -1,9 +1,10 @@
 """Who is in trouble on the wire: error states as they were last, nodes in bus-off, counts of errors and lost frames.
 
-Keeps books on the wire's events. What a card or a client makes of them belongs to the bench.
+Keeps books on the wire's events. What a card or a client makes of them belongs to the bus.
 """
 
 from collections.abc import Hashable
+from functools import lru_cache
 from typing import NamedTuple
 
 from .confinement import ErrorState
@@ -16,9 +17,12 @@ class ClientNode(NamedTuple):
     client_id: int
 
 
+_client_node = lru_cache(ClientNode)
+
+
 def wire_name(origin: object) -> Hashable:
     """The name on the wire of a client, apart from the cards, whose names are their node-IDs."""
-    return ClientNode(origin) if isinstance(origin, int) else origin
+    return _client_node(origin) if isinstance(origin, int) else origin
 
 
 def origin_of(name: Hashable) -> object:
@@ -34,7 +38,7 @@ class BusTrouble:
         self.off: set[Hashable] = set()
         """Nodes in bus-off, or unplugged: they hear and send nothing."""
         self.held: set[Hashable] = set()
-        """Nodes that, once in bus-off, stay there until `Bench.recover` is called for them."""
+        """Nodes that, once in bus-off, stay there until `RobotBus.recover` is called for them."""
         self.unplugged: set[Hashable] = set()
         """Nodes that are not connected to the bus."""
         self._wire = wire

@@ -5,13 +5,13 @@ Every fault has a port of its own, so that one fault's end leaves alone what ano
 
 import math
 from collections.abc import Hashable
+from itertools import count, repeat
 from typing import TYPE_CHECKING
 
 from canarm_protocol.frames import NmtCommand
 
-from .fault_hooks import CardTrouble, SendFilter, SyncFilter
+from .fault_hooks import CardTrouble, SecondCard, SendFilter, SyncFilter
 from .faults.declaration import NodePort
-from .slave import Slave
 
 if TYPE_CHECKING:
     from .bench import Bench
@@ -24,10 +24,11 @@ _COMMANDS = {
 
 
 class CardPort(NodePort):
-    """One fault's hands on one card of `bench`."""
+    """One fault's hands on the card of `bench` with a node-ID."""
 
-    def __init__(self, bench: "Bench", slave: Slave) -> None:
-        self._bench, self._slave, self._hooks = bench, slave, bench.hooks
+    def __init__(self, bench: "Bench", node_id: int) -> None:
+        self._bench, self._hooks = bench, bench.hooks
+        self._slave = next(slave for slave in bench.slaves if slave.node_id == node_id)
         self._done = CardTrouble()
         self._double: Hashable = None
 
@@ -53,7 +54,7 @@ class CardPort(NodePort):
         self._bench.catch_up()
         self._bench.trouble.reset(self._slave.node_id)
         self._slave.boot(now_ns)
-        self._bench.nodes_changed()
+        self._bench.nodes.refresh()
 
     def resume(self, now_ns: int) -> None:
         """Timers begin anew. A card that another fault keeps dead does not go on."""
@@ -61,7 +62,7 @@ class CardPort(NodePort):
             return
         self._slave.resume(now_ns)
         self._slave.on_error_state(self._bench.trouble.state_of(self._slave.node_id), now_ns)
-        self._bench.nodes_changed()
+        self._bench.nodes.refresh()
 
     def command(self, state: str, now_ns: int) -> None:
         """As if an NMT command had come."""
@@ -69,7 +70,7 @@ class CardPort(NodePort):
             return
         self._bench.catch_up()
         self._slave.on_nmt(_COMMANDS[state], now_ns)
-        self._bench.nodes_changed()
+        self._bench.nodes.refresh()
 
     def set_sync_filter(self, passes: SyncFilter | None) -> None:
         """For this card alone."""
@@ -93,14 +94,21 @@ class CardPort(NodePort):
 
     def add_double(self, now_ns: int) -> None:
         """It hears what the card hears."""
-        double = self._bench.add_double(self._slave.node_id)
-        self._double = double.bus_name
+        bench, node_id, doubles = self._bench, self._slave.node_id, self._hooks.doubles
+        card = next(card for card in bench.cell.card if card.node_id == node_id)
+        name = next(each for each in map(SecondCard, repeat(node_id), count(1)) if each not in doubles)
+        doubles[name] = double = bench.make_card(card, name)
+        if bench.wire is not None:
+            bench.wire.attach(name)
+        self._double = name
         double.boot(now_ns)
-        self._bench.nodes_changed()
+        self._bench.nodes.refresh()
 
     def remove_double(self) -> None:
-        """Gone without a word."""
-        self._bench.remove_double(self._double)
+        """Gone without a word; what is on the wire of it is still carried."""
+        self._hooks.doubles.pop(self._double, None)
+        self._bench.bus.expel(self._double)
+        self._bench.nodes.refresh()
 
     def _apply(self) -> None:
         """Let the card be as all its faults together make it."""
@@ -125,4 +133,4 @@ class CardPort(NodePort):
             (trouble.unplug if is_off else trouble.plug_in)(node_id)
         slave.timer_scale = math.prod(each.timer_scale for each in known)
         slave.refuses_sdo = any(each.refuses_sdo for each in known)
-        self._bench.nodes_changed()
+        self._bench.nodes.refresh()

@@ -108,9 +108,10 @@ class Wire:
         """When `advance` has something to report, as things stand; `NEVER` while nothing waits."""
         if self._attempt is not None:
             return self._attempt.end_ns
-        due_ns = self._planned().end_ns if self._waiting else NEVER
-        for node in self._recovering:
-            due_ns = min(due_ns, node.recovered_ns(self._recessive_from_ns, self.bit_ns))
+        due_ns = (self._plan or self._make_plan()).end_ns if self._waiting else NEVER
+        if self._recovering:
+            back_ns = [node.recovered_ns(self._recessive_from_ns, self.bit_ns) for node in self._recovering]
+            due_ns = min(due_ns, *back_ns)
         return due_ns
 
     def attach(self, name: Hashable, queueing: Queueing = Queueing.FIFO) -> Node:
@@ -197,7 +198,7 @@ class Wire:
                     continue
                 if not self._waiting:
                     break
-                attempt = self._planned()
+                attempt = self._plan or self._make_plan()
                 if attempt.start_ns >= until_ns:
                     break
                 self._begin(attempt)
@@ -270,21 +271,20 @@ class Wire:
             known = ", ".join(map(repr, self._nodes)) or "nobody"
             raise ValueError(f"node {name!r} is not on the bus; attached: {known}") from None
 
-    def _planned(self) -> Attempt:
-        """The next transmission if nothing more is offered: when, by whom, and how it goes. Somebody must wait."""
-        if self._plan is None:
-            node = self._waiting[0]
-            if len(self._waiting) == 1 and node.queueing is Queueing.FIFO:
-                waiting = node.queue[0]
-                start_ns = max(waiting.offered_ns, node.ready_ns, self._idle_ns)
-                plan = Attempt(start_ns, start_ns + waiting.bits * self.bit_ns, [(node, waiting)])
-            else:
-                plan = self._arbitrate(self._next_start_ns())
-            if len(plan.transmitters) > 1 or self._disturbances or self._on_bus < 2:
-                plan.disturbance = self._disturbances.next(plan.transmitters[0][1].frame)
-                foresee(plan, self._nodes.values(), plan.disturbance, self.bit_ns)
-            self._plan = plan
-        return self._plan
+    def _make_plan(self) -> Attempt:
+        """Plan the next transmission if nothing more is offered: when, by whom, how it goes. Somebody must wait."""
+        node = self._waiting[0]
+        if len(self._waiting) == 1 and node.queueing is Queueing.FIFO:
+            waiting = node.queue[0]
+            start_ns = max(waiting.offered_ns, node.ready_ns, self._idle_ns)
+            plan = Attempt(start_ns, start_ns + waiting.bits * self.bit_ns, [(node, waiting)])
+        else:
+            plan = self._arbitrate(self._next_start_ns())
+        if len(plan.transmitters) > 1 or self._disturbances or self._on_bus < 2:
+            plan.disturbance = self._disturbances.next(plan.transmitters[0][1].frame)
+            foresee(plan, self._nodes.values(), plan.disturbance, self.bit_ns)
+        self._plan = plan
+        return plan
 
     def _next_start_ns(self) -> int:
         start_ns = NEVER

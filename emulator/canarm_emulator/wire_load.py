@@ -19,15 +19,18 @@ class BusLoad:
 
     def add(self, begun_ns: int, ended_ns: int) -> None:
         """The bus was busy; `ended_ns` may lie ahead."""
-        self._busy_ns += ended_ns - begun_ns
-        intervals = self._intervals
+        length_ns, intervals = ended_ns - begun_ns, self._intervals
+        self._busy_ns += length_ns
         intervals.append((begun_ns, ended_ns))
-        self._recent_ns += ended_ns - begun_ns
-        while intervals[0][1] < begun_ns - self._history_ns:
+        recent_ns, reach_ns = self._recent_ns + length_ns, begun_ns - self._history_ns
+        while intervals[0][1] < reach_ns:
             oldest_begun_ns, oldest_ended_ns = intervals.popleft()
-            self._recent_ns -= oldest_ended_ns - oldest_begun_ns
+            recent_ns -= oldest_ended_ns - oldest_begun_ns
+        self._recent_ns = recent_ns
+        if recent_ns <= self._peak_ns:
+            return
         # The busiest window ends with an interval.
-        busy_ns, from_ns = self._recent_ns, ended_ns - self._history_ns
+        busy_ns, from_ns = recent_ns, ended_ns - self._history_ns
         for oldest_begun_ns, oldest_ended_ns in intervals:
             if oldest_begun_ns >= from_ns:
                 break

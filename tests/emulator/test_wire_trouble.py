@@ -171,7 +171,7 @@ def test_one_that_is_held_in_bus_off_comes_back_when_somebody_says_so(make_bench
     bench.wire.corrupt(0x712, times=ERRORS_TO_BUS_OFF, bit=3)
     cycles(bench, 20)
     assert DAC in bench.trouble.off
-    bench.recover(DAC)
+    bench.bus.recover(DAC)
     records = cycles(bench, 4)
     assert emergencies(records, DAC)[0] == "408111"
     assert bench.trouble.off == set()
@@ -186,7 +186,7 @@ def test_recovery_does_not_hold_up_the_cycles_inputs(make_bench: MakeBench) -> N
     (usual,) = [r.time_ns for r in cycles(bench, 1) if r.frame.can_id == 0x100]
     # So late in the cycle that it ends between the next one's inputs and the SYNC after them.
     bench.advance(bench.time_ns + RECOVERY_NS - 200_000)
-    bench.recover(DAC)
+    bench.bus.recover(DAC)
     (time_ns,) = [r.time_ns for r in cycles(bench, 1) if r.frame.can_id == 0x100]
     assert DAC in bench.trouble.off
     assert time_ns - usual == pytest.approx(CELL.bus.cycle_ns, abs=20 * BIT_NS)
@@ -207,7 +207,7 @@ def test_a_clients_frames_are_lost_and_counted_until_its_node_has_recovered(make
     # Lockstep goes on, but no card sees this SYNC.
     assert bench.cycle == cycle + 3
     assert not [record for record in records if record.frame.can_id in (0x312, TPDO)]
-    bench.recover(MASTER)
+    bench.bus.recover(MASTER)
     records = cycles(bench, 4, CURRENTS)
     assert {0x312, TPDO} <= {record.frame.can_id for record in records}
     lost = bench.trouble.lost_frames

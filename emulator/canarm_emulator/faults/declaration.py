@@ -162,8 +162,8 @@ class Fault(ABC):
     needs_wire: ClassVar[bool]
     """Whether it acts on the wire model alone, and is refused without."""
     is_dangerous: ClassVar[bool]
-    """Whether it makes torque that nobody asked for, turns its direction, or breaks the wire. Faults of sensors and loss of
-    torque are judged by what the arm does.
+    """Whether it makes torque that nobody asked for, turns its direction, or breaks the wire. Faults of sensors, and loss
+    of torque, are judged by what the arm does.
     """
 
     def __init_subclass__(

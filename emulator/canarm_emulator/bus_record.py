@@ -1,0 +1,16 @@
+"""What is kept of a bus: its frames with their times and senders."""
+
+from typing import NamedTuple
+
+from canarm_protocol.frames import Frame
+
+
+class Record(NamedTuple):
+    """A frame on a bus: its time, and the client that sent it (None: a node of the bench).
+
+    An error frame's origin is what happened on the wire, an `ErrorFrame` or a `StateChange`.
+    """
+
+    time_ns: int
+    frame: Frame
+    origin: object = None

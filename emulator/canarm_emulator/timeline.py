@@ -1,0 +1,34 @@
+"""Virtual time of a bench: the present, the world that follows it, and the cycle of the run that is on.
+
+What happens at a time, and why time passes, never enters.
+"""
+
+from .world import World
+
+
+class Timeline:
+    """Time in ns since the bench was switched on. Whoever carries something out at a time says so here first."""
+
+    __slots__ = ("begin_ns", "cycle", "time_ns", "world")
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.time_ns = 0
+        self.cycle = -1
+        """The last SYNC's number since NMT start; -1 before the first."""
+        self.begin_ns: int | None = None
+        """When cycle 0 was; None before."""
+
+    def reach(self, time_ns: int) -> None:
+        """The present is `time_ns`, if that is not past already."""
+        if time_ns > self.time_ns:
+            self.time_ns = time_ns
+
+    def catch_up(self) -> None:
+        """The world moves on to the present."""
+        self.move_world(self.time_ns)
+
+    def move_world(self, until_ns: int) -> None:
+        """The world moves on to `until_ns`, if it is not there already; it may run ahead of the present."""
+        if until_ns > self.world.time_ns:
+            self.world.advance(until_ns)
