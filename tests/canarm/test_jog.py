@@ -12,7 +12,7 @@ import time
 
 import pytest
 
-from canarm_protocol.bench_objects import CYCLE, TRUE_ANGLE, TRUE_COMMAND, sdo_channel
+from canarm_protocol.bench_objects import CYCLE, PEAK_CURRENT, TRUE_ANGLE, sdo_channel
 from canarm_protocol.port import open_port
 from canarm_protocol.sdo_session import SdoSession
 
@@ -54,9 +54,9 @@ def test_one_shot_commands_set_step_and_read_in_lockstep(canarm):
     assert jog.wait() == 0, jog
     assert jog.complaint == ""
     assert jog.stdout[1].startswith("cycle 39, 97.5 ms: joint2 ")
-    # Time stands still since the last step: the bench knows what was true in it. 0.57 A are 97 codes.
+    # Time stands still since the last step: the bench knows what was true then. 0.57 A are 97 codes.
     assert truth(emulator, CYCLE, 0, "<I") == 39
-    assert truth(emulator, TRUE_COMMAND, 1) == pytest.approx(97 * CODE_A)
+    assert truth(emulator, PEAK_CURRENT, 1) == pytest.approx(97 * CODE_A)
     shown = {line.split()[0]: float(line.split()[2]) for line in jog.stdout[2:]}
     for joint in (1, 2):
         measured_deg = shown[f"joint{joint + 1}.potentiometer"]
@@ -73,7 +73,7 @@ def test_one_shot_commands_work_with_the_wire_model_in_lockstep(canarm):
     assert jog.wait() == 0, jog
     assert jog.complaint == emulator.complaint == ""
     assert truth(emulator, CYCLE, 0, "<I") == 12
-    assert truth(emulator, TRUE_COMMAND, 1) == pytest.approx(97 * CODE_A)
+    assert truth(emulator, PEAK_CURRENT, 1) == pytest.approx(97 * CODE_A)
     assert outputs(emulator) == (0, 0)
 
 

@@ -69,7 +69,7 @@ def test_the_terminal_outlives_its_clients_and_goes_with_the_emulator(canarm):
         ("missing/can0", 1, r"missing/can0: No such file or directory; choose another PATH"),
         ("taken", 1, r"taken: that name is taken"),
         ("socket://0.0.0.0:0", 2, r"can be reached from the network"),
-        ("socket://127.0.0.1", 2, r"--slcan .*write HOST:PORT"),
+        ("socket://127.0.0.1", 2, r"--slcan socket://127\.0\.0\.1: write socket://HOST:PORT"),
     ],
 )
 def test_an_adapter_that_cannot_be_offered_says_why(canarm, place, status, message):

@@ -57,7 +57,7 @@ def test_serving_other_machines_has_to_be_allowed_and_is_said(canarm):
     assert refused.wait() == 2
     assert "say --allow-remote if that is meant" in refused.complaint
     allowed = canarm("emulator", "--serve", "0.0.0.0:0", "--allow-remote")
-    allowed.wait_for(r"whoever reaches 0\.0\.0\.0:\d+ can drive the robot")
+    allowed.wait_for(r"0\.0\.0\.0:\d+ is open to other machines: whoever reaches it can drive the robot")
     allowed.send(signal.SIGTERM)
     assert allowed.wait() == 0
 

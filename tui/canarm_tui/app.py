@@ -107,6 +107,8 @@ class DashboardApp(App[None]):
         """Draw one snapshot: the header always, the panes unless they are paused."""
         snapshot = self.feed.snapshot(self._clock_ns())
         screen = self.screen_stack[0]
+        if not screen.query("#header"):
+            return  # the timer's last tick, while the screen is taken down
         header, notice = screen.query_one("#header", WordLine), screen.query_one("#notice", WordLine)
         header.show(texts.header_words(self.link, snapshot, self.is_paused, self.size.width - 2))
         said = texts.notice(self.link, snapshot)
