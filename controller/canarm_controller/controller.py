@@ -31,6 +31,9 @@ STOPPING_S = 2.0
 FINAL_CYCLES = 2
 """A run that ends as planned needs two more SYNCs: the zero outputs of the first act at the second."""
 MISSING_NOTED = DETECTORS["inputs-missing"].debounce_cycles
+MEASURED = Quantity.POTENTIOMETER, Quantity.TACHOMETER, Quantity.CURRENT_SENSE
+SKEW_FRACTION = 5
+"""An interval that is off by less than a fifth of a cycle is a cycle: at 2 rad/s it moves the angle by 0.05 LSB."""
 REPEAT_CYCLES = 400
 """What is detected again and again at one place is noted once a second."""
 
@@ -97,7 +100,12 @@ class Controller:
         self._noted: dict[tuple[str, str | None], int] = {}
         self._holds = False
         self._hold: SafeHold | None = None
-        self._arrived_ns = self._measured_ns = 0
+        self._arrived_ns = 0
+        self._sync_ns: int | None = None
+        self._sampled_ns: int | None = None
+        self._excess_s = 0.0
+        channels = [(joint, quantity) for joint in range(len(cell.joints)) for quantity in MEASURED]
+        self._scan_ns = round(max(loop.skew_s(*channel) for channel in channels) * 1e9)
         self._missing_cycles = 0
         self._conversation: Conversation | None = self._prepare(listen_ns)
         self._ask: Ask | None = None
@@ -163,7 +171,7 @@ class Controller:
         elif self._conversation is not None:
             if self._ask is not None and self._ask.is_answer(frame):
                 self._converse(frame, now_ns)
-        elif self.state is State.RUNNING or self._holds:
+        elif self.state is State.RUNNING or self.verdict is not None:
             self._judge(self._supervisor.message(frame, self.tick))
 
     def _take_inputs(self, layout: PdoLayout, data: bytes) -> None:
@@ -185,14 +193,18 @@ class Controller:
         if self._conversation is not None and self.deadline_ns is not None:
             self._converse(None, now_ns, silent=True)
 
-    def open_cycle(self) -> None:
-        """Begin a cycle: SYNC goes out, after a heartbeat when one is due."""
+    def open_cycle(self, now_ns: int | None = None) -> None:
+        """Begin a cycle: SYNC goes out, after a heartbeat when one is due.
+
+        On the wall clock `now_ns` says when, in the time that `receive` is given: cycles are seldom of one length.
+        """
         if self.cycle_is_open:
             self._miss()
             self.close_cycle()
         if self.is_finished or self.state is State.BRINGING_UP:
             return
         self.tick += 1
+        self._sync_ns = now_ns
         self._arrivals.open_cycle(self._awaited if self.tick else ())
         if self.tick % self._heartbeat_cycles == 0:
             self.outbox.append(heartbeat_frame(self._node_id, NmtState.OPERATIONAL))
@@ -283,13 +295,7 @@ class Controller:
     def _control(self) -> None:
         loop = self.loop
         if not self._awaited:
-            loop.measure(self._codes, self.tick)
-            self._judge(self._supervisor.measurement(loop.cycle.position_rad))
-            if self.clock is Clock.WALL and not self._is_on_time():
-                self._watch.resume(loop.cycle)
-            else:
-                self._watch.step(loop.cycle, loop.angle_codes, loop.speed_codes, loop.current_codes)
-            self._missing_cycles = 0
+            self._measure()
         else:
             self._watch.coast(loop.cycle)
         if self.state is State.RUNNING:
@@ -302,11 +308,41 @@ class Controller:
                 self.controlled_ticks += 1
                 self._tell_tick()
 
+    def _measure(self) -> None:
+        """Take and judge what the cards have measured."""
+        loop, watch = self.loop, self._watch
+        loop.measure(self._codes, self.tick)
+        is_on_time = self.clock is Clock.SYNC or self._is_on_time()
+        if self.state is State.RUNNING:
+            left_out = max(self._excess_s, 0.0) / loop.period_s
+            self._judge(self._supervisor.measurement(loop.cycle.position_rad, left_out))
+        if is_on_time:
+            watch.step(loop.cycle, loop.angle_codes, loop.speed_codes, loop.current_codes)
+        else:
+            watch.glimpse(loop.cycle, loop.angle_codes, loop.speed_codes, self._excess_s)
+        self._missing_cycles = 0
+
     def _is_on_time(self) -> bool:
-        """Whether these inputs came a cycle after the last: of late ones nobody knows when they were sampled."""
+        """Whether these inputs were sampled a cycle after the last.
+
+        They are sampled when the cards get SYNC: if the answer comes soon, that is when it was sent; one that comes
+        before the scan can be over is the last cycle's. How much more or less than a cycle has passed since the last,
+        less what was predicted meanwhile, must not be lost in any case: `_excess_s` is added up, so that angles
+        integrated over many cycles stay right.
+        """
         period_ns = self.cell.bus.cycle_ns
-        elapsed_ns, self._measured_ns = self._arrived_ns - self._measured_ns, self._arrived_ns
-        return not self._missing_cycles and 2 * abs(elapsed_ns - period_ns) < period_ns
+        sync_ns = self._arrived_ns if self._sync_ns is None else self._sync_ns
+        is_old = self._sync_ns is not None and self._arrived_ns - sync_ns < self._scan_ns
+        sampled_ns = sync_ns - period_ns if is_old else sync_ns
+        last_ns, self._sampled_ns = self._sampled_ns, sampled_ns
+        predicted = self._missing_cycles
+        excess_ns = 0 if last_ns is None else sampled_ns - last_ns - (1 + predicted) * period_ns
+        self._excess_s = excess_ns * 1e-9
+        is_cycle = not predicted and abs(excess_ns) * SKEW_FRACTION < period_ns
+        is_on_time = is_cycle and not is_old and 2 * (self._arrived_ns - sampled_ns) < period_ns
+        if is_on_time and excess_ns:
+            self._watch.shift(self._excess_s)
+        return is_on_time
 
     def _law_output(self) -> Sequence[float] | None:
         """The law's torques, once they are found to be usable."""
@@ -339,7 +375,7 @@ class Controller:
             self._judge(self._supervisor.missing(waiting_for))
 
     def _judge(self, verdict: Verdict | None) -> None:
-        if verdict is not None and (self.state is State.RUNNING or self._holds):
+        if verdict is not None and self.state in (State.RUNNING, State.STOPPING):
             row = DETECTORS[verdict.detector]
             reaction = row.reaction if row.reaction.stops else Reaction.OFF
             self._detect(verdict.detector, verdict.where, verdict.detail, reaction)
@@ -386,9 +422,10 @@ class Controller:
         loop = self.loop
         if not self._awaited:
             if self._stopping_cycles > 1 or not self._holds:
-                loop.measure(self._codes, self.tick)
                 if self._holds:
-                    self._watch.step(loop.cycle, loop.angle_codes, loop.speed_codes, loop.current_codes)
+                    self._measure()
+                else:
+                    loop.measure(self._codes, self.tick)
             still = all(abs(speed) < STANDSTILL_RAD_S for speed in loop.cycle.velocity_rad_s)
             self._still_cycles = self._still_cycles + 1 if still else 0
         limit = FINAL_CYCLES if self.verdict is None else int(STOPPING_S / loop.period_s)

@@ -56,7 +56,8 @@ class ControllerRecorder:
         controller = self._controller
         reason = {} if controller.reason is None else {"reason": controller.reason}
         verdict = {} if controller.verdict is None else {"detector": controller.verdict.detector}
-        self._events.write(max(controller.tick, 0) * self._period_ns, "state", state=state.name, **reason, **verdict)
+        cycle = max(controller.tick, 0)
+        self._events.write(cycle * self._period_ns, "state", cycle=cycle, state=state.name, **reason, **verdict)
         if state is State.RUNNING:
             self._write_memory()
 
@@ -66,6 +67,7 @@ class ControllerRecorder:
         self._events.write(
             detection.tick * self._period_ns,
             "detection",
+            cycle=detection.tick,
             detector=detection.detector,
             **at,
             detail=detection.detail,

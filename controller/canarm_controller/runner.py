@@ -165,7 +165,7 @@ class Runner:
             pacer.begin(counts=controller.state is State.RUNNING)
             if pacer.missed > left_out:
                 controller.note_missed_deadlines(pacer.missed - left_out)
-            controller.open_cycle()
+            controller.open_cycle(self._clock())
             self._flush()
             self._publish()
             self._ask_to_stop()

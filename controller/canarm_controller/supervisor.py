@@ -151,12 +151,12 @@ class Supervisor:
             return Verdict("inputs-missing", f"no {waiting_for} for {self._missing} cycles")
         return None
 
-    def measurement(self, position_rad: Sequence[float]) -> Verdict | None:
+    def measurement(self, position_rad: Sequence[float], left_out: float = 0.0) -> Verdict | None:
         """Judge the measured joint angles: none beyond its stops, none faster than the arm can move.
 
-        After cycles without a measurement it may have moved on in all of them.
+        After cycles without a measurement it may have moved on in all of them, as in `left_out` cycles without SYNC.
         """
-        max_step_rad = self._max_step_rad * (1 + self._missing)
+        max_step_rad = self._max_step_rad * (1 + self._missing + left_out)
         self._missing = 0
         last = self._last_position
         self._last_position = position_rad

@@ -251,7 +251,7 @@ class Supervision(Table):
     range_margin_deg: NonNegative
     max_position_step_deg: Positive
     position_jump_lsb: Positive = 4.5
-    position_drift_lsb: Positive = 1.5
+    position_drift_lsb: Positive = 0.65
     speed_jump_lsb: Positive = 5.0
     speed_drift_lsb: Positive = 2.2
     current_mismatch_a: Positive = 0.075

@@ -99,7 +99,7 @@ class Pair:
                     self.controller.receive(arriving, record.time_ns)
 
     def _cycle_on_the_wall_clock(self) -> None:
-        self.controller.open_cycle()
+        self.controller.open_cycle(self.bench.time_ns)
         self.send()
         self.bench.advance(self.bench.time_ns + self.cell.bus.cycle_ns)
 

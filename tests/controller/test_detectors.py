@@ -126,7 +126,10 @@ FAULTS: dict[str, tuple[str, Callable[[Any], None], int]] = {
 }
 
 
-MASKED = {"saturation": {"following-error", "wrong-direction"}}
+MASKED = {
+    "saturation": {"following-error", "wrong-direction", "acceleration-mismatch"},
+    "following-error": {"acceleration-mismatch", "wrong-direction"},
+}
 """Others that stop the robot before this one is due."""
 
 
@@ -304,3 +307,65 @@ def test_detections_are_told_as_they_come(make_pair) -> None:
     run(pair, FAULTS["tachometer-range"][1], set(), cycles=20)
     assert told == pair.controller.detections
     assert [each.where for each in told] == ["joint2"]
+
+
+class _Failing:
+    """A law's `update` that does what a test wants."""
+
+    def __init__(self, result: Any) -> None:
+        self._result = result
+
+    def __call__(self, cycle: Any) -> Any:
+        if isinstance(self._result, Exception):
+            raise self._result
+        return self._result
+
+
+def _break_law(result: Any) -> Callable[[Any], None]:
+    return lambda pair: setattr(pair.controller.loop.law, "update", _Failing(result))
+
+
+def _fail_recording(pair: Any) -> None:
+    def full() -> None:
+        raise OSError("no space left on device")
+
+    pair.controller.on_tick = full
+
+
+def _silence_heartbeats(pair: Any) -> None:
+    pair.to_controller = lambda frame: () if frame.can_id == 0x714 else (frame,)
+
+
+def _break_both_sensors(pair: Any) -> None:
+    """The tachometer dies first, the potentiometer strays 25 ms later."""
+    at = pair.controller.tick + 1
+
+    def wire(frame: Frame) -> Iterable[Frame]:
+        if frame.can_id != INPUTS:
+            return (frame,)
+        codes = list(struct.unpack(f"<{len(frame.data) // 2}h", frame.data))
+        codes[TACHOMETER] = 0
+        if pair.controller.tick - at > IN_TIME:
+            codes[POTENTIOMETER] += 15 << SHIFT
+        return (frame._replace(data=struct.pack(f"<{len(codes)}h", *codes)),)
+
+    pair.to_controller = wire
+
+
+@pytest.mark.parametrize(
+    ("detector", "inject"),
+    [
+        ("law-failed", _break_law(ZeroDivisionError("of the law"))),
+        ("law-output", _break_law([float("nan"), 0.0])),
+        ("recording-failed", _fail_recording),
+        ("heartbeat-lost", _silence_heartbeats),
+        ("both-sensors", _break_both_sensors),
+        ("interrupted", lambda pair: pair.controller.interrupt("by the user")),
+    ],
+)
+def test_what_is_no_sensor_alone_has_a_detector_that_can_be_switched_off(make_pair, detector: str, inject) -> None:
+    pair = nominal(make_pair)
+    assert detector in {each.detector for each in run(pair, inject, set(), cycles=100)}
+    assert pair.controller.state is not State.RUNNING
+    if detector in ("both-sensors", "heartbeat-lost"):
+        assert detector not in {each.detector for each in run(nominal(make_pair), inject, {detector}, cycles=100)}

@@ -28,6 +28,12 @@ class BlindObserver:
         self.position_rad += self._period_s * (self.velocity_rad_s + 0.5 * step_rad_s)
         self.velocity_rad_s += step_rad_s
 
+    def shift(self, excess_s: float, acceleration_rad_s2: float) -> None:
+        """The cycle was so much longer."""
+        step_rad_s = excess_s * (acceleration_rad_s2 + self.bias)
+        self.position_rad += excess_s * (self.velocity_rad_s + 0.5 * step_rad_s)
+        self.velocity_rad_s += step_rad_s
+
     def correct(self, measured_rad: float) -> None:
         """Take the potentiometer's angle."""
         off = measured_rad - self.position_rad

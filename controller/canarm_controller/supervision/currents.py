@@ -9,24 +9,41 @@ from canarm_protocol.cell import Joint, Quantity, Supervision
 from canarm_protocol.wiring import sensor_scale
 
 from .detection import Reaction
-from .witness import HIGHEST_CODE, Report
+from .limits import HIGHEST_CODE, Report
+from .vote import Ballot
 
 STEP_FRACTION = 0.2
 """Of a change of command, allowed on top: the time constant is known to about a quarter, e^-0.8 to 0.09, and the code
 of the DAC is rounded."""
-SMALLEST_CYCLES, JUDGED_CYCLES = 2, 8
+FLUTTER_SHARE, FLUTTER_GAIN = 0.2, 0.25
+"""Of the limit, 15 mA: how much the difference may change from one reading to the next, on average over four. 5 mA
+occur, and no error of offset or gain makes more: then the current does not follow the command."""
+SMALLEST_CYCLES, NOTED_CYCLES, ABRUPT_CYCLES = 2, 8, 24
+FLUTTER_NOTED_CYCLES, FLUTTER_CYCLES, CALMING = 3, 16, 0.25
+"""A current that does not follow is noted, and if the sense is not found to be the reason, the torque is taken away."""
 DECISIVE_LSB = 4.0
 """Steps of the tachometer: when the missing torque should have made so much speed, it can be seen whether it did."""
+UNEXPLAINED_SHARE, UNEXPLAINED_CYCLES = 1.2, 16
+"""Of the limit: a difference of that size which nobody could blame on the sense for so long takes the torque away."""
+FASTEST_SHARE = 0.98
+"""Of the tachometer's range: beyond it nobody knows the back-EMF."""
 SUPPLY_SHARE = 0.85
 """Of what the supply can drive against the back-EMF: near that, the amplifier need not follow."""
 
 
 class CurrentWatch:
-    """One joint: the sense gives |i| at its own time after SYNC; the command acts at SYNC, through the winding."""
+    """One joint: the sense gives |i| at its own time after SYNC; the command acts at SYNC, through the winding.
+
+    Two ways to differ: by `current_mismatch_a`, or by a difference that flutters, as it does when the current follows
+    an old command or noise. Then the arm votes. What begins at once is judged by the speed that the missing torque
+    should make; of what begins slowly only its ups and downs can be told from another payload.
+    """
 
     __slots__ = (
-        "_amperes", "_bias", "_code", "_command_a", "_deficit_nm_s", "_emf_v", "_limit_a", "_model", "_ohm",
-        "_period_s", "_report", "_speed", "_speed_lsb", "_step_a", "_supply_v", "_weight", "cycles", "is_given_up",
+        "_amperes", "_ballot", "_bias", "_code", "_command_a", "_deficit_nm_s", "_emf_v", "_fastest_rad_s",
+        "_flutter_a", "_flutter_cycles", "_flutter_limit_a", "_is_abrupt", "_last_off_a", "_limit_a", "_model",
+        "_ohm", "_period_s", "_report", "_speed", "_speed_lsb", "_step_a", "_supply_v", "_unexplained_cycles",
+        "_weight", "cycles", "is_given_up",
     )  # fmt: skip
 
     def __init__(
@@ -36,16 +53,23 @@ class CurrentWatch:
         self._report = report
         self._step_a = sensor_scale(joint, Quantity.CURRENT_SENSE).step
         self._limit_a = limits.current_mismatch_a
+        self._flutter_limit_a = FLUTTER_SHARE * limits.current_mismatch_a
         self._weight = math.exp(-skew_s / (motor.winding_mh * 1e-3 / motor.winding_ohm))
         self._supply_v, self._ohm = joint.amplifier.supply_v, motor.winding_ohm / SUPPLY_SHARE
         self._emf_v = motor.back_emf_v_s_rad
+        self._fastest_rad_s = FASTEST_SHARE * joint.sensors.tachometer_full_scale_rad_s
         self._amperes = 1.0 / motor.torque_per_ampere
         self._period_s, self._speed_lsb = period_s, speed_lsb
         self.cycles = 0
         """For how long measurement and command have differed."""
         self.is_given_up = False
         """Whether the sense has been found wrong; it is not looked at any more."""
-        self._deficit_nm_s = self._speed = self._model = self._bias = self._command_a = 0.0
+        self._ballot = Ballot(speed_lsb)
+        self._is_abrupt = False
+        self._unexplained_cycles = 0
+        self._flutter_cycles = 0.0
+        self._flutter_a = self._last_off_a = self._deficit_nm_s = self._command_a = 0.0
+        self._speed = self._model = self._bias = 0.0
         self._code = 0
 
     def differs(self, code: int, command_nm: float, last_nm: float, speed_rad_s: float) -> float:
@@ -56,15 +80,33 @@ class CurrentWatch:
         if expected_a < 0.0:
             expected_a = -expected_a
         off_a = code * self._step_a - expected_a
-        limit_a = self._limit_a + STEP_FRACTION * (change_a if change_a > 0.0 else -change_a)
-        if -limit_a < off_a < limit_a:
+        allowed_a = STEP_FRACTION * (change_a if change_a > 0.0 else -change_a)
+        change_off_a, self._last_off_a = off_a - self._last_off_a, off_a
+        flutter_a = self._flutter_a
+        flutter_a += FLUTTER_GAIN * ((change_off_a if change_off_a > 0.0 else -change_off_a) - allowed_a - flutter_a)
+        self._flutter_a = flutter_a
+        limit_a = self._limit_a + allowed_a
+        is_within = -limit_a < off_a < limit_a
+        if is_within and flutter_a < (0.5 * self._flutter_limit_a if self.cycles else self._flutter_limit_a):
             self.cycles = 0
+            if self._flutter_cycles:
+                self._flutter_cycles = max(self._flutter_cycles - CALMING, 0.0)
             return 0.0
         along_rad_s = speed_rad_s if command_a > 0.0 else -speed_rad_s
-        if self.is_given_up or (off_a < 0.0 and expected_a > (self._supply_v - self._emf_v * along_rad_s) / self._ohm):
+        is_short = expected_a > (self._supply_v - self._emf_v * along_rad_s) / self._ohm
+        is_unknown = not -self._fastest_rad_s < speed_rad_s < self._fastest_rad_s
+        if self.is_given_up or is_unknown or (off_a < 0.0 and is_short):
+            self._flutter_a = 0.0
             return 0.0
+        if not self.cycles:
+            self._is_abrupt = not is_within and abs(change_off_a) > 0.5 * self._limit_a
         self._code, self._command_a = code, command_a
         return off_a
+
+    def forget(self) -> None:
+        """A cycle of unknown length: begin anew."""
+        self.cycles, self._flutter_a = 0, 0.0
+        self._ballot.clear()
 
     def judge(self, off_a: float, speed_rad_s: float, model_rad_s: float, bias_rad_s2: float, mobility: float) -> None:
         """Look into a difference: speed, ∫model and acceleration bias of the joint, rad/s² a N·m of it."""
@@ -72,22 +114,51 @@ class CurrentWatch:
         self.cycles += 1
         if self.cycles == 1:
             self._speed, self._model, self._bias, self._deficit_nm_s = speed_rad_s, model_rad_s, bias_rad_s2, 0.0
+            self._unexplained_cycles = 0
+            self._ballot.open_window()
             return
         sign = 1.0 if command_a >= 0.0 else -1.0
         self._deficit_nm_s += self._period_s * sign * off_a / self._amperes
         due = self._deficit_nm_s * mobility
         elapsed_s = (self.cycles - 1) * self._period_s
         unexplained = speed_rad_s - self._speed - (model_rad_s - self._model) - elapsed_s * self._bias
-        is_clear = abs(due) > DECISIVE_LSB * self._speed_lsb
-        if self.cycles <= SMALLEST_CYCLES or not (is_clear or self.cycles >= JUDGED_CYCLES):
-            return
         detail = f"{off_a:+.2f} A from the {command_a:+.2f} A commanded"
+        if self._is_abrupt and self.cycles <= ABRUPT_CYCLES:
+            self._judge_abrupt(off_a, due, unexplained, detail)
+        elif self._ballot.cast(due, unexplained):
+            if self._ballot.is_for:
+                self._report("current-mismatch", f"{detail}, and the arm goes with it", None)
+            else:
+                self._blame_sense(detail)
+        if self.cycles:
+            self._judge_lasting(off_a, detail)
+
+    def _judge_lasting(self, off_a: float, detail: str) -> None:
+        """Nothing is decided yet: note it, and do not wait for ever."""
+        flutters = self._flutter_a > self._flutter_limit_a
+        self._flutter_cycles = max(self._flutter_cycles + (1.0 if flutters else -CALMING), 0.0)
+        if self.cycles == NOTED_CYCLES or self._flutter_cycles == FLUTTER_NOTED_CYCLES:
+            self._report("current-mismatch", f"{detail}: amplifier or sense", Reaction.DEGRADED)
+        if self._is_abrupt and self.cycles <= ABRUPT_CYCLES:
+            return
+        is_large = abs(off_a) > UNEXPLAINED_SHARE * self._limit_a
+        self._unexplained_cycles = self._unexplained_cycles + 1 if is_large else 0
+        if self._unexplained_cycles > UNEXPLAINED_CYCLES or self._flutter_cycles > FLUTTER_CYCLES:
+            self._report("current-mismatch", f"{detail}, and the sense cannot be blamed", None)
+
+    def _judge_abrupt(self, off_a: float, due: float, unexplained: float, detail: str) -> None:
+        """It began at once: the speed that it makes tells amplifier and sense apart."""
+        is_clear = abs(due) > DECISIVE_LSB * self._speed_lsb
+        if self.cycles <= SMALLEST_CYCLES or not is_clear:
+            return
         if unexplained * due > 0.5 * due * due or (off_a > 0.0 and abs(unexplained) > 0.5 * abs(due)):
-            # An amplifier that gives too little can still help to hold the arm; one that gives too much cannot.
-            self._report("current-mismatch", detail, Reaction.HOLD if off_a < 0.0 else None)
+            self._report("current-mismatch", detail, None)
             self.cycles = 0
-        elif self.cycles >= JUDGED_CYCLES:
-            at_end = self._code in (0, HIGHEST_CODE)
-            name = "current-sense-range" if at_end else "current-sense-mismatch"
-            self.is_given_up = self._report(name, f"code {self._code}" if at_end else detail, None)
-            self.cycles = 0
+        elif self.cycles >= NOTED_CYCLES:
+            self._blame_sense(detail)
+
+    def _blame_sense(self, detail: str) -> None:
+        at_end = self._code in (0, HIGHEST_CODE)
+        name = "current-sense-range" if at_end else "current-sense-mismatch"
+        self.is_given_up = self._report(name, f"code {self._code}" if at_end else detail, None)
+        self.cycles = 0

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from ..dynamics import NominalArm
 from ..laws.base import Cycle
 
-DECELERATION_RAD_S2 = 15.0
-"""Of the reference: from 2.5 rad/s to rest in 0.17 s. It takes 1.65 N·m at konkuk1's joint 2, a quarter of what its
+DECELERATION_RAD_S2 = 20.0
+"""Of the reference: from 2.5 rad/s to rest in 0.13 s. It takes 2.2 N·m at konkuk1's joint 2, a third of what its
 amplifier has; gravity may take another half."""
 STIFFNESS_RAD_S, DAMPING_RATIO = 12.0, 1.0
 SHARE = 0.98

@@ -4,52 +4,56 @@ Owns the residuals of a joint and which sensor is to blame. Plain floats: `step`
 Names of joints and cards, and how the robot is stopped, must not enter.
 """
 
-from collections.abc import Callable
 from enum import Enum
 
 from canarm_protocol.cell import Supervision
 
 from .blind import BlindObserver
-from .detection import Reaction
-
-Report = Callable[[str, str, Reaction | None], bool]
-"""Detector, detail and, where it is not the table's, the reaction. False if that detector is switched off."""
+from .limits import HIGHEST_CODE, NOISE_MASK, JointLimits, Report
+from .noisiness import SPIKE_CYCLES, SPIKES, TURNS, SpikeCount, TurnCount
+from .step_trial import StepTrial
 
 BANDWIDTH_RAD_S = 30.0
 """Of the observer of speed and acceleration bias: fast enough for gravity of a wrong payload along a swing (10 rad/s³
 leave 10/30² rad/s = 0.6 LSB), slow enough that a step of either shows in full."""
 DRIFT_S = 6.0
 """In which the tachometer's offset is learned from the potentiometer; shorter at first."""
+MISMATCH_GAIN = 1.0 / 16.0
+"""White noise of 0.42 LSB leaves 0.42/sqrt(31) = 0.075 LSB; a step of 3 LSB passes 0.65 LSB in the fourth cycle."""
+EARLY_CYCLES, EARLY_FACTOR = 800, 2.3
+"""Two seconds in which base and offset of the tachometer are learned, and a wire takes up what the arm carries."""
 CALM_CYCLES, UNREST_FACTOR = 100, 2.5
 """After the start, or after the arm has changed, the payload's weight is not known: wider limits of the speed."""
-DOUBT_LSB, DOUBT_CYCLES = 2.7, 400
-"""A speed off by this is no fault, but remembered for a second: a payload of ±50 % leaves 2.2."""
+SWINGING_CYCLES = 200
+"""Half a second in which an arm that has left its support swings on elastic wires: turns of its speed are no noise."""
+BLURRED_CYCLES, LONGEST_GAP_S = 40, 0.1
+"""After a measurement whose time is known badly, limits are the wide ones; after a longer gap residuals begin anew."""
+GAP_FACTOR = 6.0
+"""Of the limit of the speed: over 50 ms friction may have turned its sign, and payload 12 rad/s² too little."""
+DOUBT_CYCLES = 400
 STUCK_SPEED_LSB, STUCK_CYCLES = 4.5, 8
 STUCK_HASTE, STUCK_SURE_CYCLES = 1.45, 24
 """The model's speed must have changed by this while the tachometer's code has not; by more if not for long."""
-STUCK_TRAVEL_LSB = 0.9
-"""The tachometer must have turned this far while the potentiometer's code has not changed."""
-JUDGED_CYCLES = 9
-"""After a step of the speed, so long until it is decided whether arm or tachometer made it: 22.5 ms."""
-SMALLEST_LEAD_LSB, ARM_SHARE = 0.5, 0.65
-"""A step that would have moved the angle by less than half a step of the potentiometer is taken for the tachometer's;
-of others, this share must be seen there. With 0.42 LSB of noise a step of 1 rad/s is judged to 0.15."""
+STUCK_TRAVEL_LSB, STUCK_SUSPECT_LSB, STUCK_SOON_CYCLES = 1.25, 0.5, 6
+"""The tachometer must have turned this far while the potentiometer's code has not changed; if it has turned some of the
+way and will soon have turned the rest, the verdict waits."""
+SLOW_SHARE = 0.35
+"""Of a mismatch that was there 16 to 32 cycles ago: then it grows by less than 0.1 rad/s."""
 RANGE_CYCLES = 2
 PERSISTENT_CYCLES = 4
 STEP_SHARE = 0.75
 """Of the limit, that a speed must change by from one cycle to the next to have stepped; else the arm accelerates."""
 UNSETTLED_CYCLES = 80
 """If motor and joint part company so soon after an unexpected acceleration, it is what joins them that has broken."""
-SPIKES, SPIKE_CYCLES = 3, 80
-TURNS, TURN_CYCLES = 3, 40
-"""A doubtful speed that turns to the other side so often, each time within 0.1 s."""
 LEARNING_MASK = 15
 """The rate of learning changes every 16 cycles."""
 AGREE_CYCLES = 100
-"""A sensor that has failed is believed again after it has agreed with the others for so long."""
+"""A noisy potentiometer is believed again after it has agreed with the tachometer for so long."""
+AGREE_AGAIN_CYCLES, AGREE_FACTOR, TOLD_SPEED_LSB = 400, 1.5, 25.0
+"""A tachometer is believed again after a second of agreement in which the joint turned both ways: one that lags, or
+reads too little, agrees as well while the speed is right by chance."""
 BLIND_FACTOR = 2.0
 """With a sensor less, the limits of the other are wider."""
-HIGHEST_CODE = 255
 
 
 class Mode(Enum):
@@ -75,18 +79,18 @@ class JointWitness:
 
     a is the nominal model's acceleration under the commanded current, b what it lacks: another payload, friction.
     Noise of 0.3 LSB and rounding leave 0.42 LSB in one reading of either sensor. Measured in fault-free runs of all
-    laws with a payload of -50..+50 %: |ν| <= 2.2 LSB, filtered 1.3; |e| <= 1.7 LSB, filtered 0.6.
+    laws with a payload of -50..+50 %: |ν| <= 2.5 LSB, filtered 1.3; |e| <= 1.9 LSB, filtered 0.5.
     """
 
     __slots__ = (
-        "_accel_gain", "_agreed", "_astray_cycles", "_base", "_base_gain", "_blind", "_calm_at", "_code",
-        "_code_bias", "_code_cycles", "_code_model", "_doubt_limit", "_doubt_until", "_drift_limit",
-        "_followed_rad2", "_half_s", "_jump_limit", "_last_off", "_learn_from", "_learning_cycles", "_misled_rad",
-        "_misled_rad2", "_mismatch", "_offset", "_offset_gain", "_period_s", "_position_lsb", "_report",
-        "_settled_at", "_speed_gain", "_speed_lsb", "_spikes", "_spikes_until", "_step_limit", "_step_rad_s",
-        "_stepped", "_stepped_until", "_stuck_limit", "_swing", "_swing_limit", "_travel", "_turned_at",
-        "_turned_off", "_turns", "_upset_at", "_x_code", "_x_travel", "bias", "cycles", "is_agitated", "mode",
-        "model_rad_s", "position_rad", "speed", "velocity_rad_s",
+        "_accel_gain", "_agreed", "_astray_cycles", "_base", "_base_gain", "_blind", "_blurred_until",
+        "_calm_at", "_code", "_code_at", "_code_bias", "_code_cycles", "_code_model", "_doubt_until",
+        "_fastest", "_half_s", "_last_off", "_last_rad_s", "_learn_from", "_learning_cycles", "_limits",
+        "_mismatch", "_new_mismatch", "_offset", "_offset_gain", "_old_mismatch", "_period_s", "_position_lsb",
+        "_report", "_settled_at", "_speed_gain", "_speed_lsb", "_spikes", "_stepped", "_stepped_until",
+        "_stuck_limit", "_swing", "_told_speed", "_travel", "_trial", "_turns", "_upset_at", "_x_code",
+        "_x_travel", "bias", "cycles", "is_agitated", "mode", "model_rad_s", "position_rad", "speed",
+        "velocity_rad_s",
     )  # fmt: skip
 
     def __init__(
@@ -99,34 +103,34 @@ class JointWitness:
         report: Report,
     ) -> None:
         self._report = report
+        self._limits = JointLimits(limits, position_lsb, speed_lsb)
         self._position_lsb, self._speed_lsb, self._period_s = position_lsb, speed_lsb, period_s
         self._half_s = 0.5 * period_s - tachometer_skew_s
-        self._jump_limit = limits.position_jump_lsb * position_lsb
-        self._drift_limit = limits.position_drift_lsb * position_lsb
-        self._step_limit = limits.speed_jump_lsb * speed_lsb
-        self._swing_limit = limits.speed_drift_lsb * speed_lsb
-        self._doubt_limit = min(DOUBT_LSB, limits.speed_jump_lsb) * speed_lsb
+        self._told_speed = TOLD_SPEED_LSB * speed_lsb
         self._stuck_limit = STUCK_SPEED_LSB * speed_lsb
         self._speed_gain = 2.0 * BANDWIDTH_RAD_S * period_s
         self._accel_gain = BANDWIDTH_RAD_S**2 * period_s
         self._learning_cycles = round(DRIFT_S / period_s)
         self._blind = BlindObserver(period_s)
+        self._trial = StepTrial(position_lsb, period_s)
         self.start(0.0)
 
     def start(self, position_rad: float) -> None:
         """At rest at a measured angle."""
         self.mode = _SOUND
+        self._limits.start()
+        self._spikes, self._turns = {"potentiometer": SpikeCount(), "tachometer": SpikeCount()}, TurnCount()
         self.cycles = self._learn_from = 0
-        self.speed = self.bias = self.model_rad_s = 0.0
-        self._travel = self._mismatch = self._swing = self._offset = self._misled_rad = self._step_rad_s = 0.0
+        self.speed = self.bias = self.model_rad_s = self._last_rad_s = 0.0
+        self._travel = self._mismatch = self._swing = self._offset = self._last_off = 0.0
+        self._old_mismatch = self._new_mismatch = 0.0
+        self._fastest = 0.0, 0.0
         self._base = position_rad
         self._code = self._x_code = -1
-        self._code_cycles = self._spikes = self._astray_cycles = self._stepped = self._agreed = 0
+        self._code_at = self._code_cycles = self._astray_cycles = self._stepped = self._agreed = 0
         self._code_model = self._code_bias = self._x_travel = 0.0
         self._calm_at = CALM_CYCLES
-        self._doubt_until = self._spikes_until = self._stepped_until = -1
-        self._followed_rad2 = self._misled_rad2 = self._last_off = 0.0
-        self._turned_at, self._turned_off, self._turns = -TURN_CYCLES, 0.0, 0
+        self._doubt_until = self._stepped_until = self._blurred_until = -1
         self._settled_at = self._upset_at = -UNSETTLED_CYCLES
         self._set_rate()
         self.is_agitated = False
@@ -134,13 +138,18 @@ class JointWitness:
         self.position_rad, self.velocity_rad_s = position_rad, 0.0
         """What to believe where `step` says so."""
 
+    @property
+    def is_upset(self) -> bool:
+        """Whether its speed has surprised within the last second, the start apart."""
+        return self._upset_at > CALM_CYCLES and self.cycles < self._upset_at + DOUBT_CYCLES
+
     def step(self, x: float, v: float, acceleration: float, x_code: int, v_code: int) -> bool:
         """Take one cycle: angle, speed, and the model's acceleration since the last one (rad, rad/s, rad/s²).
 
         Returns True where `position_rad` and `velocity_rad_s` are to be taken instead of the measurement.
         """
         period_s = self._period_s
-        self.cycles += 1
+        count = self.cycles = self.cycles + 1
         model = self.model_rad_s = self.model_rad_s + period_s * acceleration
         bias, travel = self.bias, self._travel
         predicted = self.speed + period_s * (acceleration + bias)
@@ -148,25 +157,27 @@ class JointWitness:
         is_stuck = False
         if v_code != self._code:
             self._code, self._code_cycles, self._code_model, self._code_bias = v_code, 0, model, bias
+            self._code_at = count
         else:
             cycles = self._code_cycles = self._code_cycles + 1
-            if cycles >= STUCK_CYCLES and self.cycles >= self._calm_at:
-                moved = model - self._code_model + cycles * period_s * self._code_bias
+            if cycles >= STUCK_CYCLES and count >= self._calm_at:
+                moved = model - self._code_model + (count - self._code_at) * period_s * self._code_bias
                 limit = self._stuck_limit if cycles >= STUCK_SURE_CYCLES else STUCK_HASTE * self._stuck_limit
                 is_stuck = not -limit < moved < limit
         if x_code != self._x_code:
             self._x_code, self._x_travel = x_code, travel
         if self.mode is not _SOUND:
-            return self._step_unsound(x, v, acceleration, predicted, x_code, v_code)
+            return self._step_unsound(x, v, acceleration, predicted, v_code)
         astray = x - travel - self._half_s * v - self._base
         mismatch = self._mismatch
-        mismatch += (astray - mismatch) * 0.125
+        mismatch += (astray - mismatch) * MISMATCH_GAIN
         swing = self._swing
         swing += (off - swing) * 0.125
-        limit, drift, doubt, swing_limit = self._jump_limit, self._drift_limit, self._doubt_limit, self._swing_limit
+        limits = self._limits
+        jump, drift, doubt, swing_limit = limits.jump, limits.drift, limits.doubt, limits.swing
         if (
             is_stuck
-            or not -limit < astray < limit
+            or not -jump < astray < jump
             or not -drift < mismatch < drift
             or not -doubt < off < doubt
             or not -swing_limit < swing < swing_limit
@@ -174,14 +185,18 @@ class JointWitness:
             or not 0 < v_code < HIGHEST_CODE
         ) and self._examine(x, predicted, off, astray, mismatch, swing, is_stuck):
             return True
+        if not count & NOISE_MASK:
+            limits.learn(astray, mismatch, off - self._last_off)
+            if not count & LEARNING_MASK:
+                self._set_rate()
+                self._old_mismatch, self._new_mismatch = self._new_mismatch, mismatch
         self.speed = predicted + self._speed_gain * off
         self.bias = bias + self._accel_gain * off
         self._swing = swing
         self._last_off = off
+        self._last_rad_s = v
         self._travel = travel + period_s * v
         self._mismatch = mismatch
-        if not self.cycles & LEARNING_MASK:
-            self._set_rate()
         self._base += period_s * self._offset + self._base_gain * astray
         self._offset += self._offset_gain * astray
         return False
@@ -192,20 +207,50 @@ class JointWitness:
         self.model_rad_s += self._period_s * acceleration
         predicted = self.speed + self._period_s * (acceleration + self.bias)
         self._blind.predict(acceleration)
-        self._code_cycles = 0
+        self._blurred_until = self.cycles + BLURRED_CYCLES
         self._advance(predicted, predicted)
         self._substitute(self._angle(predicted), predicted)
 
-    def resume(self, x: float, v: float) -> None:
-        """A cycle after a gap of unknown length."""
-        if self.mode is _SOUND:
-            self.speed = v
+    def shift(self, excess_s: float, acceleration: float) -> None:
+        """The time to the next measurement is `excess_s` longer than a cycle."""
+        speed = self._last_rad_s if self.mode is _SOUND else self.speed
+        step_rad_s = excess_s * (acceleration + self.bias)
+        self._travel += excess_s * (speed + 0.5 * step_rad_s)
+        self._base += excess_s * self._offset
+        self.speed += step_rad_s
+        self.model_rad_s += excess_s * acceleration
+        self._blind.shift(excess_s, acceleration)
+
+    def glimpse(self, x: float, v: float, acceleration: float, x_code: int, v_code: int, is_gap: bool) -> bool:
+        """As `step`, but when this was measured is known badly: integrate, and judge only what time does not enter.
+
+        `is_gap`: so badly that the residuals begin anew.
+        """
+        self._blurred_until = self.cycles + BLURRED_CYCLES
+        if self.mode is Mode.STEP:
+            self.mode = _SOUND  # a verdict needs cycles in a row
+        if self.mode is not _SOUND or (v_code == self._code and not is_gap and self._code_cycles >= STUCK_CYCLES):
+            return self.step(x, v, acceleration, x_code, v_code)
+        predicted = self.speed + self._period_s * (acceleration + self.bias)
+        off, limit = v - predicted, GAP_FACTOR * self._limits.step
+        self.cycles += 1
+        self.model_rad_s += self._period_s * acceleration
+        if v_code != self._code:
+            self._code, self._code_cycles, self._code_model, self._code_bias = v_code, 0, self.model_rad_s, self.bias
+            self._code_at = self.cycles
+        else:
+            self._code_cycles += 1
+        is_believed = is_gap or -limit < off < limit
+        v = v if is_believed else predicted
+        if is_gap:
             self._base = x - self._travel - self._half_s * v - self._mismatch
-            self._travel += self._period_s * v
-        elif self.mode is Mode.STEP:
-            self._believe_step(v)
+        angle = self._angle(v)
         self._last_off = self._swing = 0.0
-        self._code_cycles = 0
+        self._last_rad_s = v
+        self._advance(v, v)
+        is_near = abs(x - angle) < BLIND_FACTOR * self._limits.jump
+        self._substitute(x if is_near else angle, v)
+        return not (is_believed and is_near)
 
     def settle(self, bias_rad_s2: float) -> None:
         """The acceleration that the model lacked has been looked into."""
@@ -225,79 +270,77 @@ class JointWitness:
         self, x: float, predicted: float, off: float, astray: float, mismatch: float, swing: float, is_stuck: bool
     ) -> bool:
         """Something is unusual. True if this cycle's measurement must not be learned from."""
+        limits, count = self._limits, self.cycles
         if self._judge_angle(x, predicted, off, astray):
             return True
-        if self._code in (0, HIGHEST_CODE) and abs(off) < self._step_limit * UNREST_FACTOR:
-            self.resume(x, predicted)  # as fast as that, and perhaps faster: nothing can be told from it
+        if self._code in (0, HIGHEST_CODE) and abs(off) < limits.step * UNREST_FACTOR:
+            # As fast as that, and perhaps faster: nothing can be told from it.
+            self._base = x - self._travel - self._half_s * predicted - self._mismatch
+            self._last_off = self._swing = 0.0
+            self._advance(predicted, predicted)
             return self._substitute(x, predicted)
         if is_stuck and self._report("tachometer-stuck", self._stuck_detail(), None):
             return self._lose_tachometer(x, predicted)
-        if not -self._doubt_limit < off < self._doubt_limit and self._is_noisy(off):
+        is_doubtful = not -limits.doubt < off < limits.doubt
+        turns = is_doubtful and count > SWINGING_CYCLES and self._turns.is_too_many(count, off)
+        if turns and self._report("sensor-noise", f"tachometer: {TURNS} turns", None):
             return self._lose_tachometer(x, predicted)
-        factor = UNREST_FACTOR if self.cycles < self._calm_at else 1.0
-        limit = self._step_limit * factor
-        if not -limit < off < limit and abs(off - self._last_off) < STEP_SHARE * limit:
+        factor = UNREST_FACTOR if count < self._calm_at or count < self._blurred_until else 1.0
+        step = limits.step * factor
+        if not -step < off < step:
             self.is_agitated = True
-        elif not -limit < off < limit:
-            self.mode, self._stepped, self._step_rad_s = Mode.STEP, 0, off
-            self._misled_rad = self._period_s * off
-            self._misled_rad2 = self._followed_rad2 = 0.0
+            if abs(off - self._last_off) >= STEP_SHARE * step:
+                self.mode = Mode.STEP
+                self._trial.begin(off)
+                self._advance(predicted, predicted)
+                return self._substitute(x, predicted)
+        if is_doubtful:
+            self._doubt_until = count + DOUBT_CYCLES
+        if not -limits.swing * factor < swing < limits.swing * factor:
             self.is_agitated = True
-            self._advance(predicted, predicted)
-            return self._substitute(x, predicted)
-        if not -self._doubt_limit < off < self._doubt_limit:
-            self._doubt_until = self.cycles + DOUBT_CYCLES
-        limit = self._swing_limit * factor
-        if not -limit < swing < limit:
-            self.is_agitated = True
-        if not -self._drift_limit < mismatch < self._drift_limit:
-            return self._judge_mismatch(x, predicted, mismatch)
-        return False
+        is_wide = count < max(self._stepped_until, self._blurred_until)
+        drift = limits.drift * (EARLY_FACTOR if is_wide or count < self._learn_from + EARLY_CYCLES else 1.0)
+        return not -drift < mismatch < drift and self._judge_mismatch(x, predicted, mismatch)
 
     def _judge_angle(self, x: float, predicted: float, off: float, astray: float) -> bool:
         """The potentiometer against the integrated tachometer in one cycle: no tachometer is that fast wrong."""
-        if -self._jump_limit < astray < self._jump_limit:
+        if -self._limits.jump < astray < self._limits.jump:
             if self._astray_cycles:
                 self._astray_cycles = 0
                 self._spike("potentiometer")
             return False
         self._astray_cycles += 1
-        speed = predicted + self._speed_gain * off
-        angle = x - astray
         if self._astray_cycles >= PERSISTENT_CYCLES:
             at_end = self._x_code in (0, HIGHEST_CODE)
             name = "potentiometer-range" if at_end else "potentiometer-jump"
-            detail = f"code {self._x_code}" if at_end else self._angle_detail(astray)
-            if self._report(name, detail, None):
+            if self._report(name, f"code {self._x_code}" if at_end else self._angle_detail(astray), None):
                 self.mode = Mode.NO_POTENTIOMETER
-        self._advance(speed, predicted + off)
+        self._advance(predicted + self._speed_gain * off, predicted + off)
         self.bias += self._accel_gain * off
-        return self._substitute(angle, predicted + off)
-
-    def _is_noisy(self, off: float) -> bool:
-        """Whether the speed strays to one side and the other: an arm cannot, and a fault of another kind does not."""
-        if self.cycles > self._turned_at + TURN_CYCLES:
-            self._turns = 0
-        elif off * self._turned_off < 0.0:
-            self._turns += 1
-        self._turned_at, self._turned_off = self.cycles, off
-        return self._turns >= TURNS and self._report("sensor-noise", f"tachometer: {TURNS} turns", None)
+        return self._substitute(x - astray, predicted + off)
 
     def _judge_mismatch(self, x: float, predicted: float, mismatch: float) -> bool:
         """Potentiometer and integrated tachometer have drifted apart."""
         detail = self._angle_detail(mismatch)
-        turned = self._travel - self._x_travel
+        lsb = self._position_lsb
+        turned = abs(self._travel - self._x_travel)
+        soon = turned + STUCK_SOON_CYCLES * self._period_s * abs(predicted)
         if self.cycles < self._settled_at + UNSETTLED_CYCLES:
             name = "drive-broken"
         elif self.cycles < self._stepped_until:
             name = "tachometer-mismatch"
-        elif abs(turned) > STUCK_TRAVEL_LSB * self._position_lsb:
-            detail = f"code {self._x_code} while the tachometer turned {turned / self._position_lsb:.1f} LSB"
+        elif turned > STUCK_TRAVEL_LSB * lsb:
+            detail = f"code {self._x_code} while the tachometer turned {turned / lsb:.1f} LSB"
             name = "potentiometer-stuck"
+        elif turned > STUCK_SUSPECT_LSB * lsb and soon > STUCK_TRAVEL_LSB * lsb:
+            return False
         elif self.cycles < self._doubt_until or self._code_cycles >= STUCK_CYCLES:
             name = "tachometer-mismatch"
         else:
             name = "potentiometer-mismatch"
+            if self._old_mismatch * mismatch > SLOW_SHARE * mismatch * mismatch:
+                # Either may drift; a potentiometer that slow still holds the arm, a tachometer soon does not.
+                return self._report(name, f"{detail}, slowly", None) and self._lose_tachometer(x, predicted)
         if not self._report(name, detail, None):
             return False
         if name == "tachometer-mismatch":
@@ -306,9 +349,7 @@ class JointWitness:
         self._advance(predicted, predicted)
         return self._substitute(x - mismatch, predicted)
 
-    def _step_unsound(
-        self, x: float, v: float, acceleration: float, predicted: float, x_code: int, v_code: int
-    ) -> bool:
+    def _step_unsound(self, x: float, v: float, acceleration: float, predicted: float, v_code: int) -> bool:
         if self.mode is Mode.STEP:
             return self._judge_step(x, v, predicted, v_code)
         if self.mode is Mode.NO_TACHOMETER:
@@ -320,32 +361,26 @@ class JointWitness:
 
     def _judge_step(self, x: float, v: float, predicted: float, v_code: int) -> bool:
         """The speed has stepped away from the model. The angle decides whether the arm did, or only the tachometer."""
-        self._stepped += 1
-        off, step = v - predicted, self._step_rad_s
-        self._misled_rad += self._period_s * off
-        angle = self._angle(predicted)
-        led = self._misled_rad
-        self._followed_rad2 += led * (x - angle - self._mismatch)
-        self._misled_rad2 += led * led
-        if abs(off) < max(0.4 * abs(step), self._doubt_limit):
+        trial, off, limits = self._trial, v - predicted, self._limits
+        step = trial.step_rad_s
+        trial.take(off, x - self._angle(predicted) - self._mismatch)
+        if abs(off) < max(0.4 * abs(step), limits.doubt):
             self.mode = _SOUND
             if not self._spike("tachometer"):
                 return self._lose_tachometer(x, predicted)
         elif off * step < 0.0 and self._report("sensor-noise", "tachometer: one way, then the other", None):
             return self._lose_tachometer(x, predicted)
-        elif v_code in (0, HIGHEST_CODE) and self._stepped >= RANGE_CYCLES - 1:
+        elif v_code in (0, HIGHEST_CODE) and trial.cycles >= RANGE_CYCLES - 1:
             if self.cycles < self._settled_at + UNSETTLED_CYCLES:
                 self._report("overspeed", f"tachometer at code {v_code}", None)
                 return self._believe_step(v)
             if self._report("tachometer-range", f"code {v_code}", None):
                 return self._lose_tachometer(x, predicted)
-        elif off * step > 0.0 and self._stepped >= 2 and abs(off) > 1.6 * abs(step) + self._doubt_limit:
+        elif off * step > 0.0 and trial.cycles >= 2 and abs(off) > 1.6 * abs(step) + limits.doubt:
             return self._believe_step(v)
-        elif self._stepped >= JUDGED_CYCLES:
-            # Had the arm stepped, the angle would have gone with it. Least squares: 1 for the arm, 0 for the sensor.
+        elif trial.is_ready:
             is_stuck = self._code_cycles >= STUCK_CYCLES - 1
-            is_telling = abs(self._misled_rad) > SMALLEST_LEAD_LSB * self._position_lsb
-            if is_telling and not is_stuck and self._followed_rad2 > ARM_SHARE * self._misled_rad2:
+            if trial.is_arm and not is_stuck:
                 return self._believe_step(v)
             name = "tachometer-stuck" if is_stuck else "tachometer-jump"
             detail = self._stuck_detail() if is_stuck else f"{off / self._speed_lsb:+.0f} LSB from the model"
@@ -358,9 +393,9 @@ class JointWitness:
     def _believe_step(self, v: float) -> bool:
         """It was the arm."""
         self.mode = _SOUND
-        self._travel += self._misled_rad
+        self._travel += self._trial.led_rad
         self._swing = 0.0
-        self.speed = v
+        self.speed = self._last_rad_s = v
         self._stepped_until = self.cycles + DOUBT_CYCLES
         self._upset_at = self.cycles
         self.is_agitated = True
@@ -369,38 +404,29 @@ class JointWitness:
 
     def _spike(self, sensor: str) -> bool:
         """One reading was wrong. False if there were so many that the sensor is given up."""
-        if self.cycles > self._spikes_until:
-            self._spikes = 0
-        self._spikes += 1
-        self._spikes_until = self.cycles + SPIKE_CYCLES
         self.is_agitated = False
-        if self._spikes < SPIKES:
+        if not self._spikes[sensor].is_too_many(self.cycles):
             self._report(f"{sensor}-spike", "one reading rejected", None)
             return True
         if not self._report("sensor-noise", f"{sensor}: {SPIKES} readings rejected within {SPIKE_CYCLES} cycles", None):
             return True
         if sensor == "potentiometer":
-            self.mode = Mode.NOISY_POTENTIOMETER
+            self.mode, self._agreed = Mode.NOISY_POTENTIOMETER, 0
         return False
-
-    @property
-    def is_upset(self) -> bool:
-        """Whether its speed has surprised within the last second, the start apart."""
-        return self._upset_at > CALM_CYCLES and self.cycles < self._upset_at + DOUBT_CYCLES
 
     def _lose_tachometer(self, x: float, speed: float) -> bool:
         self._upset_at = self.cycles
         self.mode, self._agreed = Mode.NO_TACHOMETER, 0
         self._blind.start(self._angle(speed), speed, self.bias)
         self._blind.correct(x)
+        self._fastest = 0.0, 0.0
         return self._substitute(x, self._blind.velocity_rad_s)
 
     def _without_tachometer(self, x: float, v: float, acceleration: float) -> bool:
-        """Speed from potentiometer and model, until the tachometer agrees with it again."""
+        """Speed from potentiometer and model, until the tachometer has agreed with it for long, both ways."""
         blind = self._blind
         blind.predict(acceleration)
-        off = x - blind.position_rad
-        if abs(off) > BLIND_FACTOR * self._jump_limit:
+        if abs(x - blind.position_rad) > BLIND_FACTOR * self._limits.jump:
             self._astray_cycles += 1
             if self._astray_cycles >= PERSISTENT_CYCLES and self._report("both-sensors", "no speed, no angle", None):
                 self.mode = Mode.BLIND
@@ -408,43 +434,53 @@ class JointWitness:
             self._astray_cycles = 0
             blind.correct(x)
         self.speed, self.bias = blind.velocity_rad_s, blind.bias
-        agrees = abs(v - self.speed) < self._step_limit * UNREST_FACTOR and self._code_cycles < AGREE_CYCLES // 2
-        self._agreed = self._agreed + 1 if agrees else 0
-        if self._agreed >= AGREE_CYCLES:
-            self.mode, self.speed = _SOUND, v
-            self._mismatch = self._swing = 0.0
-            self._base = x - self._travel - self._half_s * v
-            self._learn_from = self.cycles
-            self._set_rate()
-            self._calm_at = self.cycles + CALM_CYCLES
+        if abs(v - self.speed) > AGREE_FACTOR * self._limits.step or self._code_cycles > STUCK_SURE_CYCLES:
+            self._agreed, self._fastest = 0, (0.0, 0.0)
+        else:
+            low, high = self._fastest
+            self._agreed, self._fastest = self._agreed + 1, (min(low, self.speed), max(high, self.speed))
+            if self._agreed >= AGREE_AGAIN_CYCLES and low < -self._told_speed and high > self._told_speed:
+                self._believe_tachometer(x, v)
         return self._substitute(x, blind.velocity_rad_s)
+
+    def _believe_tachometer(self, x: float, v: float) -> None:
+        self.mode, self.speed, self._last_rad_s = _SOUND, v, v
+        self._mismatch = self._swing = self._last_off = 0.0
+        self._base = x - self._travel - self._half_s * v
+        self._learn_from = self.cycles
+        self._set_rate()
+        self._calm_at = self.cycles + CALM_CYCLES
 
     def _without_potentiometer(self, x: float, v: float, predicted: float) -> bool:
         """Angle from the integrated tachometer; a noisy potentiometer may still lead it, slowly."""
         off = v - predicted
-        if abs(off) > BLIND_FACTOR * self._step_limit:
+        if abs(off) > BLIND_FACTOR * self._limits.step:
             self._stepped += 1
             if self._stepped >= PERSISTENT_CYCLES and self._report("both-sensors", "no angle, no speed", None):
                 self.mode = Mode.BLIND
             v, off = predicted, 0.0
         else:
             self._stepped = 0
-        astray = x - self._angle(v)
         if self.mode is Mode.NOISY_POTENTIOMETER:
-            limit = self._jump_limit
-            bounded = max(-limit, min(limit, astray))
-            self._base += self._base_gain * bounded
-            self._mismatch += (bounded - self._mismatch) * 0.03
-            self._agreed = self._agreed + 1 if abs(astray) < 0.6 * limit else 0
-            if abs(self._mismatch) > 2.0 * self._drift_limit and self._report(
-                "potentiometer-mismatch", self._angle_detail(self._mismatch), None
-            ):
-                self.mode = Mode.NO_POTENTIOMETER
-            elif self._agreed >= AGREE_CYCLES:
-                self.mode, self._mismatch, self._agreed = _SOUND, 0.0, 0
+            self._follow_noisy(x - self._angle(v))
         self._advance(predicted + self._speed_gain * off, v)
         self.bias += self._accel_gain * off
         return self._substitute(self._angle(v), v)
+
+    def _follow_noisy(self, astray: float) -> None:
+        """What a noisy potentiometer still tells: where the angle is on average."""
+        limit = self._limits.jump
+        bounded = max(-limit, min(limit, astray))
+        self._base += self._base_gain * bounded
+        self._mismatch += (bounded - self._mismatch) * 0.03
+        self._agreed = self._agreed + 1 if abs(astray) < 0.6 * limit else 0
+        highest = 2.0 * EARLY_FACTOR * self._limits.drift
+        if abs(self._mismatch) > highest and self._report(
+            "potentiometer-mismatch", self._angle_detail(self._mismatch), None
+        ):
+            self.mode = Mode.NO_POTENTIOMETER
+        elif self._agreed >= AGREE_CYCLES:
+            self.mode, self._mismatch = _SOUND, 0.0
 
     def _angle(self, v: float) -> float:
         return self._travel + self._half_s * v + self._base
@@ -452,6 +488,7 @@ class JointWitness:
     def _advance(self, speed: float, turned_rad_s: float) -> None:
         """On to the next cycle at the speed that is believed."""
         self.speed = speed
+        self._last_rad_s = turned_rad_s
         self._travel += self._period_s * turned_rad_s
         self._base += self._period_s * self._offset
 

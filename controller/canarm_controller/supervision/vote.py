@@ -1,0 +1,60 @@
+"""Does the arm go with a torque that is in doubt? Its speed, regressed on what that torque would make of it.
+
+Owns the arithmetic only: which torque, and what follows, is decided elsewhere.
+"""
+
+from collections.abc import Sequence
+
+WINDOW_CYCLES = 24
+"""60 ms: short enough that what the model lacks otherwise (a payload that turns) is a straight line in it."""
+DECISIVE_LSB2 = 12.0
+"""Sum of squares, in steps of the tachometer: with 0.42 LSB of noise the share is then known to 0.15."""
+FOR_SHARE = 0.5
+
+
+class Ballot:
+    """Collects speeds, rad/s: those that are due if the torque acts, and those that were not explained without it.
+
+    In every window a constant and a straight line are taken off both: they look like another payload.
+    """
+
+    __slots__ = ("_due", "_due2", "_limit", "_product", "_unexplained")
+
+    def __init__(self, speed_lsb: float) -> None:
+        self._limit = DECISIVE_LSB2 * speed_lsb**2
+        self.clear()
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self._due: list[float] = []
+        self._unexplained: list[float] = []
+        self._due2 = self._product = 0.0
+
+    def open_window(self) -> None:
+        """A new window; what earlier ones have told stays."""
+        self._due, self._unexplained = [], []
+
+    def cast(self, due: float, unexplained: float) -> bool:
+        """Take one cycle. True once it is decided."""
+        self._due.append(due)
+        self._unexplained.append(unexplained)
+        if len(self._due) < WINDOW_CYCLES:
+            return False
+        due_part, unexplained_part = _without_line(self._due), _without_line(self._unexplained)
+        self.open_window()
+        self._due2 += sum(value * value for value in due_part)
+        self._product += sum(one * other for one, other in zip(due_part, unexplained_part, strict=True))
+        return self._due2 > self._limit
+
+    @property
+    def is_for(self) -> bool:
+        """Whether the arm went with the torque."""
+        return self._product > FOR_SHARE * self._due2
+
+
+def _without_line(values: Sequence[float]) -> list[float]:
+    """Least squares: less the constant and the straight line that fit best; as long as `values`."""
+    count = len(values)
+    middle, mean = 0.5 * (count - 1), sum(values) / count
+    slope = sum((place - middle) * value for place, value in enumerate(values)) * 12.0 / (count * (count * count - 1))
+    return [value - mean - slope * (place - middle) for place, value in enumerate(values)]
