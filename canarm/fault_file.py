@@ -6,9 +6,7 @@ from pathlib import Path
 from canarm_emulator.bench import Bench
 from canarm_emulator.faults.engine import FaultEngine
 from canarm_protocol.errors import FaultError
-from canarm_protocol.faults import FaultScript
-
-from .rig_faults import read_script
+from canarm_protocol.faults import FaultScript, read_faults
 
 
 def load_faults(path: Path, bench: Bench) -> FaultScript:
@@ -16,7 +14,7 @@ def load_faults(path: Path, bench: Bench) -> FaultScript:
 
     Raises `FaultError`: file, set, fault, what would be right.
     """
-    script = read_script(path)
+    script = read_faults(path)
     if not script.sets:
         raise FaultError(f"{path}: injects nothing; a fault file for a new run has at least one [[set]]")
     engine = FaultEngine(bench, seed=0)

@@ -1,15 +1,17 @@
 """`canarm fault matrix`: every fault at every tap, and what became of it."""
 
+import contextlib
 import json
 import os
-import sys
-import time
+import shlex
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from canarm_controller.errors import ControllerError
+from canarm_protocol.cell import Cell
 from canarm_protocol.clock import Clock
 
 from ..options import CellOptions, Flag, Seed
@@ -17,11 +19,8 @@ from ..session import make_controller
 from ..stdout import keep_stdout
 from ..usage import DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError, parse_settings
 
-BAR = 30
-"""Characters of the progress bar."""
-REPORT_STEP = 0.1
-"""Where stderr is no terminal, progress is a line for every so much of the whole."""
-CSV_FILE, HTML_FILE = "matrix.csv", "matrix.html"
+if TYPE_CHECKING:
+    from ..matrix.plan import MatrixCell
 
 
 def _at_least_one(type_: object, value: int | None) -> None:
@@ -44,7 +43,9 @@ def matrix(
     only: Annotated[
         list[str] | None,
         Parameter(
-            metavar="GLOB", negative=(), help="Only what fits: tap, fault, family or 'TAP FAULT'; may be repeated."
+            metavar="GLOB",
+            negative=(),
+            help="Only what fits: tap, fault, family or 'TAP FAULT'; may be repeated: what fits any of them runs.",
         ),
     ] = None,
     controller: Annotated[
@@ -55,7 +56,10 @@ def matrix(
             "is. Judged by what is seen on the bus. --law and --trajectory are then its own business.",
         ),
     ] = None,
-    out: Annotated[Path | None, Parameter(metavar="DIR", help=f"Folder for {CSV_FILE} and {HTML_FILE}.")] = None,
+    out: Annotated[
+        Path | None,
+        Parameter(metavar="DIR", help="Folder for matrix.csv and matrix.html; one that holds a matrix is refused."),
+    ] = None,
     json_: Annotated[
         Flag, Parameter(name="--json", help="Last line on stdout is the matrix as one JSON object.")
     ] = False,
@@ -63,12 +67,13 @@ def matrix(
     """Run every fault at every tap that supports it, with its defaults: what detects it, how fast, what happens then?
 
     Beside the faults go fault-free runs, for the rate of false alarms. Exit status 1 if a cell is not as it should be.
+    Ctrl-C ends it; with --out the cells so far are kept as matrix-partial.csv and matrix-partial.html.
     """
     from ..matrix.campaign import Campaign, run_campaign
-    from ..matrix.html_report import as_html
-    from ..matrix.plan import Scenario, cells_of
-    from ..matrix.table import as_csv
-    from ..matrix.text_report import as_text
+    from ..matrix.files import claimed, write
+    from ..matrix.plan import Scenario
+    from ..matrix.progress import Progress
+    from ..matrix.text_report import as_text, part_of
 
     nominal = cell.load()
     settings = tuple(parse_settings("--set", cell.settings).items())
@@ -77,22 +82,36 @@ def matrix(
         make_controller(nominal, law, trajectory, None, Clock.SYNC)
     except ControllerError as error:
         raise UsageError(str(error)) from None
-    cells = tuple(cells_of(nominal, only or ()))
-    if not cells:
-        raise UsageError(f"--only {' '.join(only or ())}: fits no fault; see `canarm fault list --cell {cell.cell}`")
+    cells = _chosen(nominal, only or (), cell.cell)
+    campaign, processes, progress = Campaign(scenario, cells, controller), jobs or _cores(), Progress()
     say = keep_stdout()
-    _prepare(out)
-    result = run_campaign(Campaign(scenario, cells, controller), jobs or _cores(), _Progress())
-    if out is not None:
-        _write(out / CSV_FILE, as_csv(result.rows))
-        _write(out / HTML_FILE, as_html(result))
+    with contextlib.nullcontext() if out is None else claimed(out):
+        with_fault, without = campaign.runs
+        also = f", {without} without" if without else ""
+        progress.note(f"runs: {with_fault} with a fault{also}; {processes} at a time")
+        result = run_campaign(campaign, processes, progress, progress.note)
+        written = write(out, result) if out is not None and result.runs else []
+    where = f"written: {', '.join(map(str, written))}" if written else ""
+    if result.runs_left:
+        progress.leave()
+        progress.note("; ".join(filter(None, (part_of(result), where))))
+        return 1
     if json_:
         say(json.dumps(_plain(result)))
     else:
-        say(as_text(result))
-        if out is not None:
-            say(f"written: {out / CSV_FILE}, {out / HTML_FILE}")
+        say("\n".join(filter(None, (as_text(result), where))))
     return 0 if result.passes else 1
+
+
+def _chosen(nominal: Cell, only: Sequence[str], name: str) -> "tuple[MatrixCell, ...]":
+    """The cells to be run. Raises `UsageError` for a pattern that fits none: it may be a slip of the pen."""
+    from ..matrix.plan import cells_of
+
+    idle = [pattern for pattern in only if not cells_of(nominal, [pattern])]
+    if idle:
+        words = " ".join(f"--only {shlex.quote(pattern)}" for pattern in idle)
+        raise UsageError(f"{words}: fits no fault; see `canarm fault list --cell {name}`")
+    return tuple(cells_of(nominal, only))
 
 
 def _cores() -> int:
@@ -112,41 +131,3 @@ def _plain(result: Any) -> dict[str, Any]:
             for each in result.false_alarms
         ],
     }
-
-
-def _prepare(folder: Path | None) -> None:
-    """Make the folder now: nobody wants to hear of a wrong name after minutes."""
-    if folder is not None:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UsageError(f"--out {folder}: is no folder and cannot become one: {error.strerror}") from None
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8", newline="")
-    except OSError as error:
-        raise UsageError(f"--out {path.parent}: {path.name} cannot be written: {error.strerror}") from None
-
-
-class _Progress:
-    """How many runs are done, on stderr: a bar on a terminal, else some lines."""
-
-    def __init__(self) -> None:
-        self._is_terminal = sys.stderr is not None and sys.stderr.isatty()
-        self._begun_s, self._told = time.monotonic(), 0.0
-
-    def __call__(self, done: int, total: int) -> None:
-        """`done` of `total` runs have ended."""
-        if sys.stderr is None:
-            return
-        elapsed_s = time.monotonic() - self._begun_s
-        left_s = elapsed_s * (total - done) / done
-        if self._is_terminal:
-            bar = "#" * (BAR * done // total)
-            end = "\n" if done == total else ""
-            print(f"\r{bar:.<{BAR}} {done}/{total} runs, {left_s:.0f} s left ", end=end, file=sys.stderr, flush=True)
-        elif done == total or done / total >= self._told + REPORT_STEP:
-            self._told = done / total
-            print(f"canarm: {done}/{total} runs, {left_s:.0f} s left", file=sys.stderr, flush=True)

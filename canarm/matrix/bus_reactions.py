@@ -4,6 +4,7 @@ These stand for detections where the controller is not ours.
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from canarm_protocol.errors import FrameError
 from canarm_protocol.frames import Cob, Emergency, NmtCommand, NmtState, parse_nmt
 from canarm_protocol.wiring import card_nodes
 
-from .evidence import Floats, Ints, Notice, Received
+from .evidence import Evidence, Floats, Ints, Notice, Received
 
 ZERO_CYCLES = 4
 """Outputs that are zero for so many frames in a row are off; a current that changes its sign passes zero faster."""
@@ -25,6 +26,10 @@ OUTPUTS_ZERO, NMT_STOP, EMERGENCY, HEARTBEAT, ENDED, SILENT = (
     "process-ended",
     "silent",
 )
+END_OF_DRIVING = (NMT_STOP, HEARTBEAT, ENDED, SILENT)
+"""Reactions after which a controller drives no more; outputs may be zero for a while, and an error may go."""
+SAME_CYCLES = ZERO_CYCLES
+"""What run and twin both do within so many cycles of each other is the same act: its time may shift by a pause."""
 
 
 def reactions(cell: Cell, frames: Sequence[Received], cycle: Ints, time_s: Floats) -> list[Notice]:
@@ -47,6 +52,17 @@ def reactions(cell: Cell, frames: Sequence[Received], cycle: Ints, time_s: Float
         Notice(name, where, cycle_at(stamp_s, cycle, time_s), name, stops=True)
         for stamp_s, name, where in sorted(found)
     ]
+
+
+def beside_twin(run: Evidence, twin: Evidence) -> Evidence:
+    """The run without what its fault-free twin does as well, at the same time and place: that is no reaction."""
+    notices = tuple(each for each in run.notices if not any(_is_same(each, its) for its in twin.notices))
+    is_running = not any(each.stops and each.cycle >= run.injected_cycle for each in notices)
+    return replace(run, notices=notices, is_running=is_running)
+
+
+def _is_same(mine: Notice, its: Notice) -> bool:
+    return (mine.detector, mine.where) == (its.detector, its.where) and abs(mine.cycle - its.cycle) <= SAME_CYCLES
 
 
 def cycle_at(stamp_s: float, cycle: Ints, time_s: Floats) -> int:

@@ -1,18 +1,18 @@
 """Runs the whole matrix, on one core or on all. The results do not depend on how many there are, nor on their order."""
 
+import contextlib
 import functools
-import multiprocessing
-import signal
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from canarm_protocol.cell import Cell
 
+from .bus_reactions import beside_twin
 from .evidence import Evidence
-from .foreign_run import run_foreign
+from .foreign_run import FIRST_SYNC_S, require_whole, run_foreign
 from .judgement import judge
 from .plan import MatrixCell, Scenario
+from .pool import results_of
 from .rig_run import false_alarms, run_in_rig
 from .table import FalseAlarm, Matrix, Row
 
@@ -20,7 +20,8 @@ FAULT_FREE_RUNS = 20
 PAYLOAD_FACTORS = (1.0, 0.5, 1.5, 0.75, 1.25)
 """What the last link weighs in the fault-free runs, as a multiple of what the controller thinks; in turns."""
 FIRST_ALARM_SEED = 1
-Progress = Callable[[int, int], None]
+OnProgress = Callable[[int, int], None]
+OnNote = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,67 +40,81 @@ class Campaign:
         who = self.controller if self.controller is not None else f"law {scenario.law}, {scenario.trajectory}"
         return f"{scenario.cell}, {who}, seed {scenario.seed}"
 
+    @property
+    def runs(self) -> tuple[int, int]:
+        """How many runs with a fault, and how many without to look for false alarms: none of a strange controller."""
+        return len(self.cells), 0 if self.controller is not None else self.fault_free_runs
+
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """One run: of a fault, or without any where `fault` is None."""
+    """One run: of a fault, or without any where `fault` is None. `twin` is that of a strange controller."""
 
     scenario: Scenario
     fault: MatrixCell | None
-    controller: str | None
+    controller: str | None = None
+    twin: Evidence | None = None
     number: int = 0
 
 
 _Result = Row | tuple[FalseAlarm, ...]
 
 
-def run_campaign(campaign: Campaign, jobs: int = 1, on_progress: Progress | None = None) -> Matrix:
-    """Run all of it with `jobs` processes; `on_progress(done, all)` is told after every run.
+def run_campaign(
+    campaign: Campaign, jobs: int = 1, on_progress: OnProgress | None = None, on_note: OnNote | None = None
+) -> Matrix:
+    """Run all of it with `jobs` processes; `on_progress(done, all)` is told at the beginning and after every run.
 
-    Raises what the twin's run raises. What goes wrong in the run of a fault is in its row.
+    `on_note` is told what takes long before that. An interrupt ends all that runs; the matrix is then partial. Raises
+    what the twin's run raises, and `UsageError` for a strange controller that ends by itself too early. What goes wrong
+    in the run of a fault is in its row.
     """
-    tasks = [_Task(campaign.scenario, cell, campaign.controller) for cell in campaign.cells]
-    alarms_of = 0 if campaign.controller is not None else campaign.fault_free_runs
-    tasks += [_Task(campaign.scenario, None, None, number) for number in range(alarms_of)]
-    results: list[_Result | None] = [None] * len(tasks)
-    for done, (place, result) in enumerate(_results(tasks, jobs), start=1):
-        results[place] = result
-        if on_progress is not None:
-            on_progress(done, len(tasks))
-    rows = tuple(each for each in results if isinstance(each, Row))
-    alarms = tuple(alarm for each in results if isinstance(each, tuple) for alarm in each)
-    return Matrix(campaign.title, rows, alarms_of, alarms)
+    results: dict[int, _Result] = {}
+    total = sum(campaign.runs)
+    with contextlib.suppress(KeyboardInterrupt):
+        tasks = _tasks(campaign, on_note or (lambda text: None))
+        tell = on_progress or (lambda done, total: None)
+        tell(0, total)
+        with contextlib.closing(results_of(_run, tasks, jobs)) as coming:
+            for place, result in coming:
+                results[place] = result
+                tell(len(results), total)
+    in_order = [results[place] for place in sorted(results)]
+    rows = tuple(each for each in in_order if isinstance(each, Row))
+    alarms = [each for each in in_order if isinstance(each, tuple)]
+    every_alarm = tuple(alarm for each in alarms for alarm in each)
+    return Matrix(campaign.title, rows, len(alarms), every_alarm, runs_left=total - len(results))
 
 
-def _results(tasks: Sequence[_Task], jobs: int) -> Iterator[tuple[int, _Result]]:
-    """Number and result of every task, as they come."""
-    if jobs <= 1 or len(tasks) <= 1:
-        yield from ((place, _run(task)) for place, task in enumerate(tasks))
-        return
-    executor = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _leave_interrupts_to_parent)
-    try:
-        places: dict[Future[_Result], int] = {executor.submit(_run, task): place for place, task in enumerate(tasks)}
-        while places:
-            for future in wait(places, return_when=FIRST_COMPLETED).done:
-                yield places.pop(future), future.result()
-    finally:
-        executor.shutdown(cancel_futures=True)
-
-
-def _leave_interrupts_to_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _tasks(campaign: Campaign, note: OnNote) -> list[_Task]:
+    scenario, command = campaign.scenario, campaign.controller
+    if command is None:
+        tasks = [_Task(scenario, cell) for cell in campaign.cells]
+        return tasks + [_Task(scenario, None, number=number) for number in range(campaign.fault_free_runs)]
+    twins = {}
+    for with_wire in sorted({cell.needs_wire for cell in campaign.cells}):
+        how = ", with the wire model" if with_wire else ""
+        note(f"first a run without any fault{how}; the first SYNC has to come within {FIRST_SYNC_S:g} s")
+        twins[with_wire] = run_foreign(scenario, _load(scenario), None, command, with_wire)
+        require_whole(twins[with_wire], _load(scenario), command)
+    return [_Task(scenario, cell, command, twins[cell.needs_wire]) for cell in campaign.cells]
 
 
 def _run(task: _Task) -> _Result:
     cell, fault = _load(task.scenario), task.fault
     if fault is None:
         return _fault_free(task.scenario, cell, task.number)
-    twin = _twin(task.scenario, fault.needs_wire, task.controller)
+    twin = task.twin or _twin(task.scenario, fault.needs_wire)
     try:
-        run = _evidence(task.scenario, cell, fault, fault.needs_wire, task.controller)
-        return Row.of(fault, judge(cell, run, twin, fault.is_dangerous))
+        return Row.of(fault, judge(cell, _evidence(task, cell, fault, twin), twin, fault.is_dangerous))
     except Exception as error:
         return Row.broken(fault, error)
+
+
+def _evidence(task: _Task, cell: Cell, fault: MatrixCell, twin: Evidence) -> Evidence:
+    if task.controller is None:
+        return run_in_rig(task.scenario, cell, fault, fault.needs_wire)
+    return beside_twin(run_foreign(task.scenario, cell, fault, task.controller, fault.needs_wire), twin)
 
 
 def _fault_free(scenario: Scenario, cell: Cell, number: int) -> tuple[FalseAlarm, ...]:
@@ -115,14 +130,6 @@ def _load(scenario: Scenario) -> Cell:
 
 
 @functools.lru_cache(maxsize=4)
-def _twin(scenario: Scenario, with_wire: bool, controller: str | None) -> Evidence:
-    """The fault-free run; once a process."""
-    return _evidence(scenario, _load(scenario), None, with_wire, controller)
-
-
-def _evidence(
-    scenario: Scenario, cell: Cell, fault: MatrixCell | None, with_wire: bool, controller: str | None
-) -> Evidence:
-    if controller is not None:
-        return run_foreign(scenario, cell, fault, controller, with_wire)
-    return run_in_rig(scenario, cell, fault, with_wire)
+def _twin(scenario: Scenario, with_wire: bool) -> Evidence:
+    """The fault-free run of our own controller; once a process."""
+    return run_in_rig(scenario, _load(scenario), None, with_wire)

@@ -4,6 +4,7 @@ The run is in lockstep. The truth comes from the emulator's run folder, reaction
 """
 
 import contextlib
+import math
 import os
 import shlex
 import signal
@@ -26,12 +27,14 @@ from ..child import END_S, Child
 from ..options import BENCH_BUS, DEFAULT_HOST
 from ..rig_faults import as_toml
 from ..usage import UsageError
-from .bus_reactions import ENDED, SILENT, cycle_at, reactions
+from .bus_reactions import END_OF_DRIVING, ENDED, SILENT, cycle_at, reactions
 from .evidence import Evidence, Motion, Notice, Received, motion_of, seen_by_controller
 from .plan import INJECTED_S, OBSERVED_S, MatrixCell, Scenario
 
 START_S = 60.0
-"""How long emulator and controller may take to begin."""
+"""How long the emulator may take to begin."""
+FIRST_SYNC_S = 30.0
+"""How long a controller may take to its first cycles: an interpreter, its libraries and three cards to configure."""
 SILENT_S = 15.0
 """A run that has not moved for so long is over: the emulator itself gives a silent sender of SYNC 2 s."""
 LOOK_S = 0.05
@@ -45,10 +48,9 @@ def run_foreign(
     """One run against `command`, in which {host} and {port} are replaced; CANARM_CONNECT has both, as HOST:PORT.
 
     Without a reference of the controller's own its error is counted against the twin. Raises `UsageError` for a command
-    that cannot be started, `BusError` for one that controls nothing.
+    that cannot be started, `BusError` for one that drives no cycle.
     """
-    injected_cycle = round(INJECTED_S / cell.bus.cycle_s)
-    last_cycle = injected_cycle + round(OBSERVED_S / cell.bus.cycle_s)
+    injected_cycle, last_cycle = _watched_cycles(cell)
     with tempfile.TemporaryDirectory(prefix="canarm-matrix-") as name:
         folder = Path(name) / "run"
         arguments = _emulator_arguments(scenario, folder, with_wire)
@@ -63,11 +65,39 @@ def run_foreign(
             truth = folder / SIGNALS_FOLDER / SIGNALS_FILE
             with _started(command, found.group(1), Path(name) / "said") as process:
                 end = _watch(process, truth, last_cycle)
-            if end == ENDED and not _last_tick(truth):
-                said = (Path(name) / "said").read_text(errors="replace").strip().splitlines()
-                raise BusError(f"{command}: ended with status {process.returncode}: {said[-1] if said else ''}")
             _settle(truth)
-        return _evidence(cell, folder, end, injected_cycle, last_cycle)
+        motion = _motion(truth, len(cell.joints), last_cycle)
+        if motion is None:
+            said = (Path(name) / "said").read_text(errors="replace").strip().splitlines()
+            words = f"; it said: {said[-1]}" if said else ""
+            raise BusError(f"--controller {command}: the command drove no cycle: {_no_cycle(end, process)}{words}")
+        return _evidence(cell, motion, folder / CAN_LOG_FILE, end, injected_cycle)
+
+
+def require_whole(twin: Evidence, cell: Cell, command: str) -> None:
+    """Refuse a controller whose fault-free run is over before the observation is: its end would look like a reaction.
+
+    Raises `UsageError`.
+    """
+    _, last_cycle = _watched_cycles(cell)
+    end = next((each for each in twin.notices if each.detector in END_OF_DRIVING and each.cycle > 0), None)
+    if end is None:
+        return
+    watched_s, driven_s = last_cycle * cell.bus.cycle_s, (end.cycle + 1) * cell.bus.cycle_s
+    raise UsageError(
+        f"--controller {command}: without any fault it ends by itself after {driven_s:.3g} s ({end.detector}), but has "
+        f"to be watched for more than {watched_s:.3g} s: give the controller a longer run, {math.ceil(watched_s) + 1} s"
+    )
+
+
+def _watched_cycles(cell: Cell) -> tuple[int, int]:
+    """The cycle in which the fault begins, and the last one."""
+    injected_cycle = round(INJECTED_S / cell.bus.cycle_s)
+    return injected_cycle, injected_cycle + round(OBSERVED_S / cell.bus.cycle_s)
+
+
+def _no_cycle(end: str, process: subprocess.Popen[bytes]) -> str:
+    return f"ended with status {process.returncode}" if end == ENDED else f"no SYNC within {FIRST_SYNC_S:g} s"
 
 
 def _emulator_arguments(scenario: Scenario, folder: Path, with_wire: bool) -> list[str]:
@@ -102,16 +132,20 @@ def _started(command: str, port: str, said: Path) -> Iterator[subprocess.Popen[b
     try:
         yield process
     finally:
-        for number in (signal.SIGTERM, signal.SIGKILL):
+        try:
             if process.poll() is None:
-                os.killpg(process.pid, number)
+                os.killpg(process.pid, signal.SIGTERM)
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     process.wait(END_S)
+        finally:  # whatever of the group is left, also when the wait is interrupted
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
 
 
 def _watch(process: subprocess.Popen[bytes], truth: Path, last_cycle: int) -> str:
     """Wait for the last cycle (""), the end of the process (`ENDED`), or until nothing moves (`SILENT`)."""
-    moved_s, limit_s, tick = time.monotonic(), START_S, 0
+    moved_s, limit_s, tick = time.monotonic(), FIRST_SYNC_S, 0
     while tick < last_cycle:
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(LOOK_S)
@@ -131,7 +165,7 @@ def _settle(truth: Path) -> None:
     size = 0
     while time.monotonic() < min(still_s + 10 * LOOK_S, limit_s):
         time.sleep(LOOK_S)
-        if truth.stat().st_size != size:
+        if truth.exists() and truth.stat().st_size != size:
             size, still_s = truth.stat().st_size, time.monotonic()
 
 
@@ -146,9 +180,9 @@ def _last_tick(truth: Path) -> int:
         return 0
 
 
-def _evidence(cell: Cell, folder: Path, end: str, injected_cycle: int, last_cycle: int) -> Evidence:
-    motion = _motion(folder, len(cell.joints), last_cycle if not end else None)
-    frames = [each for each in _frames(folder / CAN_LOG_FILE) if each.time_s < motion.time_s[-1] + cell.bus.cycle_s]
+def _evidence(cell: Cell, motion: Motion, log: Path, end: str, injected_cycle: int) -> Evidence:
+    _, last_cycle = _watched_cycles(cell)
+    frames = [each for each in _frames(log) if each.time_s < motion.time_s[-1] + cell.bus.cycle_s]
     notices = reactions(cell, frames, motion.cycle, motion.time_s)
     notices = [each for each in notices if each.cycle < last_cycle]
     if end and motion.cycle[-1] < last_cycle:
@@ -162,10 +196,15 @@ def _evidence(cell: Cell, folder: Path, end: str, injected_cycle: int, last_cycl
     )
 
 
-def _motion(folder: Path, joints: int, last_cycle: int | None) -> Motion:
-    rows = np.loadtxt(folder / SIGNALS_FOLDER / SIGNALS_FILE, delimiter=",", skiprows=1, ndmin=2)
-    if last_cycle is not None:
-        rows = rows[rows[:, 0] <= last_cycle]
+def _motion(truth: Path, joints: int, last_cycle: int) -> Motion | None:
+    """The truth up to the last cycle; None where no cycle has been driven. What follows the last cycle is left out."""
+    lines = truth.read_text(encoding="ascii").splitlines()[1:] if truth.exists() else []
+    if not lines:
+        return None
+    rows = np.loadtxt(lines, delimiter=",", ndmin=2)
+    reached = np.flatnonzero(rows[:, 0] >= last_cycle)
+    if reached.size:
+        rows = rows[: reached[0] + 1]
     true = rows[:, 2:].reshape(len(rows), joints, _TRUE_COLUMNS)
     return motion_of(rows[:, 0].astype(np.int64), rows[:, 1], true, np.full((len(rows), joints), np.nan))
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from .judgement import DEFINITIONS, Verdict
 from .table import Matrix, Row
-from .text_report import out_of_date
+from .text_report import out_of_date, part_of
 
 _COLUMNS = {
     "tap": "tap",
@@ -27,6 +27,7 @@ _COLUMNS = {
     "peak_speed_rad_s": "peak speed, rad/s",
     "is_excused": "excused",
     "note": "note",
+    "why": "why not as it should be",
 }
 _COLOURS = {
     Verdict.TOLERATED: "#e3f1e3",
@@ -86,7 +87,7 @@ filter();
 
 def as_html(matrix: Matrix) -> str:
     """The page. The same matrix gives the same bytes."""
-    title = html.escape(f"Fault matrix: {matrix.title}")
+    title = html.escape(f"{'PARTIAL fault' if matrix.runs_left else 'Fault'} matrix: {matrix.title}")
     colours = "\n".join(f'tr[data-verdict="{verdict.value}"] td.verdict {{ background: {colour}; }}'
                         for verdict, colour in _COLOURS.items())  # fmt: skip
     options = "".join(f"<option>{verdict.value}</option>" for verdict in matrix.counts)
@@ -118,6 +119,8 @@ def as_html(matrix: Matrix) -> str:
 
 def _facts(matrix: Matrix) -> Iterable[str]:
     rows = matrix.rows
+    if matrix.runs_left:
+        yield f"<p><strong>{part_of(matrix)}: the other cells are missing.</strong></p>"
     yield f"<p>{len(rows) - len(matrix.failed)} of {len(rows)} cells are as they should be.</p>"
     yield "<table><tr><th>verdict</th><th>cells</th><th>share</th></tr>"
     for verdict, count in matrix.counts.items():

@@ -102,7 +102,8 @@ class Findings:
 
     `clock_s` is from injection to the clock's start, `latency_s` from there to the first detection, `safe_s` from there
     to the safe state. `safe_by` is "off", "hold" or "tracking". Peaks are those since the injection, of the worst
-    joint; that of the error only while a reference runs.
+    joint; that of the error only while a reference runs. `clock_current_a` is the highest current since the clock's
+    start, `ftti_speed_rad_s` the highest speed from there to the end of the FTTI; 0 without a clock.
     """
 
     verdict: Verdict
@@ -117,6 +118,9 @@ class Findings:
     peak_error_lsb: float | None
     peak_current_a: float
     peak_speed_rad_s: float
+    is_running: bool
+    clock_current_a: float
+    ftti_speed_rad_s: float
 
 
 def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool) -> Findings:
@@ -154,6 +158,9 @@ def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool) -> Find
         peak_error_lsb=float(error_lsb.max()) if error_lsb.size else None,
         peak_current_a=float(np.abs(motion.current_a[since]).max(initial=0.0)),
         peak_speed_rad_s=float(np.abs(motion.speed_rad_s[since]).max(initial=0.0)),
+        is_running=run.is_running,
+        clock_current_a=0.0 if clock is None else float(np.abs(motion.current_a[clock:]).max()),
+        ftti_speed_rad_s=0.0 if clock is None else _ftti_speed_rad_s(motion, clock),
     )
 
 
@@ -242,8 +249,7 @@ def _safety(
     if run.is_running:
         tracking = _all(error_lsb <= TOLERATED_LSB)
     weak = _all(np.abs(motion.current_a) <= SAFE_CURRENT_A * _EXACT)
-    in_ftti = motion.time_s <= motion.time_s[clock] + FTTI_S * _EXACT
-    slow = _all(np.abs(motion.speed_rad_s) <= SAFE_SPEED_RAD_S) | ~in_ftti
+    is_slow = _ftti_speed_rad_s(motion, clock) <= SAFE_SPEED_RAD_S
     good = (off | holding | tracking) & weak
     if not good[-1]:
         return None, "", False
@@ -251,7 +257,13 @@ def _safety(
     start = max(clock, int(bad[-1]) + 1 if len(bad) else 0)
     safe_s = float(motion.time_s[start] - motion.time_s[clock])
     by = "off" if off[start] else "hold" if holding[start] else "tracking"
-    return safe_s, by, safe_s <= FTTI_S * _EXACT and bool(weak[clock:].all() and slow[clock:].all())
+    return safe_s, by, safe_s <= FTTI_S * _EXACT and is_slow and bool(weak[clock:].all())
+
+
+def _ftti_speed_rad_s(motion: Motion, clock: int) -> float:
+    """The highest speed of any joint from the clock's start to the end of the FTTI."""
+    in_ftti = motion.time_s[clock:] <= motion.time_s[clock] + FTTI_S * _EXACT
+    return float(np.abs(motion.speed_rad_s[clock:][in_ftti]).max())
 
 
 def _stop_cycle(notices: Sequence[Notice]) -> int | None:

@@ -9,12 +9,16 @@ from typing import Any, Self
 
 from .judgement import Findings, Verdict
 from .plan import MatrixCell
+from .reasons import why
 from .undetectable import BEYOND_CONTROL, declared
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A row: which fault, what became of it. Empty where there is nothing of the kind; times in ms, safe_s in s."""
+    """A row: which fault, what became of it. Empty where there is nothing of the kind; times in ms, safe_s in s.
+
+    `why` is what keeps the cell from being as it should be, `note` an excuse, or what has broken the run off.
+    """
 
     tap: str
     fault: str
@@ -34,6 +38,7 @@ class Row:
     peak_speed_rad_s: float | None = None
     is_excused: bool = False
     note: str = ""
+    why: str = ""
 
     @classmethod
     def of(cls, cell: MatrixCell, found: Findings) -> Self:
@@ -62,6 +67,7 @@ class Row:
             peak_speed_rad_s=_rounded(found.peak_speed_rad_s, 3),
             is_excused=is_excused,
             note=note,
+            why=why(found),
         )
 
     @classmethod
@@ -101,12 +107,16 @@ class FalseAlarm:
 
 @dataclass(frozen=True, slots=True)
 class Matrix:
-    """The whole: rows in the order of the plan, and what the fault-free runs gave."""
+    """The whole: rows in the order of the plan, and what the fault-free runs gave.
+
+    `runs_left` is how many runs were not made: not 0 where the campaign was interrupted.
+    """
 
     title: str
     rows: tuple[Row, ...]
     fault_free_runs: int
     false_alarms: tuple[FalseAlarm, ...]
+    runs_left: int = 0
 
     @property
     def counts(self) -> dict[Verdict, int]:
@@ -126,8 +136,13 @@ class Matrix:
 
     @property
     def passes(self) -> bool:
-        """Whether every row is as it should be, and no fault-free run raised an alarm."""
-        return not self.failed and not self.false_alarms
+        """Whether it is whole, every row is as it should be, and no fault-free run raised an alarm."""
+        return not (self.runs_left or self.failed or self.false_alarms)
+
+    @property
+    def runs(self) -> int:
+        """Runs that were made, with a fault and without."""
+        return len(self.rows) + self.fault_free_runs
 
 
 def as_csv(rows: Iterable[Row], columns: Sequence[str] = COLUMNS) -> str:

@@ -20,6 +20,8 @@ _HEADINGS = {
 def as_text(matrix: Matrix) -> str:
     """Summary by family, then one line for each cell that does not pass; then false alarms."""
     lines = [matrix.title, "", *_families(matrix.rows), ""]
+    if matrix.runs_left:
+        lines += [f"PARTIAL: {part_of(matrix)}", ""]
     if matrix.failed:
         lines += ["not as it should be:", *_listed(matrix.failed), ""]
     if matrix.fault_free_runs:
@@ -31,6 +33,11 @@ def as_text(matrix: Matrix) -> str:
         lines.append(f"{share:.0%} of the cells are declared undetectable; must be at most {HIGHEST_SHARE:.0%}")
     lines.append(f"{len(matrix.rows) - len(matrix.failed)} of {len(matrix.rows)} cells as they should be")
     return "\n".join(lines)
+
+
+def part_of(matrix: Matrix) -> str:
+    """How much of an interrupted matrix there is."""
+    return f"interrupted after {matrix.runs} of {matrix.runs + matrix.runs_left} runs"
 
 
 def out_of_date(rows: Sequence[Row]) -> list[str]:
@@ -67,13 +74,7 @@ def _listed(rows: Sequence[Row]) -> list[str]:
 
 
 def _what(row: Row) -> str:
-    words = [f"{row.verdict.value:<19}"]
-    if row.note:
-        return f"{words[0]} {row.note}"
+    phrases = [phrase for phrase in (row.why, row.note) if phrase]
     if row.detector:
-        words.append(f"{row.detector} after {row.latency_ms:g} ms, {row.reaction};")
-    if row.peak_error_lsb is not None:
-        words.append(f"error {row.peak_error_lsb:.1f} LSB;")
-    if not row.is_safe:
-        words.append("never safe" if row.safe_s is None else f"safe by {row.safe_by} after {row.safe_s:.3g} s")
-    return " ".join(words).rstrip(";")
+        phrases.append(f"first {row.detector} after {row.latency_ms:g} ms, {row.reaction}")
+    return f"{row.verdict.value:<19}{'; '.join(phrases)}"

@@ -95,7 +95,7 @@ class Bench:
         self._off = self.trouble.off
         self.slaves.extend(self.make_card(card, card.node_id) for card in cell.card)
         figures = BusFigures(self.wire, self.trouble, [slave.node_id for slave in self.slaves])
-        faults = FaultObjects(cell, self.inject, lambda: (self._time.time_ns, self._time.cycle))
+        faults = FaultObjects(cell, self.inject, self._time_and_run)
         self.device = BenchDevice(cell, self.assessor, figures, faults, self._set_emergency_stop)
         self.device.truth = self.world.state()
         self.node = BenchNode(cell, clock, self._time, self.device, with_wire)
@@ -110,6 +110,11 @@ class Bench:
     def cycle(self) -> int:
         """The last SYNC's number since NMT start; -1 before the first."""
         return self._time.cycle
+
+    @property
+    def run(self) -> int:
+        """How many runs NMT start has begun so far."""
+        return self._time.run
 
     @property
     def begin_ns(self) -> int | None:
@@ -266,6 +271,10 @@ class Bench:
             self.faults.update(self._time.time_ns, self._time.cycle)
         return done
 
+    def _time_and_run(self) -> tuple[int, int, bool]:
+        """Virtual time, cycle, and whether a run is on: fault times count from its cycle 0."""
+        return self._time.time_ns, self._time.cycle, self.is_operational and self.begin_ns is not None
+
     def catch_up(self) -> None:
         """The world moves on to the bench's time."""
         self._time.catch_up()
@@ -378,6 +387,6 @@ class Bench:
                 slave.on_nmt(command, time.time_ns)
         self.device.truth = self.world.state()
         if command is NmtCommand.START and not was_operational:
-            time.cycle, time.begin_ns = -1, None
+            time.run, time.cycle, time.begin_ns = time.run + 1, -1, None
             self._next_sync_ns = max(time.time_ns, self.world.time_ns)
         self.nodes.refresh()

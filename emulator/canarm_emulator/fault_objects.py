@@ -29,9 +29,13 @@ SOURCE = "fault set"
 
 
 class FaultObjects:
-    """Faults of one bench as its node shows them. `time` gives virtual time and cycle, `on_event` is told of events."""
+    """Faults of one bench as its node shows them. `time` gives virtual time, cycle, and whether a run is on; `on_event`
+    is told of events.
+    """
 
-    def __init__(self, cell: Cell, inject: Callable[[FaultScript], str], time: Callable[[], tuple[int, int]]) -> None:
+    def __init__(
+        self, cell: Cell, inject: Callable[[FaultScript], str], time: Callable[[], tuple[int, int, bool]]
+    ) -> None:
         self.on_event: Callable[[FaultEvent], None] | None = None
         self.begun = 0
         """How many faults have begun so far."""
@@ -72,7 +76,7 @@ class FaultObjects:
     def write(self, data: bytes, channel: int) -> None:
         """Do what the text `data` asks for. Raises `SdoRefused`; the reason is in `result`."""
         try:
-            done = self._inject(parse_faults(data.decode("utf-8"), SOURCE))
+            done = self._inject(parse_faults(data.decode("utf-8-sig"), SOURCE))
         except (FaultError, UnicodeDecodeError) as error:
             reason = str(error) if isinstance(error, FaultError) else f"{SOURCE}: is not UTF-8: {error}"
             self._results[channel] = f"refused: {reason}"[:LONGEST_RESULT]
@@ -88,13 +92,14 @@ class FaultObjects:
         return _ascii(self._results.get(channel, NOTHING_YET))
 
     def status(self) -> str:
-        """Sets with state and activations, active faults, how many have begun; virtual time and cycle."""
-        time_ns, cycle = self._time()
+        """Sets with state and activations, active faults, how many have begun; time, cycle, whether a run is on."""
+        time_ns, cycle, is_running = self._time()
         sets = [] if self._engine is None else self._engine.status()
         return _json(
             {
                 "time_ns": time_ns,
                 "cycle": cycle,
+                "running": is_running,
                 "begun": self.begun,
                 "sets": [
                     {"set": each.name, "state": each.state.value, "activations": each.activations} for each in sets
@@ -124,7 +129,8 @@ def event_name(event: "FaultEvent") -> str:
 
 def event_details(event: "FaultEvent") -> dict[str, Any]:
     """Which fault, where, and in which cycle."""
-    return {"set": event.set_name, "tap": event.tap, "fault": event.fault, "cycle": event.cycle}
+    details = {"set": event.set_name, "tap": event.tap, "fault": event.fault, "cycle": event.cycle}
+    return {**details, "failure": event.failure} if event.failure else details
 
 
 def event_as_plain(event: "FaultEvent") -> dict[str, Any]:
@@ -137,7 +143,8 @@ def event_text(event: "FaultEvent") -> str:
     verb = "begins" if event.is_begin else "ends"
     of_set = "" if event.set_name == f"{event.tap} {event.fault}" else f" ({event.set_name})"
     when = f"cycle {event.cycle}" if event.cycle >= 0 else "before the first cycle"
-    return f"fault {verb}: {event.tap} {event.fault}{of_set}, {when}, {event.time_ns * 1e-9:.4f} s"
+    failure = f", {event.failure}" if event.failure else ""
+    return f"fault {verb}: {event.tap} {event.fault}{of_set}, {when}, {event.time_ns * 1e-9:.4f} s{failure}"
 
 
 def _json(value: object) -> str:

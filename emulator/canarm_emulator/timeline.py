@@ -9,13 +9,15 @@ from .world import World
 class Timeline:
     """Time in ns since the bench was switched on. Whoever carries something out at a time says so here first."""
 
-    __slots__ = ("begin_ns", "cycle", "time_ns", "world")
+    __slots__ = ("begin_ns", "cycle", "run", "time_ns", "world")
 
     def __init__(self, world: World) -> None:
         self.world = world
         self.time_ns = 0
         self.cycle = -1
         """The last SYNC's number since NMT start; -1 before the first."""
+        self.run = 0
+        """How many runs NMT start has begun so far."""
         self.begin_ns: int | None = None
         """When cycle 0 was; None before."""
 

@@ -1,6 +1,5 @@
 """Reading a cell: a shipped name or a TOML file, with keys of the command line laid over it."""
 
-import stat
 import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
@@ -13,6 +12,7 @@ from .cell import Cell
 from .cell_checks import problems
 from .cell_messages import explain, keys_at, nearest
 from .errors import CellError
+from .text_file import read_text
 
 SETTABLE = ("control", "supervision")
 """The tables whose keys `--set` takes."""
@@ -47,29 +47,15 @@ def load_cell(name_or_path: str, settings: Mapping[str, str] | None = None) -> C
     if name_or_path in shipped:
         return parse_cell(shipped[name_or_path], f"cell {name_or_path}", settings)
     try:
-        text = _read(Path(name_or_path), source)
+        text = read_text(Path(name_or_path), LARGEST_BYTES, "a cell")
     except FileNotFoundError:
         hint = nearest(name_or_path, shipped)
         raise CellError(f"{source}: no such file, and no cell of that name{hint}") from None
     except OSError as error:
         raise CellError(f"{source}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise CellError(f"{source}: is not a text in UTF-8; a cell is a TOML file") from None
+    except ValueError as error:
+        raise CellError(f"{source}: {error}") from None
     return parse_cell(text, source, settings)
-
-
-def _read(path: Path, source: str) -> str:
-    """The text of a regular file, with or without a byte order mark.
-
-    Raises `OSError`, `UnicodeDecodeError`, and `CellError` for what is no such file or too large.
-    """
-    if not stat.S_ISREG(path.stat().st_mode):
-        raise CellError(f"{source}: is no regular file; a cell is a TOML file")
-    with path.open("rb") as file:
-        data = file.read(LARGEST_BYTES + 1)
-    if len(data) > LARGEST_BYTES:
-        raise CellError(f"{source}: is larger than {LARGEST_BYTES} bytes; is it a cell?")
-    return data.decode("utf-8-sig")
 
 
 def printable(text: str) -> str:

@@ -11,6 +11,8 @@ from .cell import Cell
 Location = tuple[str | int, ...]
 
 _NAME = "must be lower-case letters, digits, '-' and '_', beginning with a letter, at most 32"
+LONGEST_NODE_ID = 3
+"""Digits of a node-ID in decimal, 1 to 127; names have them in hexadecimal, node.0x12."""
 _SIGNAL = 'must be "<joint>.<quantity>", such as "joint2.potentiometer"'
 
 _RULES: dict[str, Callable[[Mapping[str, Any]], str]] = {
@@ -69,11 +71,25 @@ def keys_at(location: Location) -> list[str]:
     return list(model.model_fields)
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
-    """A hint at the known word that was probably meant, or at all of them."""
+def nearest(word: str, known: Iterable[str], see: str = "") -> str:
+    """A hint at the known word that was probably meant, or at all of them; and at what to `see`."""
     known = list(known)
-    close = difflib.get_close_matches(word, known, n=1)
-    return f"; did you mean {close[0]!r}?" if close else f"; known are {', '.join(known)}" if known else ""
+    meant = _meant(word.casefold(), {each.casefold(): each for each in known})
+    if meant is not None:
+        return f"; did you mean {meant!r}?" + (f" See {see}" if see else "")
+    return (f"; known are {', '.join(known)}" if known else "") + (f"; see {see}" if see else "")
+
+
+def _meant(word: str, known: Mapping[str, str]) -> str | None:
+    """Of the `known` words by their lower case: the same, or the only one that begins so, or a similar one."""
+    stem, _, number = word.rpartition(".")
+    if number.isdecimal() and len(number) <= LONGEST_NODE_ID and f"{stem}.{int(number):#04x}" in known:
+        return known[f"{stem}.{int(number):#04x}"]
+    longer = [each for each in known if each.startswith(word)]
+    if word in known or len(longer) == 1:
+        return known[word] if word in known else known[longer[0]]
+    close = difflib.get_close_matches(word, list(known), n=1)
+    return known[close[0]] if close else None
 
 
 def spelled(location: Location, table: Any) -> str:

@@ -5,8 +5,10 @@ Which signals there are, and their values, is the caller's to say.
 """
 
 import ast
+import itertools
+import math
 import operator
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 from .cell_messages import nearest
 from .errors import FaultError
@@ -30,6 +32,7 @@ _OPERATIONS: dict[type[ast.operator], Callable[[float, float], float]] = {
     ast.Mult: operator.mul,
     ast.Div: lambda left, right: left / right if right else float("nan"),
 }
+_ABS = "abs"
 _EXPECTED = "a condition compares signals with numbers, such as joint2.angle_deg > 30"
 
 
@@ -62,10 +65,12 @@ class Condition:
             inverted = self._truth(node.operand)
             return lambda values: not inverted(values)
         if isinstance(node, ast.Compare):
-            numbers = [self._number(each) for each in (node.left, *node.comparators)]
+            sides = [node.left, *node.comparators]
+            numbers = [self._number(each) for each in sides]
             compare = [_COMPARISONS.get(type(each)) for each in node.ops]
             known = [each for each in compare if each is not None]
             if len(known) == len(compare):
+                self._check_variable(node, sides, numbers)
                 pairs = list(zip(known, numbers, numbers[1:], strict=False))
                 return lambda values: all(test(left(values), right(values)) for test, left, right in pairs)
         raise self._unreadable(node)
@@ -81,8 +86,10 @@ class Condition:
             return lambda values: -negated(values)
         if isinstance(node, ast.BinOp) and type(node.op) in _OPERATIONS:
             combine, left, right = _OPERATIONS[type(node.op)], self._number(node.left), self._number(node.right)
+            if isinstance(node.op, ast.Div) and _is_constant(node.right) and not right({}):
+                raise FaultError(f"condition {self.text!r}: {ast.unparse(node)!r} divides by zero, and has no value")
             return lambda values: combine(left(values), right(values))
-        if isinstance(node, ast.Call) and ast.unparse(node.func) == "abs" and len(node.args) == 1 and not node.keywords:
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == _ABS and len(node.args) == 1 and not node.keywords:
             inner = self._number(node.args[0])
             return lambda values: abs(inner(values))
         if isinstance(node, ast.Name | ast.Attribute):
@@ -93,5 +100,21 @@ class Condition:
             return lambda values: values[name]
         raise self._unreadable(node)
 
+    def _check_variable(self, node: ast.Compare, sides: Sequence[ast.expr], numbers: Sequence[Value]) -> None:
+        """Two constants compare today as they do tomorrow; and nothing compares with what is no finite number."""
+        constant = [_is_constant(each) for each in sides]
+        if any(pair == (True, True) for pair in itertools.pairwise(constant)):
+            raise FaultError(
+                f"condition {self.text!r}: {ast.unparse(node)!r} compares numbers that never change; {_EXPECTED}"
+            )
+        for is_constant, side, number in zip(constant, sides, numbers, strict=True):
+            if is_constant and not math.isfinite(number({})):
+                raise FaultError(f"condition {self.text!r}: {ast.unparse(side)!r} is no finite number")
+
     def _unreadable(self, node: ast.expr) -> FaultError:
         return FaultError(f"condition {self.text!r}: {ast.unparse(node)!r} cannot be used; {_EXPECTED}")
+
+
+def _is_constant(node: ast.expr) -> bool:
+    """Whether it reads no signal."""
+    return not any(isinstance(each, ast.Name) and each.id != _ABS for each in ast.walk(node))

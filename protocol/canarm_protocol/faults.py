@@ -7,18 +7,23 @@ taps and faults there are is not known here; the emulator refuses what it does n
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Integral, Real
+from pathlib import Path
 from typing import Any
 
 from .cell_messages import nearest
 from .errors import FaultError
+from .text_file import read_text
 
 ParameterValue = float | int | str | bool
 
 LARGEST_TEXT = 100_000
+"""Of a text, in characters; each has at most four bytes in a file."""
 MOST_SETS = 1000
 MOST_FAULTS = 100
 LONGEST_NAME = 80
 LONGEST_S = 1e6
+LARGEST_WHOLE = (1 << 31) - 1
 _TRIGGERS = ("at", "cycle", "when", "manual")
 _SET_KEYS = ("name", *_TRIGGERS, "duration", "repeat", "period", "fault")
 _SCRIPT_KEYS = ("set", "parallel", "clear", "trigger")
@@ -66,7 +71,7 @@ class FaultSet:
 class FaultScript:
     """What one text asks for: sets, one after the other or in parallel; or to clear sets; or to trigger one by hand.
 
-    `clear` is the name of a set, or "" for all of them. A text without anything clears all as well.
+    `clear` is the name of a set, or "" for all of them.
     """
 
     sets: tuple[FaultSet, ...] = ()
@@ -98,29 +103,48 @@ def parse_faults(text: str, source: str = "fault file") -> FaultScript:
     return script_of(table, source)
 
 
+def read_faults(path: Path) -> FaultScript:
+    """Read the TOML file `path`. Raises `FaultError`: file, what is wrong, what would be right."""
+    try:
+        text = read_text(path, 4 * LARGEST_TEXT, "a fault file")
+    except (OSError, ValueError) as error:
+        why = f"cannot be read: {error.strerror}" if isinstance(error, OSError) else str(error)
+        raise FaultError(f"fault file {path}: {why}") from None
+    return parse_faults(text, str(path))
+
+
+def clearing(name: str | None = None) -> FaultScript:
+    """The script that clears the set `name`, or all sets where that is None.
+
+    Raises `FaultError` for an empty name: an unset variable of a shell is not to clear everything.
+    """
+    if name == "":
+        raise FaultError("clear: the name of the set is empty; leave it out to clear all sets")
+    return FaultScript(clear=name or "")
+
+
 def script_of(table: Mapping[str, Any], source: str = "faults") -> FaultScript:
-    """The script that `table`, a parsed TOML text, declares. Raises `FaultError`."""
+    """The script that `table`, a parsed TOML text, declares; numbers may be numpy's. Raises `FaultError`."""
     _check_keys(table, _SCRIPT_KEYS, source)
     parallel, clear, trigger = table.get("parallel", False), table.get("clear"), table.get("trigger")
     if not isinstance(parallel, bool):
         raise FaultError(f"{source}: parallel = {parallel!r}: must be true or false")
-    if clear is True:
-        clear = ""
-    for key, value in (("clear", clear), ("trigger", trigger)):
+    for key, value, others in (("clear", clear, ', or "" for all sets'), ("trigger", trigger, "")):
         if value is not None and not isinstance(value, str):
-            raise FaultError(f"{source}: {key} = {value!r}: must be the name of a set")
+            raise FaultError(f"{source}: {key} = {value!r}: must be the name of a set{others}")
     entries = _array(table, "set", source)
     if len(entries) > MOST_SETS:
         raise FaultError(f"{source}: {len(entries)} sets; must be at most {MOST_SETS}")
-    if entries and (clear is not None or trigger is not None):
+    asked = (bool(entries) or parallel, clear is not None, trigger is not None)
+    if sum(asked) > 1:
         raise FaultError(f"{source}: 'clear' and 'trigger' stand alone; sets go into a text of their own")
+    if not entries and clear is None and trigger is None:
+        raise FaultError(f'{source}: holds no set; to clear all, write clear = ""')
     sets = tuple(_set(entry, f"{source}: set {number}", number) for number, entry in enumerate(entries, start=1))
     names = [each.name for each in sets]
     for name in names:
         if names.count(name) > 1:
             raise FaultError(f"{source}: {names.count(name)} sets are named {name!r}; names must differ")
-    if not sets and clear is None and trigger is None:
-        clear = ""
     return FaultScript(sets, parallel, clear, trigger)
 
 
@@ -128,7 +152,7 @@ def _set(entry: Mapping[str, Any], where: str, number: int) -> FaultSet:
     _check_keys(entry, _SET_KEYS, where)
     name = entry.get("name", f"set {number}")
     if not isinstance(name, str) or not name or len(name) > LONGEST_NAME or not name.isprintable():
-        raise FaultError(f"{where}: name = {name!r}: must be text of at most {LONGEST_NAME} characters")
+        raise FaultError(f"{where}: name = {name!r}: must be one line of 1 to {LONGEST_NAME} printable characters")
     where = f"{where} ({name!r})" if "name" in entry else where
     given = [key for key in _TRIGGERS if key in entry]
     if len(given) > 1:
@@ -143,6 +167,8 @@ def _set(entry: Mapping[str, Any], where: str, number: int) -> FaultSet:
     repeat = _whole(entry, "repeat", where, least=1) or 1
     if repeat > 1 and duration_s is None:
         raise FaultError(f"{where}: repeat = {repeat}: needs a duration, after which the faults end and come again")
+    if period_s is not None and repeat == 1:
+        raise FaultError(f"{where}: period = {period_s:g}: needs repeat, 2 or more: how often the faults come in all")
     if period_s is not None and duration_s is not None and period_s <= duration_s:
         raise FaultError(f"{where}: period = {period_s:g}: must be longer than the duration, {duration_s:g} s")
     faults = _array(entry, "fault", where)
@@ -156,11 +182,18 @@ def _fault(entry: Mapping[str, Any], where: str) -> FaultSpec:
     for key in ("tap", "fault"):
         if not isinstance(entry.get(key), str):
             raise FaultError(f'{where}: must have {key} = "..."; see `canarm fault list`')
-    parameters = {key: value for key, value in entry.items() if key not in ("tap", "fault")}
+    parameters = {key: _plain(value) for key, value in entry.items() if key not in ("tap", "fault")}
     for key, value in parameters.items():
         if not isinstance(value, float | int | str | bool):
             raise FaultError(f"{where}: {key} = {value!r}: must be a number, a text, or true or false")
     return FaultSpec(entry["tap"], entry["fault"], parameters)
+
+
+def _plain(value: Any) -> Any:
+    """`value`, a number of another type than Python's own, as numpy's are, as one of Python's."""
+    if isinstance(value, bool):
+        return value
+    return int(value) if isinstance(value, Integral) else float(value) if isinstance(value, Real) else value
 
 
 def _check_keys(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
@@ -177,7 +210,7 @@ def _array(table: Mapping[str, Any], key: str, where: str) -> list[Mapping[str, 
 
 
 def _seconds(table: Mapping[str, Any], key: str, where: str, least: float | None = None) -> float | None:
-    value = table.get(key)
+    value = _plain(table.get(key))
     if value is None:
         return None
     is_number = isinstance(value, float | int) and not isinstance(value, bool)
@@ -188,11 +221,13 @@ def _seconds(table: Mapping[str, Any], key: str, where: str, least: float | None
 
 
 def _whole(table: Mapping[str, Any], key: str, where: str, least: int) -> int | None:
-    value = table.get(key)
+    value = _plain(table.get(key))
     if value is None:
         return None
-    if not isinstance(value, int) or isinstance(value, bool) or not least <= value < 1 << 31:
-        raise FaultError(f"{where}: {key} = {value!r}: must be a whole number, at least {least}")
+    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= LARGEST_WHOLE:
+        raise FaultError(
+            f"{where}: {key} = {value!r}: must be a whole number, at least {least}, at most {LARGEST_WHOLE}"
+        )
     return value
 
 

@@ -1,6 +1,10 @@
 """The fault matrix: its definitions on made-up runs, its files, its command, and the golden copy of konkuk1's."""
 
 import dataclasses
+import importlib
+import os
+import shlex
+import signal
 import sys
 from pathlib import Path
 
@@ -8,15 +12,22 @@ import numpy as np
 import pytest
 
 from canarm.cli import run
-from canarm.matrix.bus_reactions import reactions
+from canarm.matrix import foreign_run
+from canarm.matrix.bus_reactions import beside_twin, reactions
 from canarm.matrix.campaign import Campaign, run_campaign
 from canarm.matrix.evidence import SENSORS, Evidence, Motion, Notice, Received, seen_by_controller
+from canarm.matrix.files import claimed, write
+from canarm.matrix.foreign_run import require_whole
 from canarm.matrix.golden import differences, golden_text, read_golden
 from canarm.matrix.html_report import as_html
 from canarm.matrix.judgement import Findings, Verdict, judge
 from canarm.matrix.plan import Scenario, cells_of
+from canarm.matrix.progress import Progress
+from canarm.matrix.reasons import why
 from canarm.matrix.table import Matrix, Row, as_csv
+from canarm.matrix.text_report import as_text
 from canarm.matrix.undetectable import DECLARED_UNDETECTABLE, HIGHEST_SHARE
+from canarm.usage import UsageError
 from canarm_emulator.faults.catalogue import catalogue
 from canarm_protocol.cell import Cell, Quantity
 from canarm_protocol.cell_file import load_cell
@@ -26,7 +37,10 @@ CELL: Cell = load_cell("konkuk1", {})
 CYCLE_S = 0.0025  # konkuk1.toml
 CYCLES, INJECTED = 400, 100
 GOLDEN = Path(__file__).parent / "golden" / "matrix-konkuk1.csv"
-DOCS = Path(__file__).parent.parent.parent / "docs" / "fault-matrix.md"
+ROOT = Path(__file__).parent.parent.parent
+DOCS = ROOT / "docs" / "fault-matrix.md"
+sys.path.append(str(ROOT / "scripts"))
+script = importlib.import_module("fault_matrix")
 LSB_RAD = np.radians(270.0 / 255)  # PHYSICS: 270 degrees on 8 bits, 1 LSB = 1.059 degrees
 
 
@@ -165,6 +179,77 @@ def test_a_fault_that_is_not_dangerous_need_not_end_in_a_safe_state() -> None:
     assert not judged(moved, is_dangerous=False).is_safe
 
 
+def test_a_late_cell_says_how_late_and_why_it_is_not_tolerated() -> None:
+    erring = a_run((noticed(178),))
+    erring.motion.angle_rad[150:, 0] = 3.1 * LSB_RAD
+    assert why(judged(erring)) == "late: 70 ms > 25 ms; not tolerated: error 3.1 LSB > 3 LSB"  # 28 cycles
+    stopped = a_run((noticed(178, stops=True),), is_running=False)
+    stopped.seen[Quantity.TACHOMETER][150:] = 1.0
+    assert why(judged(stopped)) == "late: 70 ms > 25 ms; not tolerated: stopped"
+
+
+def test_a_missed_cell_says_that_nothing_was_noticed() -> None:
+    erring = a_run()
+    erring.motion.angle_rad[150:, 0] = 4.0 * LSB_RAD
+    assert "missed: nothing noticed; not tolerated: error 4 LSB > 3 LSB" in why(judged(erring))
+
+
+def test_an_unsafe_cell_says_which_limit_it_broke() -> None:
+    assert why(judged(driven(238), is_dangerous=True)) == "not safe: off only after 220 ms"  # 88 cycles
+    fast = why(judged(driven(160, speed_rad_s=4.8), is_dangerous=True))
+    assert fast == "not safe: speed 4.8 rad/s within the FTTI"
+    strong = driven(160)
+    strong.motion.current_a[155, 0] = 1.51
+    assert why(judged(strong, is_dangerous=True)) == "not safe: current 1.51 A > 1.5 A"
+    assert "never off, at rest" in why(judged(driven(CYCLES), is_dangerous=True))
+
+
+def test_a_cell_that_is_as_it_should_be_has_no_why() -> None:
+    assert why(judged(a_run())) == ""
+    assert why(judged(driven(190), is_dangerous=True)) == ""
+
+
+def test_the_why_is_in_the_list_the_page_and_the_table() -> None:
+    cell = cells_of(CELL, ["joint2.tachometer stuck"])[0]
+    row = Row.of(cell, judged(driven(238), is_dangerous=True))
+    matrix = Matrix("title", (row,), 0, ())
+    for text in (as_text(matrix), as_html(matrix), as_csv(matrix.rows)):
+        assert "not safe: off only after 220 ms" in text
+
+
+def a_notice(detector: str, cycle: int) -> Notice:
+    return Notice(detector, "", cycle, detector, stops=True)
+
+
+def test_what_the_twin_does_at_the_same_time_is_no_reaction() -> None:
+    twin = a_run((a_notice("outputs-zero", 200), a_notice("process-ended", 380)))
+    run = a_run((a_notice("outputs-zero", 204), a_notice("process-ended", 378)), is_running=False)
+    cleaned = beside_twin(run, twin)
+    assert (cleaned.notices, cleaned.is_running) == ((), True)
+    early = a_run((a_notice("process-ended", 300),), is_running=False)
+    assert beside_twin(early, twin).notices == early.notices
+    assert not beside_twin(early, twin).is_running
+
+
+@pytest.mark.parametrize("end", ["process-ended", "silent", "nmt-stop"])
+def test_a_controller_that_ends_by_itself_while_it_is_watched_is_refused(end: str) -> None:
+    with pytest.raises(UsageError, match=rf"after 3 s \({end}\).* longer run, 6 s"):  # 1200 cycles of 2.5 ms
+        require_whole(a_run((a_notice(end, 1199),)), CELL, "./mine")
+
+
+def test_a_controller_that_rests_for_a_while_is_not_refused() -> None:
+    require_whole(a_run((a_notice("outputs-zero", 1199),)), CELL, "./mine")
+
+
+def test_rows_after_the_last_watched_cycle_are_left_out(tmp_path: Path) -> None:
+    truth = tmp_path / "robot.csv"
+    rows = [f"{tick},{tick * CYCLE_S}," + ",".join(["0"] * 12) for tick in (0, 1, 2, 2, 3)]
+    truth.write_text("\n".join(["header", *rows, ""]))
+    motion = foreign_run._motion(truth, 2, last_cycle=2)
+    assert motion is not None
+    assert motion.cycle.tolist() == [0, 1, 2]
+
+
 def test_the_controller_has_seen_the_last_tpdo_that_came_before_the_next_sync() -> None:
     low, high = (Frame(0x294, (code << 7).to_bytes(2, "little") * 4) for code in (100, 200))
     frames = [Received(0.0006, low), Received(0.0026, high), Received(0.0027, high._replace(data=b"\0"))]
@@ -201,7 +286,7 @@ def test_several_processes_give_the_same_matrix_as_one(some: tuple[Campaign, Mat
     progress: list[tuple[int, int]] = []
     again = run_campaign(campaign, jobs=2, on_progress=lambda done, total: progress.append((done, total)))
     assert again == matrix
-    assert progress == [(done, 5) for done in range(1, 6)]
+    assert progress == [(done, 5) for done in range(6)]
 
 
 def test_an_sdo_abort_in_a_running_robot_changes_nothing(some: tuple[Campaign, Matrix]) -> None:
@@ -266,10 +351,125 @@ def test_the_command_writes_its_files_and_ends_with_json(canarm) -> None:
     [(["--only", "nosuch"], "nosuch"), (["--law", "nosuch"], "nosuch"), (["--jobs", "0"], "jobs")],
 )
 def test_what_cannot_be_asked_for_is_status_2(
-    arguments: list[str], word: str, capfd: pytest.CaptureFixture[str]
+    arguments: list[str], word: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["fault", "matrix", *arguments]) == 2
-    assert word in capfd.readouterr().err
+    assert word in capsys.readouterr().err
+
+
+def test_every_pattern_has_to_fit_something(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["fault", "matrix", "--only", "node.0x14 sdo-abort", "--only", "slip", "--only", "of pen"]) == 2
+    assert "--only slip --only 'of pen': fits no fault" in capsys.readouterr().err
+
+
+def test_a_folder_that_holds_a_matrix_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "matrix.csv").write_text("precious")
+    assert run(["fault", "matrix", "--only", "sdo-abort", "--out", str(tmp_path)]) == 2
+    assert "holds a matrix already" in capsys.readouterr().err
+    assert (tmp_path / "matrix.csv").read_text() == "precious"
+
+
+def test_a_folder_that_nothing_was_written_to_can_be_claimed_again(tmp_path: Path) -> None:
+    for _ in range(2):
+        with claimed(tmp_path / "m"), pytest.raises(UsageError), claimed(tmp_path / "m"):
+            pytest.fail("claimed twice")
+
+
+def test_a_partial_matrix_says_so_in_name_and_text(tmp_path: Path) -> None:
+    partial = Matrix("title", (ROW,), 0, (), runs_left=3)
+    with claimed(tmp_path):
+        csv, page = write(tmp_path, partial)
+    assert (csv.name, page.name) == ("matrix-partial.csv", "matrix-partial.html")
+    assert "interrupted after 1 of 4 runs" in page.read_text(encoding="utf-8")
+    assert sorted(path.name for path in tmp_path.iterdir()) == [csv.name, page.name]
+    assert not partial.passes
+
+
+def test_progress_without_a_terminal_is_ten_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    progress = Progress()
+    for done in range(374):
+        progress(done, 373)
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split()[1] for line in lines] == [str(percent) for percent in range(10, 101, 10)]
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [("sleep 1000", "no SYNC within 0.5 s"), ("sh -c 'echo no arm; exit 3'", "ended with status 3; it said: no arm")],
+)
+@pytest.mark.filterwarnings("error")
+def test_a_command_that_drives_nothing_is_one_line(
+    command: str, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(foreign_run, "FIRST_SYNC_S", 0.5)
+    assert run(["fault", "matrix", "--only", "node.0x14 hang", "--controller", command]) == 1
+    *before, last = capsys.readouterr().err.splitlines()
+    assert last == f"canarm: --controller {command}: the command drove no cycle: {words}"
+    assert any("a run without any fault" in line for line in before)
+
+
+def test_an_interrupt_ends_all_and_keeps_what_there_is(canarm) -> None:
+    matrix = canarm("fault", "matrix", "--only", "joint2.*", "--jobs", "2", "--out", "m", "--json")
+    matrix.wait_for("10 % ")
+    os.killpg(matrix.pid, signal.SIGINT)  # as a terminal does: the workers as well
+    assert matrix.wait() == 1
+    assert "interrupted after" in matrix.stderr[-1]
+    assert matrix.stdout == []
+    assert all(line.startswith("canarm: ") for line in matrix.stderr), matrix
+    assert canarm.remaining() == []
+    assert sorted(path.name for path in (canarm.folder / "m").iterdir()) == [
+        "matrix-partial.csv",
+        "matrix-partial.html",
+    ]
+
+
+def test_an_interrupt_ends_a_strange_controller_too(canarm, until) -> None:
+    command = "sh -c 'touch begun; exec sleep 1000'"
+    matrix = canarm("fault", "matrix", "--only", "node.0x14 hang", "--controller", command, "--out", "m")
+    until((canarm.folder / "begun").exists, "start of the command")
+    os.killpg(matrix.pid, signal.SIGINT)
+    assert matrix.wait() == 1
+    assert matrix.stderr[-1] == "canarm: interrupted after 0 of 1 runs"
+    assert canarm.remaining() == []
+    assert list((canarm.folder / "m").iterdir()) == []
+
+
+@pytest.mark.slow
+def test_an_interrupt_ends_the_strange_controllers_of_several_processes(canarm, until) -> None:
+    ours = shlex.join([sys.executable, "-m", "canarm", "controller", "--clock", "sync", "--connect"])
+    command = f"sh -c 'echo >> begun; exec {ours} {{host}}:{{port}}'"
+    matrix = canarm("fault", "matrix", "--only", "*.potentiometer *", "--controller", command, "--jobs", "2")
+    until(lambda: (canarm.folder / "begun").exists() and (canarm.folder / "begun").stat().st_size >= 3, "two runs")
+    os.killpg(matrix.pid, signal.SIGINT)
+    assert matrix.wait() == 1
+    assert "interrupted after" in matrix.stderr[-1]
+    assert all(line.startswith("canarm: ") for line in matrix.stderr), matrix
+    assert canarm.remaining() == []
+
+
+@pytest.mark.parametrize(("changed", "status"), [({}, 0), ({"latency_ms": 30.0}, 1)])
+def test_the_script_says_how_to_accept_a_change(
+    changed: dict[str, object],
+    status: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    golden = tmp_path / "golden.csv"
+    golden.write_text(golden_text([ROW]))
+    matrix = Matrix("title", (dataclasses.replace(ROW, **changed),), 0, ())  # type: ignore[arg-type]
+    monkeypatch.setattr(script, "GOLDEN", golden)
+    monkeypatch.setattr(script, "run_campaign", lambda *_: matrix)
+    assert script.main([]) == status
+    accepts = "make matrix ARGS=--update-golden" in capsys.readouterr().out.splitlines()[-1]
+    assert accepts == bool(changed)
+
+
+def test_an_interrupted_script_leaves_the_golden_copy_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(script, "GOLDEN", tmp_path / "golden.csv")
+    monkeypatch.setattr(script, "run_campaign", lambda *_: Matrix("title", (ROW,), 0, (), runs_left=1))
+    assert script.main(["--update-golden"]) == 1
+    assert not (tmp_path / "golden.csv").exists()
 
 
 def test_csv_has_a_line_a_row_and_words_for_switches() -> None:
@@ -284,6 +484,20 @@ def test_every_declaration_has_its_reason_in_the_docs() -> None:
 def test_at_most_a_tenth_of_the_cells_is_declared_undetectable() -> None:
     golden = read_golden(GOLDEN.read_text(encoding="utf-8"))
     assert sum(each.verdict == Verdict.UNDETECTABLE.value for each in golden.values()) <= HIGHEST_SHARE * len(golden)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seconds", "status"), [(5, 2), (6, 0)])
+def test_a_master_with_a_planned_end_needs_a_run_that_outlasts_the_matrix(seconds: int, status: int, canarm) -> None:
+    assert canarm("export", "dcf", "--out", "dcf").wait() == 0
+    master = [sys.executable, str(ROOT / "examples" / "canopen_master.py"), "dcf", "--port", "{port}"]
+    command = f"{shlex.join(master)} --seconds {seconds}"
+    matrix = canarm("fault", "matrix", "--only", "node.0x14 sdo-abort", "--controller", command, "--json")
+    assert matrix.wait() == status, matrix
+    if status:
+        assert "give the controller a longer run, 6 s" in matrix.stderr[-1]
+    else:
+        assert matrix.json["cells"][0]["verdict"] == "tolerated"
 
 
 @pytest.mark.slow

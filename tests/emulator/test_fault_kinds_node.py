@@ -266,7 +266,7 @@ def test_a_card_that_aborts_sdo_names_the_object_and_writes_nothing(drive: Drive
     run.taken()
     (_, refusal) = run.send(Frame(0x614, next(download(0x1017, 0, b"\x05\x00"))))
     assert refusal.frame.data == bytes.fromhex("80171000") + GENERAL_ERROR
-    run.inject("")
+    run.inject('clear = ""')
     (_, answer) = run.send(Frame(0x614, bytes.fromhex("4017100000000000")))
     assert answer.frame.data == bytes.fromhex("4b17100000000000")  # none, as by default
 

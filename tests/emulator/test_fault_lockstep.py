@@ -138,6 +138,69 @@ def test_a_set_that_waits_when_a_run_ends_waits_for_its_time_in_the_next(drive: 
     assert sum(record.frame.can_id == 0x294 for record in run.cycles(80)) == 40
 
 
+@pytest.mark.parametrize("is_at_once", [True, False], ids=["the next run at once", "half a second between"])
+@pytest.mark.parametrize("duration", [0.05, None], ids=["over", "still there"])
+def test_what_a_fault_held_back_in_one_run_does_not_come_in_the_next(
+    drive: Drive, fault_text: FaultText, is_at_once: bool, duration: float | None
+) -> None:
+    """A fault of the first run holds its frames back for 1 s; the second lasts that long, and has frames of its own."""
+    run = drive(fault_text("can0.tx", "delayed", at=0.1, duration=duration, cob_id=0x294, delay=1000))
+    run.cycles(60)
+    run.send(nmt_frame(NmtCommand.STOP))
+    if not is_at_once:
+        run.bench.advance(run.bench.time_ns + 500_000_000)
+        run.bench.advance(run.bench.time_ns)
+    assert not [record for record in run.taken() if record.frame.can_id == 0x294]
+    run.send(nmt_frame(NmtCommand.START))
+    expected = 600 if duration else 600 - 400  # those of the first 200 cycles of it, where the fault is still there
+    assert sum(record.frame.can_id == 0x294 for record in run.cycles(600)) == expected
+    assert run.is_sound is bool(duration)
+
+
+def test_the_first_of_a_pair_in_one_run_does_not_become_that_of_a_pair_in_the_next(
+    drive: Drive, fault_text: FaultText
+) -> None:
+    run = drive(fault_text("can0.tx", "reordered", at=0.0, duration=None, cob_id=0x294))
+    for cycles in (3, 4):
+        counts = [sum(record.frame.can_id == 0x294 for record in run.cycles(1)) for _ in range(cycles)]
+        assert counts == [0, 2, 0, 2][:cycles]
+        run.send(nmt_frame(NmtCommand.STOP))
+        run.send(nmt_frame(NmtCommand.START))
+
+
+def test_frames_sent_behind_a_delayed_nmt_start_come_behind_it(drive: Drive, fault_text: FaultText) -> None:
+    """All that cards receive comes 10 ms late, the start of the run with it.
+
+    The outputs of the first cycle come with the fifth SYNC; those of the last three are on their way.
+    """
+    run = drive(fault_text("can0.rx", "delayed", at=None, duration=None, delay=10.0), is_started=False)
+    run.send(nmt_frame(NmtCommand.START))
+    records = run.cycles(50)
+    arrived = [record.frame.data for record in records if record.frame.can_id == 0x312]
+    assert len(arrived) == 47
+    assert arrived[:2] == [(17 << 7).to_bytes(2, "little") + bytes(6), (34 << 7).to_bytes(2, "little") + bytes(6)]
+
+
+@pytest.mark.parametrize("line", ['when = "joint2.angle_deg < 1000"', 'when = "cycle < 50"', "cycle = 5"])
+def test_conditions_and_cycles_count_only_while_a_run_is_on(drive: Drive, fault_text: FaultText, line: str) -> None:
+    first = 5 if line == "cycle = 5" else 0
+    text = fault_text("can0.tx", "lost", at=None, duration=None, cob_id=0x294).replace("[[set]]", f"[[set]]\n{line}")
+    before = drive(text, is_started=False)
+    before.bench.advance(100_000_000)
+    between = drive()
+    between.cycles(10)
+    between.send(nmt_frame(NmtCommand.STOP))
+    between.inject(text)
+    between.bench.advance(between.bench.time_ns + 100_000_000)
+    for run in (before, between):
+        begun: list[int] = []
+        run.bench.faults.on_event = lambda event, begun=begun: begun.append(event.cycle)
+        run.taken()
+        run.send(nmt_frame(NmtCommand.START))
+        assert sum(record.frame.can_id == 0x294 for record in run.cycles(20)) == first
+        assert begun == [first]
+
+
 def test_a_manual_trigger_between_syncs_acts_with_the_next_one_on_the_wall_clock(
     drive: Drive, fault_text: FaultText
 ) -> None:

@@ -117,6 +117,7 @@ def test_a_set_is_done_and_its_result_is_read_back(bench: Bench, client: Client)
     assert client.status() == {
         "time_ns": bench.time_ns,
         "cycle": 3,
+        "running": True,
         "begun": 1,
         "sets": [{"set": "dies", "state": "active", "activations": 1}],
         "active": [{"set": "dies", "tap": "joint2.tachometer", "fault": "stuck"}],
@@ -142,7 +143,7 @@ def test_events_tell_time_cycle_and_place_of_beginnings_and_ends(bench: Bench, c
 def test_no_more_events_are_kept_than_the_last_hundred(bench: Bench, client: Client) -> None:
     fault = '[[set.fault]]\ntap = "joint2.tachometer"\nfault = "offset"\n'
     client.inject('[[set]]\nname = "many"\n' + 60 * fault)
-    client.inject("")
+    client.inject('clear = ""')
     events = [json.loads(line)["event"] for line in client.text(objects.FAULT_EVENTS).splitlines()]
     assert events == 40 * ["fault-begins"] + 60 * ["fault-ends"]
     assert client.status()["begun"] == 60
@@ -166,6 +167,7 @@ def test_sets_are_cleared_and_triggered_by_texts_of_their_own(bench: Bench, clie
     [
         (STUCK.format(name="x").replace("tachometer", "tachometr"), "set 'x', fault 1: no tap 'joint2.tachometr'; did"),
         ("[[set]\n", "fault set: not valid TOML: "),
+        ("# nothing", 'fault set: holds no set; to clear all, write clear = ""'),
         ("# " + 100_000 * "x", "fault set: 100002 characters; must have at most 100000"),
         ('trigger = "ü"', "no set '\\xfc' to trigger; there are none"),
     ],
@@ -176,6 +178,17 @@ def test_what_is_refused_is_aborted_and_the_reason_can_be_read(client: Client, t
     assert caught.value.code == AbortCode.INVALID_VALUE
     assert client.text(objects.FAULT_RESULT).startswith(f"refused: {reason}")
     assert client.status()["sets"] == []
+
+
+def test_a_byte_order_mark_is_taken(client: Client) -> None:
+    client.run(download(objects.FAULT_SET, 0, b"\xef\xbb\xbf" + STUCK.format(name="x").encode()))
+    assert client.text(objects.FAULT_RESULT) == "accepted 'x'"
+
+
+def test_the_hint_at_a_tap_is_a_sentence_of_its_own(client: Client) -> None:
+    with pytest.raises(SdoAborted):
+        client.inject(STUCK.format(name="x").replace("joint2.tachometer", "JOINT2.TACHO"))
+    assert client.text(objects.FAULT_RESULT).endswith("did you mean 'joint2.tachometer'? See `canarm fault list`")
 
 
 def test_what_is_no_utf_8_is_refused(client: Client) -> None:

@@ -116,6 +116,36 @@ def test_what_is_no_comparison_of_numbers_is_named_and_refused(text: str, part: 
     assert f"{part!r} cannot be used" in refusal(text)
 
 
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("1 > 2", "1 > 2"),
+        ("time_s > 1 and 3 < 4", "3 < 4"),
+        ("time_s > 1 or not 2 * 3 == 6", "2 * 3 == 6"),
+        ("abs(-1) > 0", "abs(-1) > 0"),
+        ("2 < 1 < time_s", "2 < 1 < time_s"),
+    ],
+)
+def test_a_comparison_of_constants_which_always_holds_or_never_is_refused(text: str, part: str) -> None:
+    assert f"{part!r} compares numbers that never change" in refusal(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("time_s / 0 > 1", "time_s / 0"),
+        ("time_s > 1 / (2 - 2)", "1 / (2 - 2)"),
+        ("abs(cycle / -0.0) < 3", "cycle / -0.0"),
+    ],
+)
+def test_a_division_by_a_constant_zero_is_refused(text: str, part: str) -> None:
+    assert f"{part!r} divides by zero, and has no value" in refusal(text)
+
+
+def test_a_constant_beyond_all_numbers_is_refused() -> None:
+    assert "'1e+200 * 1e+200' is no finite number" in refusal("time_s < 1e200 * 1e200")
+
+
 def test_an_attribute_of_something_else_is_no_signal() -> None:
     assert "no signal" in refusal("().__class__ > 1")
 

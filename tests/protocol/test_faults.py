@@ -1,7 +1,14 @@
 """Declarations of faults in TOML: what they mean, and every way to get one wrong."""
 
+import os
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 import pytest
 
+from canarm_protocol.cell_messages import nearest
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults import (
     LARGEST_TEXT,
@@ -11,7 +18,9 @@ from canarm_protocol.faults import (
     FaultSet,
     FaultSpec,
     Trigger,
+    clearing,
     parse_faults,
+    read_faults,
     script_of,
 )
 
@@ -84,13 +93,9 @@ def test_sets_may_run_side_by_side() -> None:
     assert parse_faults("parallel = true\n[[set]]\n").is_parallel
 
 
-@pytest.mark.parametrize("text", ["", "# nothing\n", "clear = true"])
-def test_a_text_without_sets_clears_all(text: str) -> None:
-    assert parse_faults(text) == FaultScript(clear="")
-
-
 def test_one_set_can_be_cleared_or_triggered_by_name() -> None:
-    assert parse_faults('clear = "a"') == FaultScript(clear="a")
+    assert parse_faults('clear = "a"') == FaultScript(clear="a") == clearing("a")
+    assert parse_faults('clear = ""') == FaultScript(clear="") == clearing()
     assert parse_faults('trigger = "a"') == FaultScript(trigger="a")
 
 
@@ -104,7 +109,107 @@ def test_a_parsed_table_is_read_as_its_text_is() -> None:
     assert script_of(table) == FaultScript((FaultSet("a", (FaultSpec("t", "f", {"value": 1}),)),))
 
 
+@pytest.mark.parametrize("number", [np.int64(5), np.uint8(5), np.int32(5)])
+def test_numpys_whole_numbers_are_whole_numbers(number: Any) -> None:
+    spec = {"tap": "t", "fault": "f", "value": number}
+    declared = script_of({"set": [{"cycle": number, "duration": number, "repeat": number, "fault": [spec]}]}).sets[0]
+    assert (declared.trigger.cycle, declared.duration_s, declared.repeat) == (5, 5.0, 5)
+    assert [type(each) for each in (declared.trigger.cycle, declared.repeat)] == [int, int]
+    assert type(declared.faults[0].parameters["value"]) is int
+
+
+@pytest.mark.parametrize("number", [np.float32(0.5), np.float64(0.5), Fraction(1, 2)])
+def test_numpys_numbers_are_numbers(number: Any) -> None:
+    spec = {"tap": "t", "fault": "f", "value": number}
+    declared = script_of({"set": [{"at": number, "fault": [spec]}]}).sets[0]
+    assert declared.trigger.at_s == declared.faults[0].parameters["value"] == 0.5
+    assert type(declared.trigger.at_s) is type(declared.faults[0].parameters["value"]) is float
+
+
+@pytest.mark.parametrize("key", ["at", "cycle"])
+@pytest.mark.parametrize("value", [True, np.True_, np.array([1, 2])])
+def test_what_is_no_number_is_refused_from_python_too(key: str, value: Any) -> None:
+    with pytest.raises(FaultError, match=f"set 1: {key} = .*: must be a "):
+        script_of({"set": [{key: value}]})
+
+
+# Files
+
+
+def test_a_fault_file_is_read_with_a_byte_order_mark_and_without(tmp_path: Path) -> None:
+    for number, mark in enumerate((b"", b"\xef\xbb\xbf")):
+        path = tmp_path / f"{number}.toml"
+        path.write_bytes(mark + ONE.encode())
+        assert read_faults(path) == parse_faults(ONE)
+
+
+def refusal_of_file(path: Path) -> str:
+    with pytest.raises(FaultError) as caught:
+        read_faults(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    return message.removeprefix(f"fault file {path}: ")
+
+
+def test_a_file_without_end_is_not_read() -> None:
+    assert refusal_of_file(Path("/dev/zero")) == "is no regular file; a fault file is a TOML file"
+
+
+def test_a_pipe_that_nobody_writes_to_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    assert refusal_of_file(tmp_path / "pipe") == "is no regular file; a fault file is a TOML file"
+
+
+def test_a_file_that_cannot_be_read_is_refused_with_the_reason(tmp_path: Path) -> None:
+    assert refusal_of_file(tmp_path / "none.toml") == "cannot be read: No such file or directory"
+    (tmp_path / "latin.toml").write_bytes('[[set]]\nname = "fällt aus"\n'.encode("latin-1"))
+    assert refusal_of_file(tmp_path / "latin.toml") == "is not a text in UTF-8; a fault file is a TOML file"
+    (tmp_path / "large.toml").write_bytes(b"#" * (4 * LARGEST_TEXT + 1))
+    assert refusal_of_file(tmp_path / "large.toml") == "is larger than 400000 bytes; is it a fault file?"
+
+
+def test_a_file_of_as_many_characters_as_a_text_may_have_is_read_whatever_they_are(tmp_path: Path) -> None:
+    path = tmp_path / "f.toml"
+    path.write_text(ONE + "#" + "\N{GRINNING FACE}" * (LARGEST_TEXT - len(ONE) - 1), encoding="utf-8")
+    assert read_faults(path) == parse_faults(ONE)
+
+
+# Hints
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [
+        ("JOINT2.TACHOMETER", "joint2.tachometer"),
+        ("joint2.tacho", "joint2.tachometer"),
+        ("node.18", "node.0x12"),
+        ("node.0X12", "node.0x12"),
+        ("NODE.12", "node.0x12"),
+        ("joint2.lach", "joint2.latch"),
+    ],
+)
+def test_a_hint_is_the_word_that_was_meant(word: str, meant: str) -> None:
+    known = ("joint2.latch", "joint2.tachometer", "joint3.tachometer", "node.0x12", "node.0x7f")
+    assert nearest(word, known, "the list") == f"; did you mean {meant!r}? See the list"
+
+
+def test_a_hint_at_nothing_near_names_all() -> None:
+    assert nearest("x", ("tap", "fault"), "the list") == "; known are tap, fault; see the list"
+    assert nearest("x", ("tap", "fault")) == "; known are tap, fault"
+
+
 # What is refused
+
+
+@pytest.mark.parametrize("text", ["", "# nothing\n", "parallel = false", "set = []"])
+def test_a_text_without_a_set_is_refused_and_clears_nothing(text: str) -> None:
+    assert refusal(text) == 'f.toml: holds no set; to clear all, write clear = ""'
+
+
+def test_an_empty_name_clears_nothing() -> None:
+    """`canarm fault clear "$NAME"`, and nobody has set it."""
+    with pytest.raises(FaultError, match="the name of the set is empty; leave it out to clear all sets"):
+        clearing("")
 
 
 def test_text_that_is_not_toml_is_refused_in_one_line() -> None:
@@ -132,8 +237,11 @@ def test_too_many_faults_of_a_set_are_refused() -> None:
     [
         ("paralel = true", "f.toml: unknown key 'paralel'; did you mean 'parallel'?"),
         ("parallel = 1", "f.toml: parallel = 1: must be true or false"),
-        ("clear = false", "f.toml: clear = False: must be the name of a set"),
-        ("clear = 3", "f.toml: clear = 3: must be the name of a set"),
+        ("clear = true", 'f.toml: clear = True: must be the name of a set, or "" for all sets'),
+        ("clear = false", 'f.toml: clear = False: must be the name of a set, or "" for all sets'),
+        ("clear = 3", 'f.toml: clear = 3: must be the name of a set, or "" for all sets'),
+        ("parallel = true", 'f.toml: holds no set; to clear all, write clear = ""'),
+        ('clear = "a"\ntrigger = "b"', "f.toml: 'clear' and 'trigger' stand alone"),
         ("trigger = true", "f.toml: trigger = True: must be the name of a set"),
         ("set = 3", "f.toml: 'set' must be tables, each headed [[set]]"),
         ("set = [1]", "f.toml: 'set' must be tables, each headed [[set]]"),
@@ -153,10 +261,10 @@ def test_a_wrong_script_is_refused(text: str, message: str) -> None:
     ("lines", "message"),
     [
         ("durations = 1", "unknown key 'durations'; did you mean 'duration'?"),
-        ("name = 3", "name = 3: must be text of at most 80 characters"),
-        ('name = ""', "name = '': must be text of at most 80 characters"),
-        ('name = "a\\nb"', "name = 'a\\nb': must be text of at most 80 characters"),
-        (f'name = "{"a" * 81}"', f"name = '{'a' * 81}': must be text of at most 80 characters"),
+        ("name = 3", "name = 3: must be one line of 1 to 80 printable characters"),
+        ('name = ""', "name = '': must be one line of 1 to 80 printable characters"),
+        ('name = "a\\nb"', "name = 'a\\nb': must be one line of 1 to 80 printable characters"),
+        (f'name = "{"a" * 81}"', f"name = '{'a' * 81}': must be one line of 1 to 80 printable characters"),
         ("at = 1\ncycle = 3", "has at and cycle; must have one trigger: at, cycle, when, manual"),
         ("at = -0.1", "at = -0.1: must be a number of seconds, at least 0, at most 1e+06"),
         ("at = 1e7", "at = 10000000.0: must be a number of seconds, at least 0, at most 1e+06"),
@@ -166,12 +274,15 @@ def test_a_wrong_script_is_refused(text: str, message: str) -> None:
         ("at = true", "at = True: must be a number of seconds, at least 0, at most 1e+06"),
         ('at = "1"', "at = '1': must be a number of seconds, at least 0, at most 1e+06"),
         ("duration = 0", "duration = 0: must be a number of seconds, greater than 0, at most 1e+06"),
-        ("period = -1", "period = -1: must be a number of seconds, greater than 0, at most 1e+06"),
-        ("cycle = -1", "cycle = -1: must be a whole number, at least 0"),
-        ("cycle = 1.5", "cycle = 1.5: must be a whole number, at least 0"),
-        ("cycle = true", "cycle = True: must be a whole number, at least 0"),
-        ("cycle = 2147483648", "cycle = 2147483648: must be a whole number, at least 0"),
-        ("repeat = 0\nduration = 1", "repeat = 0: must be a whole number, at least 1"),
+        (
+            "repeat = 2\nduration = 1\nperiod = -1",
+            "period = -1: must be a number of seconds, greater than 0, at most 1e+06",
+        ),
+        ("cycle = -1", "cycle = -1: must be a whole number, at least 0, at most 2147483647"),
+        ("cycle = 1.5", "cycle = 1.5: must be a whole number, at least 0, at most 2147483647"),
+        ("cycle = true", "cycle = True: must be a whole number, at least 0, at most 2147483647"),
+        ("cycle = 2147483648", "cycle = 2147483648: must be a whole number, at least 0, at most 2147483647"),
+        ("repeat = 0\nduration = 1", "repeat = 0: must be a whole number, at least 1, at most 2147483647"),
         ("when = 3", 'when = 3: must be text, such as "joint2.angle_deg > 30"'),
         ("manual = 1", "manual = 1: must be true or false"),
         ("repeat = 2", "repeat = 2: needs a duration, after which the faults end and come again"),
@@ -179,6 +290,7 @@ def test_a_wrong_script_is_refused(text: str, message: str) -> None:
             "repeat = 2\nduration = 0.5\nperiod = 0.5",
             "period = 0.5: must be longer than the duration, 0.5 s",
         ),
+        ("duration = 0.1\nperiod = 0.5", "period = 0.5: needs repeat, 2 or more: how often the faults come in all"),
         ("fault = 3", "'fault' must be tables, each headed [[set.fault]]"),
     ],
 )

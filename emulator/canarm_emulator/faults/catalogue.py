@@ -52,14 +52,14 @@ def as_plain(entries: list[Entry]) -> list[dict[str, Any]]:
 
 def about(fault: type[Fault]) -> str:
     """What the fault does, in a sentence: the first line of its docstring."""
-    return (fault.__doc__ or "").strip().splitlines()[0]
+    return next(iter((fault.__doc__ or "").strip().splitlines()), fault.name)
 
 
 def resolve(taps: Mapping[str, Tap], spec: FaultSpec) -> tuple[Tap, type[Fault], dict[str, ParameterValue | None]]:
     """The tap, the fault and all its parameters that `spec` asks for. Raises `FaultError`: what would be right."""
     tap = taps.get(spec.tap)
     if tap is None:
-        raise FaultError(f"no tap {spec.tap!r}{nearest(spec.tap, taps)}; see `canarm fault list`")
+        raise FaultError(f"no tap {spec.tap!r}{nearest(spec.tap, taps, '`canarm fault list`')}")
     faults = declared_faults()
     fault = faults.get((spec.fault, tap.kind))
     if fault is None:
@@ -83,8 +83,12 @@ def resolve(taps: Mapping[str, Tap], spec: FaultSpec) -> tuple[Tap, type[Fault],
 
 def make_fault(taps: Mapping[str, Tap], spec: FaultSpec) -> Fault:
     """A fresh fault as `spec` asks for it. Raises `FaultError`."""
-    _, fault, values = resolve(taps, spec)
-    return fault(**values)
+    tap, fault, values = resolve(taps, spec)
+    try:
+        return fault(**values)
+    except Exception as error:
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        raise FaultError(f"{fault.name} at {tap.name}: cannot be made: {text} ({fault.declared_at})") from None
 
 
 def _checked(spec: FaultSpec, parameter: Parameter, value: ParameterValue) -> ParameterValue:

@@ -1,22 +1,25 @@
 """What a fault is: a name, its parameters, the kinds of tap where it may act, and what it does there.
 
-A fault is a dataclass derived from one of the bases below; deriving with `name=...` declares it. Its fields are its
-parameters, each made by `parameter` or `of_tap`. Nothing here knows when a fault acts; `engine.py` decides that.
+A fault is a dataclass derived from one of the bases below; deriving with `name=...` declares it, in whatever module.
+Its fields are its parameters, each made by `parameter`, `of_tap`, `level` or `choice`. Nothing here knows when a fault
+acts, which is `engine.py`'s business, nor which modules there are, which is `modules.py`'s.
 """
 
 import dataclasses
-import importlib
-import pkgutil
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from random import Random
+from types import FrameType
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from canarm_protocol.errors import FaultError
 from canarm_protocol.frames import Frame
 
 from ..truth import JointTruth
+from .modules import import_declared, is_built_in, load_built_in
 
 if TYPE_CHECKING:
     from ..wire import Wire
@@ -105,7 +108,9 @@ def parameter(
     *,
     is_whole: bool = False,
 ) -> Any:
-    """A numeric parameter of a fault, bounds included."""
+    """A numeric parameter of a fault, bounds included. This and the next three raise `FaultError` for what cannot be."""
+    call = "parameter(about, unit, default, minimum, maximum, *, is_whole=False)"
+    _check_arguments(call, {"about": about, "unit": unit}, default, minimum, maximum)
     meta = Parameter("", about, unit, default, minimum, maximum, is_whole=is_whole)
     return field(default=default, metadata={"parameter": meta})
 
@@ -115,30 +120,63 @@ def of_tap(about: str, default: float | None, minimum: float, maximum: float, pe
 
     Bounds and default here are multiples of high - low; what the fault gets is in the tap's unit.
     """
+    call = 'of_tap(about, default, minimum, maximum, per="")'
+    _check_arguments(call, {"about": about, "per": per}, default, minimum, maximum)
     meta = Parameter("", about, per, default, minimum, maximum)
     return field(default=default, metadata={"parameter": meta, "of_tap": True})
 
 
 def level(about: str, default: float | None) -> Any:
     """A parameter that is a value of the tap itself, from its low to its high. `default`: 0 is low, 1 is high."""
+    _check_arguments("level(about, default)", {"about": about}, default, 0.0, 1.0)
     meta = Parameter("", about, "", default, 0.0, 1.0)
     return field(default=default, metadata={"parameter": meta, "level": True})
 
 
 def choice(about: str, choices: tuple[str, ...]) -> Any:
     """A parameter that is one of some words; the first is the default."""
-    meta = Parameter("", about, "", choices[0], choices=choices)
+    given: object = choices
+    if not isinstance(given, tuple | list) or not given or not all(isinstance(each, str) for each in given):
+        raise _refused("choice(about, choices)", f"choices = {choices!r}: must be words, at least one")
+    _check_arguments("choice(about, choices)", {"about": about}, None, 0.0, 0.0)
+    meta = Parameter("", about, "", choices[0], choices=tuple(choices))
     return field(default=choices[0], metadata={"parameter": meta})
+
+
+def _check_arguments(call: str, texts: Mapping[str, object], default: object, minimum: object, maximum: object) -> None:
+    for name, value in texts.items():
+        if not isinstance(value, str):
+            raise _refused(call, f"{name} = {value!r}: must be text")
+    for name, value in (("minimum", minimum), ("maximum", maximum), ("default", default)):
+        if isinstance(value, bool) or not (isinstance(value, float | int) or (value is None and name == "default")):
+            raise _refused(call, f"{name} = {value!r}: must be a number")
+    if not minimum <= maximum:  # type: ignore[operator]
+        raise _refused(call, f"minimum = {minimum!r} is above maximum = {maximum!r}")
+    if default is not None and not minimum <= default <= maximum:  # type: ignore[operator]
+        raise _refused(call, f"default = {default!r}: must be from {minimum!r} to {maximum!r}")
+
+
+def _refused(call: str, problem: str) -> FaultError:
+    """What is wrong with a parameter, at the line and in the class where it is declared."""
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and frame.f_globals.get("__name__") == __name__:
+        frame = frame.f_back
+    if frame is None:
+        return FaultError(f"{problem}; {call}")
+    return FaultError(
+        f"{frame.f_code.co_filename}:{frame.f_lineno}: class {frame.f_code.co_name}: {problem}; the call is {call}"
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """What a fault is told when it begins: where, when, and a source of randomness of its own."""
+    """What a fault is told when it begins: where, when, a source of randomness of its own, and of which set it is."""
 
     tap: Tap
     now_ns: int
     cycle_ns: int
     random: Random
+    set_name: str = ""
 
 
 class Fault(ABC):
@@ -166,6 +204,11 @@ class Fault(ABC):
     of torque, are judged by what the arm does.
     """
 
+    declared_at: ClassVar[str]
+    """File and line."""
+    places: ClassVar[frozenset[TapKind]] = frozenset()
+    """The kinds of tap where the base can act at all."""
+
     def __init_subclass__(
         cls,
         name: str = "",
@@ -174,20 +217,54 @@ class Fault(ABC):
         needs_wire: bool = False,
         is_dangerous: bool = False,
     ) -> None:
+        """Raises `FaultError` for a name that is taken at a kind of tap, and where it could not act."""
         if name:
+            if not is_built_in(cls.__module__):
+                load_built_in()
             cls.name, cls.family, cls.acts_on = name, family, frozenset(acts_on)
             cls.needs_wire, cls.is_dangerous = needs_wire, is_dangerous
-            _DECLARED[name, cls.family, cls.acts_on] = cls
+            cls.declared_at = _place_of(cls)
+            _check_place(cls)
+            _DECLARED.update({(name, kind): cls for kind in cls.acts_on})
 
     def begin(self, context: Context) -> None:  # noqa: B027
         """It becomes active. Called anew at every activation, on a fresh object."""
 
 
-_DECLARED: dict[tuple[str, Family, frozenset[TapKind]], type[Fault]] = {}
+_DECLARED: dict[tuple[str, TapKind], type[Fault]] = {}
+
+
+def _place_of(fault: type[Fault]) -> str:
+    """File and line of the class statement that runs just now."""
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and (
+        frame.f_globals.get("__name__") != fault.__module__ or frame.f_code.co_name == "__init_subclass__"
+    ):
+        frame = frame.f_back
+    return fault.__module__ if frame is None else f"{frame.f_code.co_filename}:{frame.f_lineno}"
+
+
+def _check_place(fault: type[Fault]) -> None:
+    where = f"{fault.declared_at}: fault {fault.name!r}"
+    if not fault.acts_on:
+        raise FaultError(f"{where}: acts_on is empty; must be kinds of tap, such as SCALAR_KINDS")
+    beyond = [kind.name for kind in TapKind if kind in fault.acts_on - fault.places]
+    if beyond:
+        able = ", ".join(kind.name for kind in TapKind if kind in fault.places)
+        raise FaultError(f"{where}: acts_on has {', '.join(beyond)}; with its base it can act on {able}")
+    for kind in TapKind:
+        other = _DECLARED.get((fault.name, kind)) if kind in fault.acts_on else None
+        # The same lines again are a module that is imported anew, or under another name.
+        if other is not None and other.declared_at != fault.declared_at:
+            raise FaultError(
+                f"{where}: the name is taken at {kind.name} ({kind.value}) by {other.declared_at}; choose another name"
+            )
 
 
 class SignalFault(Fault):
     """Changes the number at a scalar tap, or the two bits of a latch tap."""
+
+    places = SCALAR_KINDS | {TapKind.LATCH}
 
     @abstractmethod
     def apply(self, value: float, now_ns: int) -> float:
@@ -199,6 +276,8 @@ class SignalFault(Fault):
 
 class JointFault(Fault):
     """Changes the truth of a joint: its mechanics, motor or supply."""
+
+    places = frozenset({TapKind.SUPPLY, TapKind.MOTOR, TapKind.LINK, TapKind.DRIVE_WIRE})
 
     varies: ClassVar[bool] = False
     """Whether `change` is to be asked every cycle; otherwise only when some fault of the arm begins or ends."""
@@ -213,6 +292,8 @@ class JointFault(Fault):
 
 class MessageFault(Fault):
     """Changes which frames go on in one direction of the robot's bus, and when. SYNC and TIME never come here."""
+
+    places = frozenset({TapKind.MESSAGES})
 
     @abstractmethod
     def pass_on(self, frame: Frame, now_ns: int) -> Iterable[tuple[int, Frame]]:
@@ -230,6 +311,8 @@ class MessageFault(Fault):
 class BusFault(Fault, needs_wire=True):
     """Acts on the wire model."""
 
+    places = frozenset({TapKind.BUS})
+
     @abstractmethod
     def act(self, wire: "Wire", now_ns: int) -> None:
         """Called when it begins and then once a cycle."""
@@ -240,6 +323,8 @@ class BusFault(Fault, needs_wire=True):
 
 class NodeFault(Fault):
     """Changes how a node behaves, through its `NodePort`."""
+
+    places = frozenset({TapKind.NODE})
 
     @abstractmethod
     def act(self, node: "NodePort", now_ns: int) -> None:
@@ -305,24 +390,29 @@ class NodePort(ABC):
 class ClockFault(Fault):
     """Changes how long a cycle of the bench lasts in lockstep, or how its clock runs."""
 
+    places = frozenset({TapKind.CLOCK})
+
     @abstractmethod
     def period_ns(self, nominal_ns: int, now_ns: int) -> int:
         """Virtual time from this SYNC to the next one."""
 
 
 def declared_faults() -> Mapping[tuple[str, TapKind], type[Fault]]:
-    """Every fault by name and kind of tap. One name may be declared several times, for different kinds."""
-    kinds = importlib.import_module(".kinds", __package__)
-    for module in pkgutil.iter_modules(kinds.__path__):
-        importlib.import_module(f"{kinds.__name__}.{module.name}")
-    return {(fault.name, kind): fault for fault in _DECLARED.values() for kind in fault.acts_on}
+    """Every fault by name and kind of tap, wherever it was declared. One name may stand for several, at different kinds.
+
+    Raises `FaultError` where a module of faults that is installed cannot be imported.
+    """
+    import_declared()
+    return _DECLARED
 
 
 def parameters_at(fault: type[Fault], tap: Tap) -> list[Parameter]:
-    """The parameters of `fault` at `tap`, with their bounds in the tap's unit."""
+    """The parameters of `fault` at `tap`, with their bounds in the tap's unit. Raises `FaultError` for no dataclass."""
+    if not dataclasses.is_dataclass(fault):
+        raise FaultError(f"{fault.declared_at}: class {fault.__name__}: must be a @dataclass")
     found = []
     span = tap.high - tap.low
-    for each in dataclasses.fields(fault):  # type: ignore[arg-type]
+    for each in dataclasses.fields(fault):
         meta = each.metadata.get("parameter")
         if meta is None:
             continue

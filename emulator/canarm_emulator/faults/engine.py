@@ -5,6 +5,8 @@ after the other (or side by side where it says `parallel`): a set waits for its 
 or ends the one before when that has no duration. All or nothing of a text is accepted.
 """
 
+import contextlib
+import functools
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -21,6 +23,7 @@ from canarm_protocol.faults import FaultScript, FaultSet, Trigger
 from ..world import JointState
 from .catalogue import make_fault, resolve
 from .declaration import Context, Fault, Tap, TapKind
+from .guard import failure_text, guard
 from .messages import MessagePoint
 from .places import BusPoint, ClockPoint, NodePoint
 from .points import Point, TruthPoint, signal_point
@@ -49,7 +52,10 @@ class SetState(Enum):
 
 
 class FaultEvent(NamedTuple):
-    """A fault has begun or ended: virtual time, cycle since NMT start (-1 before), set, tap and fault."""
+    """A fault has begun or ended: virtual time, cycle since NMT start (-1 before), set, tap and fault.
+
+    `failure` says what went wrong where it has ended because the fault itself is faulty.
+    """
 
     time_ns: int
     cycle: int
@@ -57,6 +63,7 @@ class FaultEvent(NamedTuple):
     set_name: str
     tap: str
     fault: str
+    failure: str = ""
 
 
 class SetStatus(NamedTuple):
@@ -80,6 +87,8 @@ class _Turn:
     """Triggered by hand."""
     was_true: bool = False
     faults: list[tuple[Tap, Fault]] = field(default_factory=list)
+    failure: tuple[Fault, str] | None = None
+    """The fault of it that has failed first, and how."""
 
     def may_begin(self, now_ns: int, begin_ns: int | None, cycle: int, values: Values) -> bool:
         """Whether its trigger holds. A condition that comes again must have been false in between."""
@@ -93,8 +102,11 @@ class _Turn:
         if trigger.at_s is not None:
             return begin_ns is not None and now_ns - begin_ns >= round(trigger.at_s * 1e9)
         if trigger.cycle is not None:
-            return cycle >= trigger.cycle
+            return begin_ns is not None and cycle >= trigger.cycle
         if self.condition is not None:
+            if begin_ns is None:
+                self.was_true = False
+                return False
             was_true, self.was_true = self.was_true, self.condition.holds(values())
             return self.was_true and (not self.activations or not was_true)
         return True
@@ -138,6 +150,8 @@ class FaultEngine:
         self._busy: dict[Point, int] = {}
         self._truth_point = TruthPoint(bench)
         self._cycle = bench.cycle
+        self._failed: list[_Turn] = []
+        """Sets that are to end because a fault of theirs has failed."""
         self._accepted = 0
         signals = [name for joint in bench.cell.joint_names for name in _joint_signals(joint)]
         self._signals = ("time_s", "cycle", *signals)
@@ -163,6 +177,7 @@ class FaultEngine:
             for number, spec in enumerate(each.faults, start=1):
                 try:
                     tap, kind, _ = resolve(self.taps, spec)
+                    make_fault(self.taps, spec)
                 except FaultError as error:
                     raise FaultError(f"set {each.name!r}, fault {number}: {error}") from None
                 if kind.needs_wire and self._bench.wire is None:
@@ -187,7 +202,29 @@ class FaultEngine:
         self._configurations = [each for each in self._configurations if each not in forgotten and each.turns]
         self._configurations.append(_Configuration(turns, script.is_parallel))
         self._accepted += len(turns)
-        return f"accepted {', '.join(repr(turn.declared.name) for turn in turns)}"
+        return "; ".join([f"accepted {', '.join(repr(turn.declared.name) for turn in turns)}", *self._remarks(script)])
+
+    def overdue(self, script: FaultScript) -> list[FaultSet]:
+        """Sets of `script` whose time or cycle is over, so that they would begin at once."""
+        began_ns = self._run_began_ns
+        if began_ns is None:
+            return []
+        passed_ns = self._bench.time_ns - began_ns
+
+        def is_over(trigger: Trigger) -> bool:
+            if trigger.at_s is not None:
+                return round(trigger.at_s * 1e9) < passed_ns
+            return trigger.cycle is not None and trigger.cycle <= self._bench.cycle
+
+        # In an order the others wait for those before them, whatever time it is.
+        sets = script.sets if script.is_parallel else script.sets[:1]
+        return [each for each in sets if is_over(each.trigger)]
+
+    @property
+    def run_time_s(self) -> float | None:
+        """Virtual time since cycle 0 of the run that is on; None while there is none."""
+        began_ns = self._run_began_ns
+        return None if began_ns is None else (self._bench.time_ns - began_ns) * 1e-9
 
     def clear(self, name: str = NAME_OF_ALL) -> str:
         """End and forget the sets of that name, or all. Raises `FaultError` where there is none of the name."""
@@ -202,6 +239,8 @@ class FaultEngine:
         for configuration in self._configurations:
             configuration.keep([turn for turn in configuration.turns if name and turn.declared.name != name])
         self._configurations = [each for each in self._configurations if each.turns]
+        for point in self._points.values():
+            point.drop(name or None)
         return f"cleared {found}"
 
     def status(self) -> list[SetStatus]:
@@ -211,6 +250,8 @@ class FaultEngine:
     def update(self, now_ns: int, cycle: int) -> None:
         """Begin and end what is due. `cycle` is the number of the cycle that begins now, -1 before the first."""
         self._cycle = cycle
+        if self._failed:
+            self._end_failed()
         values: dict[str, float] = {}
 
         def signals() -> Mapping[str, float]:
@@ -232,7 +273,12 @@ class FaultEngine:
             else:
                 self._take_turns(configuration, now_ns, signals)
         for point in self._busy:
-            point.refresh(now_ns)
+            try:
+                point.refresh(now_ns)
+            except Exception as error:
+                self._fail_at(point, error)
+        if self._failed:
+            self._end_failed()
 
     @property
     def truth_point(self) -> TruthPoint:
@@ -273,13 +319,35 @@ class FaultEngine:
         for number, spec in enumerate(turn.declared.faults):
             tap, _, _ = resolve(self.taps, spec)
             fault = make_fault(self.taps, spec)
+            guard(fault, functools.partial(self._fail, turn, fault))
             random = Random(f"{self._seed}/{turn.declared.name}/{number}/{turn.activations}")
             point = self._point(tap)
             self._busy[point] = self._busy.get(point, 0) + 1
             self.active += 1
             turn.faults.append((tap, fault))
             self._tell(now_ns, True, turn, tap, fault)
-            point.add(fault, Context(tap, now_ns, self._bench.cell.bus.cycle_ns, random))
+            try:
+                point.add(fault, Context(tap, now_ns, self._bench.cell.bus.cycle_ns, random, turn.declared.name))
+            except Exception as error:  # such as a truth that cannot be
+                self._fail(turn, fault, error)
+
+    def _fail(self, turn: _Turn, fault: Fault, error: Exception) -> None:
+        if turn.failure is None:
+            turn.failure = fault, failure_text(fault, error)
+            self._failed.append(turn)
+
+    def _fail_at(self, point: Point, error: Exception) -> None:
+        """Any of the faults there may be the cause: all of them end."""
+        for turn in self._turns():
+            for tap, fault in turn.faults:
+                if self._point(tap) is point:
+                    self._fail(turn, fault, error)
+
+    def _end_failed(self) -> None:
+        failed, self._failed = self._failed, []
+        for turn in failed:
+            self._end(turn)
+            turn.state = SetState.ENDED
 
     def _clear_others(self, empty: _Turn) -> None:
         """An empty set clears."""
@@ -287,17 +355,21 @@ class FaultEngine:
             if turn is not empty and turn.state is SetState.ACTIVE:
                 self._end(turn)
                 turn.state = SetState.ENDED
+        for point in self._points.values():
+            point.drop()
 
     def _end(self, turn: _Turn) -> None:
         now_ns = self._bench.time_ns
+        (failing, failure), turn.failure = turn.failure or (None, ""), None
         for tap, fault in turn.faults:
             point = self._point(tap)
             self._busy[point] -= 1
             if not self._busy[point]:
                 del self._busy[point]
             self.active -= 1
-            point.remove(fault, now_ns)
-            self._tell(now_ns, False, turn, tap, fault)
+            with contextlib.suppress(Exception) if failing else contextlib.nullcontext():
+                point.remove(fault, now_ns)
+            self._tell(now_ns, False, turn, tap, fault, failure if fault is failing else "")
         turn.faults.clear()
         is_last = turn.activations >= turn.declared.repeat or turn.declared.duration_s is None
         turn.state = SetState.ENDED if is_last else SetState.WAITING
@@ -333,9 +405,20 @@ class FaultEngine:
             return ClockPoint(self._bench)
         return signal_point(self._bench, tap)
 
-    def _tell(self, now_ns: int, is_begin: bool, turn: _Turn, tap: Tap, fault: Fault) -> None:
+    def _tell(self, now_ns: int, is_begin: bool, turn: _Turn, tap: Tap, fault: Fault, failure: str = "") -> None:
         if self.on_event is not None:
-            self.on_event(FaultEvent(now_ns, self._cycle, is_begin, turn.declared.name, tap.name, fault.name))
+            name = turn.declared.name
+            self.on_event(FaultEvent(now_ns, self._cycle, is_begin, name, tap.name, fault.name, failure))
+
+    def _remarks(self, script: FaultScript) -> list[str]:
+        """What is worth a word about the times in a script that was accepted."""
+        time_s = self.run_time_s
+        if time_s is None:
+            given = ["at"] * any(each.trigger.at_s is not None for each in script.sets)
+            given += ["cycle"] * any(each.trigger.cycle is not None for each in script.sets)
+            verb = "count" if len(given) > 1 else "counts"
+            return [f"no run is on: {' and '.join(given)} {verb} from the next NMT start"] if given else []
+        return [f"{each.name!r} begins at once: {time_s:.3f} s are over" for each in self.overdue(script)]
 
     def _values(self, now_ns: int) -> Mapping[str, float]:
         began_ns = self._run_began_ns

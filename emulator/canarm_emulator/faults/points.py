@@ -32,6 +32,9 @@ class Point(ABC):
     def remove(self, fault: Fault, now_ns: int) -> None:
         """A fault ends."""
 
+    def drop(self, set_name: str | None = None) -> None:  # noqa: B027
+        """Faults were cleared, those of this set or all: what they have held back so far never goes on."""
+
     def refresh(self, now_ns: int) -> None:  # noqa: B027
         """Once a cycle while any fault is here: what varies with time is brought up to date."""
 

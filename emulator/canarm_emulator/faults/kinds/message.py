@@ -1,4 +1,7 @@
-"""Faults on messages, in one direction of the robot's bus. `cob_id` picks one identifier; 0 means every frame."""
+"""Faults on messages, in one direction of the robot's bus.
+
+`cob_id` picks one identifier; 0 means every frame, so that NMT, whose identifier is 0, cannot be picked alone.
+"""
 
 from abc import abstractmethod
 from collections.abc import Iterable
@@ -20,7 +23,9 @@ Stamped = tuple[int, Frame]
 class _Picking(MessageFault):
     """A fault on the frames of one identifier, or on all."""
 
-    cob_id: int = parameter("which identifier; 0: every frame", "", 0, 0, 0x7FF, is_whole=True)
+    cob_id: int = parameter(
+        "which identifier; 0: every frame (NMT, 0x000, cannot be picked alone)", "", 0, 0, 0x7FF, is_whole=True
+    )
     probability: float = parameter("that it hits a frame", "", 1.0, 0.0, 1.0)
     _random: Random = field(default_factory=Random)
 
@@ -87,7 +92,8 @@ class Reordered(_Picking, name="reordered", family=Family.MESSAGE, acts_on=_MESS
 
     def rest(self, now_ns: int) -> Iterable[Stamped]:
         """The first of a pair whose second did not come."""
-        return () if self._held is None else ((now_ns, self._held),)
+        held, self._held = self._held, None
+        return () if held is None else ((now_ns, held),)
 
 
 @dataclass

@@ -1,0 +1,43 @@
+"""How far a campaign is, on stderr: a bar on a terminal, elsewhere a line for every tenth. The one wall clock here."""
+
+import sys
+import time
+
+BAR = 30
+"""Characters of the bar."""
+TENTHS = 10
+
+
+class Progress:
+    """Told after every run; see `run_campaign`."""
+
+    def __init__(self) -> None:
+        self._is_terminal = sys.stderr is not None and sys.stderr.isatty()
+        self._begun_s: float | None = None
+        self._told = 0
+
+    def note(self, text: str) -> None:
+        """Something that is worth a line of its own."""
+        if sys.stderr is not None:
+            print(f"canarm: {text}", file=sys.stderr, flush=True)
+
+    def __call__(self, done: int, total: int) -> None:
+        """`done` of `total` runs have ended; 0 when the first begins."""
+        now_s = time.monotonic()
+        if self._begun_s is None:
+            self._begun_s = now_s
+        if sys.stderr is None or not done:
+            return
+        left_s = (now_s - self._begun_s) * (total - done) / done
+        if self._is_terminal:
+            bar = "#" * (BAR * done // total)
+            end = "\n" if done == total else ""
+            print(f"\r{bar:.<{BAR}} {done}/{total} runs, {left_s:.0f} s left ", end=end, file=sys.stderr, flush=True)
+        elif (tenth := TENTHS * done // total) > self._told:
+            self._told = tenth
+            self.note(f"{done * 100 // total} % ({done} of {total} runs), {left_s:.0f} s left")
+
+    def leave(self) -> None:
+        """End the line of the bar, where it stands for good."""
+        if self._is_terminal and self._begun_s is not None:
+            print(file=sys.stderr, flush=True)

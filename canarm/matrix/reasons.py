@@ -1,0 +1,42 @@
+"""Why a cell of the matrix is not as it should be, in words and numbers. Judges nothing: findings in, a phrase out."""
+
+from collections.abc import Iterator
+
+from .judgement import DETECTION_S, FTTI_S, SAFE_CURRENT_A, SAFE_SPEED_RAD_S, TOLERATED_LSB, Findings, Verdict
+
+
+def why(found: Findings) -> str:
+    """What keeps the run from passing, such as "late: 70 ms > 25 ms; not tolerated: stopped"; empty where it passes."""
+    phrases = []
+    if found.verdict is Verdict.LATE and found.latency_s is not None:
+        phrases.append(f"late: {_ms(found.latency_s)} > {_ms(DETECTION_S)}")
+    elif found.verdict is Verdict.MISSED:
+        phrases.append("missed: nothing noticed")
+    if phrases:
+        phrases.append(f"not tolerated: {_intolerable(found)}")
+    if not found.is_safe:
+        phrases.append(f"not safe: {', '.join(_unsafe(found))}")
+    return "; ".join(phrases)
+
+
+def _intolerable(found: Findings) -> str:
+    if not found.is_running:
+        return "stopped"
+    if found.peak_error_lsb is None:
+        return "no reference to the end"
+    return f"error {found.peak_error_lsb:.3g} LSB > {TOLERATED_LSB:g} LSB"
+
+
+def _unsafe(found: Findings) -> Iterator[str]:
+    if found.clock_current_a > SAFE_CURRENT_A:
+        yield f"current {found.clock_current_a:.4g} A > {SAFE_CURRENT_A:g} A"
+    if found.ftti_speed_rad_s > SAFE_SPEED_RAD_S:
+        yield f"speed {found.ftti_speed_rad_s:.3g} rad/s within the FTTI"
+    if found.safe_s is None:
+        yield "never off, at rest or back at the reference for good"
+    elif found.safe_s > FTTI_S:
+        yield f"{found.safe_by} only after {_ms(found.safe_s)}"
+
+
+def _ms(seconds: float) -> str:
+    return f"{round(seconds * 1e3, 3):g} ms"
