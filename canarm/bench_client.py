@@ -16,7 +16,7 @@ from typing import Any, Self, TypeVar
 from canarm_protocol import bench_objects as objects
 from canarm_protocol.cell import Cell
 from canarm_protocol.errors import BusError, FaultError
-from canarm_protocol.faults import LARGEST_TEXT, FaultScript
+from canarm_protocol.faults import LARGEST_TEXT, FaultScript, clearing
 from canarm_protocol.frames import Frame
 from canarm_protocol.port import BusPort
 from canarm_protocol.sdo import SdoAborted, download, upload
@@ -65,16 +65,16 @@ class BenchClient:
 
         return self._ask(write)
 
-    def clear(self, name: str = "") -> str:
+    def clear(self, name: str | None = None) -> str:
         """End and forget the sets of that name, or all; returns what was done. Raises `FaultError` if there is none."""
-        return self.inject(as_toml(FaultScript(clear=name)))
+        return self.inject(as_toml(clearing(name)))
 
     def trigger(self, name: str) -> str:
         """Begin a set that waits; returns what was done. Raises `FaultError` where there is none."""
         return self.inject(as_toml(FaultScript(trigger=name)))
 
     def status(self) -> dict[str, Any]:
-        """`sets` (each with set, state, activations), `active` (set, tap, fault), `begun`; `time_ns` and `cycle`."""
+        """`sets` (set, state, activations), `active` (set, tap, fault), `begun`; `time_ns`, `cycle`, `running`."""
         return dict(json.loads(self._read(objects.FAULT_STATUS)))
 
     def catalogue(self) -> list[dict[str, Any]]:

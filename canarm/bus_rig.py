@@ -14,14 +14,14 @@ from canarm_controller.controller import State
 from canarm_controller.supervision.detection import Detection
 from canarm_emulator.faults.engine import FaultEvent
 from canarm_protocol.cell_file import load_cell
-from canarm_protocol.errors import BusError
+from canarm_protocol.errors import BusError, FaultError
 from canarm_protocol.faults import FaultScript
 from canarm_protocol.port import open_port
 
 from .bench_client import BenchClient
 from .bus_choice import VIRTUAL_BUSES, BusChoice
 from .child import Child
-from .findings import Begun, Detected, Noticed, ask_detected
+from .findings import Begun, Detected, Noticed, ask_detected, check_question
 from .recorded import RecordedHistory, fault_events, noticed, read_events, recorded_joints
 from .rig_faults import FaultControl, FaultSource, as_toml
 from .rig_joint import RigJoint
@@ -109,6 +109,8 @@ class BusRig(FaultControl):
 
     def detected(self, name: str | None = None, joint: str | None = None, *, since: float | None = None) -> Detected:
         """As `Rig.detected`."""
+        __tracebackhide__ = True
+        check_question(self.cell, name, joint)
         return ask_detected(self.noticed, self.begun, name, joint, since)
 
     @property
@@ -123,7 +125,8 @@ class BusRig(FaultControl):
         return not any(values[-1] for values in commands if len(values))
 
     def run(self, seconds: float) -> None:
-        """The whole run. Returns early when the controller has stopped the robot."""
+        """The whole run. Returns early when the controller has stopped the robot; raises `FaultError` as `Rig.run`."""
+        __tracebackhide__ = True
         tick_count(self.cell, seconds, "seconds")
         if self._result is not None or self._is_finished:
             raise UsageError("run: over a bus a rig runs once; declare faults before it, with at=, cycle= or when=")
@@ -141,6 +144,15 @@ class BusRig(FaultControl):
         events = read_events(self.folder)
         self.fault_events = fault_events(events)
         self.noticed = noticed(events, self.cell.bus.cycle_ns)
+        for event in self.fault_events:
+            if event.failure:
+                raise FaultError(f"{event.tap} {event.fault} {event.failure}")
+
+    @property
+    def never_begun(self) -> list[str]:
+        """The sets that were injected, not cleared, and have never begun."""
+        begun = {each.set_name for each in self.fault_events if each.is_begin}
+        return [name for name in self._awaited if name not in begun]
 
     def summary(self) -> Summary:
         """The figures of the run. Raises `UsageError` before it."""

@@ -1,5 +1,6 @@
 """Faults in lines of text: the catalogue for people to read, and values as they are typed on a command line."""
 
+import difflib
 import fnmatch
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -9,6 +10,8 @@ from canarm_protocol.faults import ParameterValue
 
 from .usage import UsageError
 
+IDENTIFIER = "cob_id"
+"""Parameters of this name are shown as one writes identifiers."""
 _SWITCHES = {"true": True, "false": False}
 
 
@@ -28,12 +31,18 @@ def parse_parameters(words: Iterable[str]) -> dict[str, ParameterValue]:
 def _value(text: str) -> ParameterValue:
     if text in _SWITCHES:
         return _SWITCHES[text]
-    for kind in (int, float):
+    for kind in (int, _hexadecimal, float):
         try:
             return kind(text)
         except ValueError:
             continue
     return text
+
+
+def _hexadecimal(text: str) -> int:
+    if not text.lower().startswith("0x"):
+        raise ValueError(text)
+    return int(text, 16)
 
 
 def select_taps(taps: Sequence[Mapping[str, Any]], pattern: str | None) -> list[Mapping[str, Any]]:
@@ -42,9 +51,18 @@ def select_taps(taps: Sequence[Mapping[str, Any]], pattern: str | None) -> list[
         return list(taps)
     found = [tap for tap in taps if fnmatch.fnmatchcase(tap["tap"], pattern)]
     if not found:
-        names = [tap["tap"] for tap in taps]
-        raise UsageError(f"--tap {pattern}: no such tap{nearest(pattern, names)}; taps are {', '.join(names)}")
+        raise UsageError(f"--tap {pattern}: no such tap{_nearest_tap(pattern, [tap['tap'] for tap in taps])}")
     return found
+
+
+def _nearest_tap(pattern: str, names: Sequence[str]) -> str:
+    """A hint at what was meant; of a pattern the first part counts, a joint or card."""
+    if not any(sign in pattern for sign in "*?["):
+        return nearest(pattern, names)
+    head, dot, rest = pattern.partition(".")
+    heads = list(dict.fromkeys(name.partition(".")[0] for name in names))
+    meant = [] if head in heads else difflib.get_close_matches(head, heads, n=1)
+    return f"; did you mean '{meant[0]}{dot}{rest}'?" if meant else f"; names begin with {', '.join(heads)}"
 
 
 def catalogue_lines(taps: Iterable[Mapping[str, Any]]) -> Iterator[str]:
@@ -62,6 +80,9 @@ def catalogue_lines(taps: Iterable[Mapping[str, Any]]) -> Iterator[str]:
 def _limits(parameter: Mapping[str, Any]) -> str:
     default = parameter["default"]
     usual = "" if default is None else f"{default:g}" if isinstance(default, float | int) else str(default)
+    if parameter["name"] == IDENTIFIER:
+        low, high = (f"0x{int(parameter[bound]):X}" for bound in ("minimum", "maximum"))
+        return f"{'0' if not default else f'0x{int(default):03X}'} ({low} to {high})"
     if "choices" in parameter:
         return f"{usual} ({' | '.join(parameter['choices'])})"
     unit = f" {parameter['unit']}" if parameter["unit"] else ""
@@ -70,9 +91,16 @@ def _limits(parameter: Mapping[str, Any]) -> str:
 
 
 def status_lines(status: Mapping[str, Any]) -> Iterator[str]:
-    """A line a set, and one a fault that acts now."""
-    cycle = f"cycle {status['cycle']}" if status["cycle"] >= 0 else "before the first cycle"
-    yield f"{cycle}: {len(status['active'])} faults act, {status['begun']} have begun"
+    """Whether a run is on, a line a set, and one a fault that acts now."""
+    is_on = status["running"]
+    run = (
+        f"a run is on, cycle {status['cycle']}" if is_on else "no run is on: at and cycle count from the next NMT start"
+    )
+    yield f"{run}; {len(status['active'])} faults act, {status['begun']} have begun"
     for each in status["sets"]:
-        yield f"  set {each['set']!r}: {each['state']}, active {each['activations']} times"
+        yield f"  set {each['set']!r}: {each['state']}, {_times(each['activations'])}"
         yield from (f"    {one['tap']} {one['fault']}" for one in status["active"] if one["set"] == each["set"])
+
+
+def _times(activations: int) -> str:
+    return ("has not begun", "has begun once")[activations] if activations < 2 else f"has begun {activations} times"

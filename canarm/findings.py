@@ -4,7 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from canarm_controller.supervision.detection import Detection
+from canarm_controller.supervision.detection import DETECTORS, Detection
+from canarm_protocol.cell import Cell
+from canarm_protocol.cell_messages import nearest
+
+from .usage import UsageError
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +135,19 @@ def ask_detected(
     start_s = since_s if since_s is not None else None if last is None else last.time_s
     sought = (name or "anything") + (f" at {joint}" if joint else "")
     return Detected(sought, found, others, last, start_s)
+
+
+def check_question(cell: Cell, name: str | None, where: str | None) -> None:
+    """Raises `UsageError` where nothing can ever be detected so: `assert not` would pass for ever."""
+    __tracebackhide__ = True
+    if name is not None and name not in DETECTORS:
+        raise UsageError(f"detected: no detector {name!r}{nearest(name, DETECTORS)}")
+    nodes = [cell.bus.controller_node_id, *(card.node_id for card in cell.card)]
+    places = [*cell.joint_names, *(card.name for card in cell.card), *(f"0x{node_id:02X}" for node_id in nodes)]
+    if where is not None and where not in places:
+        hint = nearest(where, places)
+        known = "" if "known are" in hint else f" There are {', '.join(places)}"
+        raise UsageError(f"detected: no joint, card or node {where!r}{hint}{known}")
 
 
 def _ms(seconds: float) -> str:

@@ -4,13 +4,13 @@ Knows nothing of what it draws. The same input gives the same bytes.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
 WIDTH, LEFT, RIGHT, TOP, GAP = 760, 64, 200, 34, 46
-MARK_ROWS = 5
-"""The words of marks stand in so many rows, one below the other, before they begin at the top again."""
+MARK_STRIP, MARK_WIDTH, MARK_ROW = 14, 14, 16
+"""Height of the strip above a panel where the numbers of marks stand, room for a number, height of a line of words."""
 COLOURS = ("#3b82f6", "#e0781f", "#22a06b", "#9a6fd6", "#8a8f98")
 STYLE = """<style>
 text { font: 12px system-ui, sans-serif; fill: #24292f }
@@ -50,7 +50,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Mark:
-    """A vertical line at `x` with a word beside it. `colour` is an index into `COLOURS`."""
+    """A vertical line at `x`, numbered; what it is stands below the picture. `colour` is an index into `COLOURS`."""
 
     x: float
     label: str
@@ -69,23 +69,39 @@ class Panel:
 
 
 def draw(title: str, x_label: str, x: Axis, panels: Sequence[Panel]) -> str:
-    """The picture. All panels share the x axis; the legend is that of the first."""
-    height = TOP + sum(panel.height + GAP for panel in panels) + 8
+    """The picture. All panels share the x axis; a legend stands beside every panel whose curves are other ones.
+
+    Marks are numbered in the order of their places, those of all panels together.
+    """
+    marks = sorted(dict.fromkeys(mark for panel in panels for mark in panel.marks), key=lambda mark: mark.x)
+    numbers = {mark: number for number, mark in enumerate(marks, start=1)}
+    gap = GAP + (MARK_STRIP if marks else 0)
+    plots_end = TOP + sum(panel.height + gap for panel in panels) + 8
+    height = plots_end + (MARK_ROW * len(marks) + 8 if marks else 0)
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" role="img">',
         f"<title>{escape(title)}</title>",
         STYLE,
     ]
-    top = TOP
+    top = TOP + gap - GAP
+    legends: list[str] = []
+    known: set[tuple[str, int, bool]] = set()
     for panel in panels:
-        lines += _panel(panel, x, top)
-        top += panel.height + GAP
-    lines.append(_text((LEFT + WIDTH - RIGHT) / 2, height - 6, x_label, "middle"))
-    lines += _legend(panels[0].curves)
+        lines += _panel(panel, x, top, numbers)
+        keys = [(curve.label, curve.colour, curve.is_dashed) for curve in panel.curves]
+        if not known.issuperset(keys):
+            legends += _legend(panel.curves, top)
+        known.update(keys)
+        top += panel.height + gap
+    lines += [_text((LEFT + WIDTH - RIGHT) / 2, plots_end - 6, x_label, "middle"), *legends]
+    for mark, number in numbers.items():
+        row = plots_end + MARK_ROW * number
+        lines.append(_text(LEFT, row, str(number), "end", colour=mark.colour))
+        lines.append(_text(LEFT + 10, row, mark.label, "start"))
     return "\n".join([*lines, "</svg>", ""])
 
 
-def _panel(panel: Panel, x: Axis, top: int) -> Iterable[str]:
+def _panel(panel: Panel, x: Axis, top: int, numbers: Mapping[Mark, int]) -> Iterable[str]:
     bottom, right = top + panel.height, WIDTH - RIGHT
 
     def across(value: float) -> float:
@@ -94,7 +110,7 @@ def _panel(panel: Panel, x: Axis, top: int) -> Iterable[str]:
     def down(value: float) -> float:
         return bottom - panel.y.place(value) * panel.height
 
-    yield _text(LEFT, top - 10, panel.title, "start", "title")
+    yield _text(LEFT, top - (10 + MARK_STRIP if numbers else 10), panel.title, "start", "title")
     for tick in x.ticks:
         yield f'<path class="grid" d="M{across(tick):.1f} {top}V{bottom}"/>'
         yield _text(across(tick), bottom + 16, f"{tick:g}", "middle")
@@ -105,18 +121,19 @@ def _panel(panel: Panel, x: Axis, top: int) -> Iterable[str]:
     for curve in panel.curves:
         places = [f"{across(a):.1f},{down(b):.1f}" for a, b in curve.points if math.isfinite(b)]
         yield f'<polyline points="{" ".join(places)}" {_stroke(curve)}/>'
-    for row, mark in enumerate(panel.marks):
-        place, height = across(mark.x), top + 12 + 13 * (row % MARK_ROWS)
+    free = 0.0
+    for mark in sorted(panel.marks, key=lambda each: numbers[each]):
+        place = across(mark.x)
         yield f'<path stroke="{COLOURS[mark.colour]}" stroke-dasharray="2 3" d="M{place:.1f} {top}V{bottom}"/>'
-        if place > (LEFT + right) / 2:
-            yield _text(place - 4, height, mark.label, "end")
-        else:
-            yield _text(place + 4, height, mark.label, "start")
+        if place > free - MARK_WIDTH:  # else so many are in one place that there is no room for another number
+            number_x = max(place, free)
+            yield _text(number_x, top - 4, str(numbers[mark]), "middle", colour=mark.colour)
+            free = number_x + MARK_WIDTH
 
 
-def _legend(curves: Sequence[Curve]) -> Iterable[str]:
+def _legend(curves: Sequence[Curve], top: int) -> Iterable[str]:
     for row, curve in enumerate(curves):
-        left, height = WIDTH - RIGHT + 16, TOP + 8 + 20 * row
+        left, height = WIDTH - RIGHT + 16, top + 8 + 20 * row
         yield f'<path d="M{left} {height}h26" {_stroke(curve)}/>'
         yield _text(left + 32, height + 4, curve.label, "start")
 
@@ -126,6 +143,7 @@ def _stroke(curve: Curve) -> str:
     return f'fill="none" stroke="{COLOURS[curve.colour]}" stroke-width="2"{dashes}'
 
 
-def _text(x: float, y: float, text: str, anchor: str, kind: str = "") -> str:
+def _text(x: float, y: float, text: str, anchor: str, kind: str = "", colour: int | None = None) -> str:
     style = f' class="{kind}"' if kind else ""
+    style += f' style="fill: {COLOURS[colour]}"' if colour is not None else ""
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{style}>{escape(text)}</text>'

@@ -72,9 +72,10 @@ def recorded_joints(cell: Cell, history: RecordedHistory) -> dict[str, RigJoint]
 
 
 def read_events(folder: Path) -> list[dict[str, Any]]:
-    """The events of a run, in the order of their virtual times."""
+    """The events of a run, in the order of their virtual times. The run may still be on."""
     path = folder / EVENTS_FILE
-    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    text = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
+    lines = text[: text.rfind("\n") + 1].splitlines()  # what comes after it is being written
     return sorted((json.loads(line) for line in lines), key=lambda event: int(event["time_ns"]))
 
 
@@ -82,7 +83,13 @@ def fault_events(events: list[dict[str, Any]]) -> list[FaultEvent]:
     """Beginnings and ends of faults among `events`."""
     return [
         FaultEvent(
-            event["time_ns"], event["cycle"], event["event"] == FAULT_BEGINS, event["set"], event["tap"], event["fault"]
+            event["time_ns"],
+            event["cycle"],
+            event["event"] == FAULT_BEGINS,
+            event["set"],
+            event["tap"],
+            event["fault"],
+            event.get("failure", ""),
         )
         for event in events
         if event["event"] in (FAULT_BEGINS, FAULT_ENDS)

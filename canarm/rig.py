@@ -23,11 +23,12 @@ from canarm_emulator.truth import Truth
 from canarm_protocol.cell import Cell
 from canarm_protocol.cell_file import load_cell
 from canarm_protocol.clock import Clock
+from canarm_protocol.errors import FaultError
 from canarm_protocol.faults import FaultScript
 from canarm_protocol.frames import ERROR_FLAG, Frame
 from canarm_protocol.run_folder import create_run_folder, update_run_file
 
-from .findings import Begun, Detected, Noticed, ask_detected
+from .findings import Begun, Detected, Noticed, ask_detected, check_question
 from .rig_faults import FaultControl, FaultSource
 from .rig_history import History
 from .rig_joint import TRUE_SIGNALS, RigJoint
@@ -105,6 +106,9 @@ class Rig(FaultControl):
         """Beginnings and ends of faults; oldest first."""
         self.noticed: list[Noticed] = []
         """Detections with their times; oldest first."""
+        self.never_begun: list[str] | None = None
+        """After `finish`: the sets that were injected, not cleared, and have never begun."""
+        self._faulty: FaultError | None = None
         self._records: deque[Record] = deque(maxlen=FRAMES_KEPT)
         self.joints = {
             name: RigJoint(self._history, index, name, score.lsb_rad)
@@ -162,8 +166,11 @@ class Rig(FaultControl):
         """What was detected by detector `name` at `joint` (any where None): true where there is anything.
 
         `.within(0.025)` asks whether the first detection after the latest fault began came no later than that; with
-        `since`, in s of virtual time, only what came after it counts, and from there.
+        `since`, in s of virtual time, only what came after it counts, and from there. `joint` may be a card or node
+        ("0x14"). Raises `UsageError` for a detector, joint or node that there is not.
         """
+        __tracebackhide__ = True
+        check_question(self.cell, name, joint)
         return ask_detected(self.noticed, self.begun, name, joint, since)
 
     @property
@@ -179,17 +186,22 @@ class Rig(FaultControl):
     def run(self, seconds: float) -> None:
         """Let virtual time pass. Returns early when the controller has stopped the robot, at once if it had before.
 
-        Raises `UsageError` for less than a cycle, `EmulatorError` when the integration of the true robot diverges.
+        Raises `UsageError` for less than a cycle, `EmulatorError` when the integration of the true robot diverges,
+        and `FaultError` when a fault fails because of a mistake in itself: it has ended then, and the run may go on.
         """
+        __tracebackhide__ = True
         controller = self._controller
         goal = controller.controlled_ticks + tick_count(self.cell, seconds, "seconds")
         if controller.state is State.IDLE:
             controller.begin(0)
-        while controller.controlled_ticks < goal and not controller.is_finished:
+        while controller.controlled_ticks < goal and not controller.is_finished and self._faulty is None:
             self._exchange()
         if controller.is_finished:
             self._exchange()
         self._note_state()
+        if self._faulty is not None:
+            faulty, self._faulty = self._faulty, None
+            raise faulty
 
     def change_truth(self, key: str, value: object) -> None:
         """Change the mechanics of the true robot from now on: `joint3.mass`, `joint2.viscous`, `joint2.coulomb`, …
@@ -206,8 +218,12 @@ class Rig(FaultControl):
             self._recorders[0].event(self._bench.time_ns, "truth", key=key, value=settings[key])
 
     def finish(self) -> Summary:
-        """End the run as planned: torque off, cards stopped, files closed. Returns the summary; may be called again."""
+        """End the run as planned: torque off, cards stopped, files closed. Returns the summary; may be called again.
+
+        `events` tells of sets that have never begun.
+        """
         controller = self._controller
+        self._note_never_begun()
         controller.end()
         while not controller.is_finished:
             self._exchange()
@@ -310,13 +326,29 @@ class Rig(FaultControl):
             self._recorders[1].tick()
 
     def _accept(self, script: FaultScript) -> None:
+        for late in self._bench.faults.overdue(script):
+            at_s, cycle = late.trigger.at_s, late.trigger.cycle
+            given = f"cycle = {cycle}" if at_s is None else f"at = {at_s:g} s"
+            raise FaultError(
+                f"set {late.name!r}: {given} is over: it is {self._bench.faults.run_time_s or 0.0:.4f} s, in cycle "
+                f"{self._bench.cycle}; to begin now, leave it out"
+            )
         self._bench.inject(script)
+
+    def _note_never_begun(self) -> None:
+        if self.never_begun is None:
+            waiting = {each.name for each in self.fault_status if not each.activations} if self._names else set()
+            self.never_begun = [name for name in self._awaited if name in waiting]
+            self.events += [Event(self.time_s, "fault never began", name) for name in self.never_begun]
 
     def _note_fault(self, event: FaultEvent) -> None:
         self.fault_events.append(event)
         what = "fault begins" if event.is_begin else "fault ends"
         of_set = "" if event.set_name == f"{event.tap} {event.fault}" else f" ({event.set_name})"
-        self.events.append(Event(event.time_ns * 1e-9, what, f"{event.tap} {event.fault}{of_set}"))
+        failure = f": {event.failure}" if event.failure else ""
+        self.events.append(Event(event.time_ns * 1e-9, what, f"{event.tap} {event.fault}{of_set}{failure}"))
+        if event.failure:
+            self._faulty = FaultError(f"{event.tap} {event.fault}{of_set} {event.failure}")
         if self._recorders is not None:
             self._recorders[0].event(event.time_ns, event_name(event), **event_details(event))
 

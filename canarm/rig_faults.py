@@ -6,17 +6,29 @@ What there is to inject, and whether it is supported, is not known here.
 import itertools
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from canarm_protocol.errors import FaultError
-from canarm_protocol.faults import FaultScript, FaultSet, FaultSpec, ParameterValue, parse_faults, script_of
+from canarm_protocol.errors import ProtocolError
+from canarm_protocol.faults import (
+    FaultScript,
+    FaultSet,
+    FaultSpec,
+    ParameterValue,
+    clearing,
+    parse_faults,
+    read_faults,
+    script_of,
+)
+
+from .usage import UsageError
 
 FaultSource = Path | str | FaultScript
 UNNAMED = "set "
 """How the names of sets begin that were given none."""
+T = TypeVar("T")
 
 
 class FaultControl(ABC):
@@ -24,6 +36,8 @@ class FaultControl(ABC):
 
     def __init__(self) -> None:
         self._names: set[str] = set()
+        self._awaited: dict[str, None] = {}
+        """Sets that have faults and were not cleared, in their order."""
 
     @abstractmethod
     def _accept(self, script: FaultScript) -> None:
@@ -51,40 +65,59 @@ class FaultControl(ABC):
         such as "joint2.angle_deg > 30", `manual` waits for `trigger()`. It lasts `duration` s, or until `clear()`;
         `repeat` activations in all begin `period` s apart. `canarm fault list` shows taps, faults and `parameters`.
         """
+        __tracebackhide__ = True
         wanted = {"at": at, "cycle": cycle, "when": when, "manual": manual or None, "duration": duration}
         wanted |= {"repeat": None if repeat == 1 else repeat, "period": period}
         name = name if name is not None else self._free_name(f"{tap} {fault}")
         entry = {key: value for key, value in wanted.items() if value is not None}
         spec = {**parameters, "tap": tap, "fault": fault}
-        self._take(script_of({"set": [{**entry, "name": name, "fault": [spec]}]}, "inject"))
+        table = {"set": [{**entry, "name": name, "fault": [spec]}]}
+        plainly(lambda: self._take(script_of(table, "inject")))
         return name
 
     def inject_file(self, source: FaultSource) -> tuple[str, ...]:
         """Inject what a fault file (its path, or its text as TOML) or a script says; returns the names of its sets."""
-        script = read_script(source)
-        named = tuple(
-            replace(each, name=self._free_name(each.name)) if each.name.startswith(UNNAMED) else each
-            for each in script.sets
-        )
-        script = replace(script, sets=named)
-        self._take(script)
-        return tuple(each.name for each in script.sets)
+        __tracebackhide__ = True
+        return plainly(lambda: self._take(self._named(read_script(source))))
 
     def trigger(self, name: str) -> None:
         """Begin a set that waits, with the next cycle."""
-        self._accept(FaultScript(trigger=name))
+        __tracebackhide__ = True
+        plainly(lambda: self._accept(FaultScript(trigger=name)))
 
     def clear(self, name: str | None = None) -> None:
         """End and forget the sets of that name; all of them without one."""
-        self._accept(FaultScript(clear=name or ""))
+        __tracebackhide__ = True
+        plainly(lambda: self._accept(clearing(name)))
+        for each in [name] if name else list(self._awaited):
+            self._awaited.pop(each, None)
 
-    def _take(self, script: FaultScript) -> None:
+    def _named(self, script: FaultScript) -> FaultScript:
+        """`script`, with names of their own for sets that were given none."""
+        named = [
+            replace(each, name=self._free_name(each.name)) if each.name.startswith(UNNAMED) else each
+            for each in script.sets
+        ]
+        return replace(script, sets=tuple(named))
+
+    def _take(self, script: FaultScript) -> tuple[str, ...]:
         self._accept(script)
         self._names |= {each.name for each in script.sets}
+        self._awaited |= {each.name: None for each in script.sets if each.faults}
+        return tuple(each.name for each in script.sets)
 
     def _free_name(self, wanted: str) -> str:
         names = itertools.chain((wanted,), (f"{wanted} #{number}" for number in itertools.count(2)))
         return next(name for name in names if name not in self._names)
+
+
+def plainly(call: Callable[[], T]) -> T:
+    """What `call` returns. What it refuses is raised without the frames in which that was found, which are ours."""
+    __tracebackhide__ = True
+    try:
+        return call()
+    except (ProtocolError, UsageError) as error:
+        raise error.with_traceback(None) from None
 
 
 def read_script(source: FaultSource) -> FaultScript:
@@ -93,10 +126,7 @@ def read_script(source: FaultSource) -> FaultScript:
         return source
     if isinstance(source, str) and (not source.strip() or any(sign in source for sign in "=[\n")):
         return parse_faults(source, "faults")
-    try:
-        return parse_faults(Path(source).read_text(encoding="utf-8"), str(source))
-    except (OSError, UnicodeDecodeError) as error:
-        raise FaultError(f"fault file {source}: cannot be read: {' '.join(str(error).split())}") from None
+    return read_faults(Path(source))
 
 
 def as_toml(script: FaultScript) -> str:

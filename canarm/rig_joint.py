@@ -128,12 +128,14 @@ class RigJoint:
         True signals (angle, speed, current, command) are looked at through the stop as well; `error_lsb` ends with the
         reference. Raises `UsageError` for a name that is no history, and where no cycle lies in that time.
         """
+        __tracebackhide__ = True
         return self._check(signal, -limit, limit, since, until)
 
     def stays_within(
         self, signal: str, low: float, high: float, *, since: float = 0.0, until: float = math.inf
     ) -> Finding:
         """As `stays_below`, for a signed value between `low` and `high`."""
+        __tracebackhide__ = True
         return self._check(signal, low, high, since, until)
 
     def departure(self, signal: str, by: float, *, since: float) -> float | None:
@@ -141,6 +143,7 @@ class RigJoint:
 
         For the clock of a detection: a fault that freezes a signal shows only when the truth has moved on.
         """
+        __tracebackhide__ = True
         _, time_s, value = self.span(signal)
         after = time_s >= since - HALF_NS
         gone = after & (np.abs(value - value[after][:1]) > by) if after.any() else after
@@ -148,6 +151,7 @@ class RigJoint:
 
     def span(self, signal: str) -> Span:
         """A history with its cycles and times; a true one goes on through the stop. Raises `UsageError`."""
+        __tracebackhide__ = True
         if signal == ERROR_LSB:
             return self._source.span(self._index, "reference_rad")._replace(value=self.error_lsb)
         if signal in SIGNALS:
@@ -156,6 +160,7 @@ class RigJoint:
         raise UsageError(f"no history {signal!r}{nearest(signal, known)}; there are {', '.join(known)}")
 
     def _check(self, signal: str, low: float, high: float, since: float, until: float) -> Finding:
+        __tracebackhide__ = True
         span = self.span(signal)
         chosen = (span.time_s >= since - HALF_NS) & (span.time_s <= until + HALF_NS)
         if not chosen.any():

@@ -5,45 +5,84 @@ Says what is drawn; how it becomes SVG belongs to `line_plot`.
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from .findings import Begun, Noticed
+from .findings import HALF_NS, Begun, Noticed
 from .line_plot import Axis, Curve, Mark, Panel, draw
 from .rig_joint import Floats, RigJoint
 
 COLUMNS = 600
 """So many pairs of least and greatest value are drawn of a longer curve: more than the picture has pixels."""
 PANEL_HEIGHT = 150
+BEFORE_S, AFTER_S = 0.3, 0.5
+"""How much is shown before the first fault, and after the last detection."""
 BLUE, ORANGE, GREEN, VIOLET, GREY = range(5)
+DEGREES = 180.0 / math.pi
+_PANELS: tuple[tuple[str, tuple[tuple[Any, ...], ...]], ...] = (
+    (
+        "angle, degrees",
+        (
+            ("true", "true_angle_rad", BLUE, DEGREES),
+            ("measured", "measured_rad", GREEN, DEGREES),
+            ("reference", "reference_rad", GREY, DEGREES, True),
+        ),
+    ),
+    ("true speed, rad/s", (("true", "true_speed_rad_s", BLUE),)),
+    ("current, A", (("current", "current_a", BLUE), ("command", "command_a", ORANGE, 1.0, True))),
+)
+"""Title, and label, signal, colour, factor and dashes of each curve."""
 
 
 def plot_run(
     title: str, joints: Mapping[str, RigJoint], begun: Sequence[Begun] = (), noticed: Sequence[Noticed] = ()
 ) -> str:
-    """The picture as SVG text; without any cycle, axes alone."""
-    marks = tuple(Mark(each.time_s, f"{each.tap} {each.fault}", ORANGE) for each in begun)
-    marks += tuple(Mark(each.time_s, each.detection.detector, VIOLET) for each in noticed)
-    panels, times_s = [], [0.0]
+    """The picture as SVG text: the time around faults and detections where there are any, else the whole run.
+
+    A detection at a joint is marked in its panels, any other one in all. Without any cycle there are axes alone.
+    """
+    low_s, high_s = _window(begun, noticed)
+    faults = [Mark(each.time_s, f"{each.time_s:.4f} s  fault: {each.tap} {each.fault}", ORANGE) for each in begun]
+    found = [(each.detection.where, Mark(each.time_s, _seen(each), VIOLET)) for each in noticed]
+    panels, times_s = [], []
     for name, joint in joints.items():
-        angles = [
-            _curve("true", joint, "true_angle_rad", BLUE, 180.0 / math.pi),
-            _curve("measured", joint, "measured_rad", GREEN, 180.0 / math.pi),
-            _curve("reference", joint, "reference_rad", GREY, 180.0 / math.pi, is_dashed=True),
-        ]
-        currents = [
-            _curve("current", joint, "current_a", BLUE),
-            _curve("command", joint, "command_a", ORANGE, is_dashed=True),
-        ]
-        for what, curves in (("angle, degrees", angles), ("current (command dashed), A", currents)):
-            panels.append(Panel(f"{name}: {what}", _fitting(_values(curves, 1)), PANEL_HEIGHT, tuple(curves), marks))
+        marks = [*faults, *(mark for where, mark in found if where == name or where not in joints)]
+        shown = tuple(mark for mark in dict.fromkeys(marks) if low_s <= mark.x <= high_s)
+        for what, signals in _PANELS:
+            curves = [_curve(joint, low_s, high_s, *signal) for signal in signals]
+            curves = [curve for curve in curves if curve.points]
+            axis = _fitting(_values(curves, 1))
+            panels.append(Panel(f"{name}: {what}", axis, PANEL_HEIGHT, tuple(curves), shown))
             times_s += _values(curves, 0)
     return draw(title, "time, s", _fitting(times_s), panels)
 
 
-def _curve(label: str, joint: RigJoint, signal: str, colour: int, scale: float = 1.0, is_dashed: bool = False) -> Curve:
+def _window(begun: Sequence[Begun], noticed: Sequence[Noticed]) -> tuple[float, float]:
+    """From a little before the first fault to a while after the last detection, s."""
+    events_s = [*(each.time_s for each in begun), *(each.time_s for each in noticed)]
+    low_s = min((each.time_s for each in begun), default=min(events_s, default=-math.inf)) - BEFORE_S
+    return low_s, max(events_s) + AFTER_S if noticed else math.inf
+
+
+def _seen(each: Noticed) -> str:
+    where = f" at {each.detection.where}" if each.detection.where else ""
+    return f"{each.time_s:.4f} s  detected: {each.detection.detector}{where}"
+
+
+def _curve(
+    joint: RigJoint,
+    low_s: float,
+    high_s: float,
+    label: str,
+    signal: str,
+    colour: int,
+    scale: float = 1.0,
+    is_dashed: bool = False,
+) -> Curve:
     span = joint.span(signal)
-    times_s, values = _thinned(span.time_s, span.value * scale)
+    inside = (span.time_s >= low_s - HALF_NS) & (span.time_s <= high_s + HALF_NS)
+    times_s, values = _thinned(span.time_s[inside], span.value[inside] * scale)
     return Curve(label, tuple(zip(times_s.tolist(), values.tolist(), strict=True)), colour, is_dashed)
 
 

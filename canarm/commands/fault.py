@@ -51,11 +51,14 @@ def inject(
     tap: Annotated[str | None, Parameter(name="TAP", help="Where, such as joint2.tachometer.")] = None,
     fault_: Annotated[str | None, Parameter(name="FAULT", help="What, such as stuck.")] = None,
     /,
-    *parameters: Annotated[str, Parameter(name="KEY=VALUE", help="The fault's parameters.", show_env_var=False)],
+    *parameters: Annotated[
+        str, Parameter(name="KEY=VALUE", help="The fault's parameters; whole numbers may be 0x….", show_env_var=False)
+    ],
     file: Annotated[Path | None, Parameter(metavar="FILE", help="A fault file instead of TAP and FAULT.")] = None,
     name: Annotated[str | None, Parameter(metavar="NAME", help="Name of the set, for clear and trigger.")] = None,
     at: Annotated[
-        float | None, Parameter(metavar="SECONDS", help="Begin so long after cycle 0; at once unless given.")
+        float | None,
+        Parameter(metavar="SECONDS", help="Begin so long after cycle 0 of the run; at once unless given, or over."),
     ] = None,
     cycle: Annotated[int | None, Parameter(metavar="NUMBER", help="Begin with this cycle.")] = None,
     when: Annotated[
@@ -100,7 +103,7 @@ def clear(
 ) -> int:
     """End and forget faults of a running bench."""
     with _client(cell, bench) as client:
-        print(client.clear(name or ""))
+        print(client.clear(name))
     return 0
 
 
@@ -125,7 +128,7 @@ def status(
     bench: BenchAttachOptions = BenchAttachOptions(),
     json_: Annotated[Flag, Parameter(name="--json", help="As one JSON object.")] = False,
 ) -> int:
-    """Show the sets of a running bench, and which faults act now."""
+    """Show whether a run is on, the sets of a running bench, and which faults act now."""
     with _client(cell, bench) as client:
         found = client.status()
     print(json.dumps(found) if json_ else "\n".join(status_lines(found)))

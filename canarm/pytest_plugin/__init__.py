@@ -15,9 +15,13 @@ if TYPE_CHECKING:
     from .keeping import Keeper
     from .rigs import RigFactory
 
-__all__ = ["canarm_bench", "canarm_rig"]
+__all__ = ["FaultWarning", "canarm_bench", "canarm_rig"]
 
 _KEEPER: pytest.StashKey["Keeper"] = pytest.StashKey()
+
+
+class FaultWarning(UserWarning):
+    """A fault that was injected has never begun, or was faulty: the test has not tested what it should."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -64,8 +68,10 @@ def canarm_rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPath
     """Makes a rig whenever it is called, with the arguments of `canarm.Rig`; they are finished after the test."""
     from .rigs import RigFactory
 
-    with RigFactory(_keeper(request, tmp_path_factory), request.config) as factory:
+    keeper = _keeper(request, tmp_path_factory)
+    with RigFactory(keeper, request.config) as factory:
         yield factory
+    _warn(request, keeper)
 
 
 @pytest.fixture
@@ -77,6 +83,7 @@ def canarm_bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPa
     with CanarmBench(keeper.new_folder(), request.config.getoption("--canarm-seed")) as bench:
         keeper.watch(bench)
         yield bench
+    _warn(request, keeper)
 
 
 @pytest.hookimpl(hookwrapper=True)
@@ -87,20 +94,26 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     if keeper is not None and call.when != "teardown":
         report = outcome.get_result()
         if report.failed:
-            report.sections += [("canarm", text) for text in keeper.keep()]
+            report.sections += keeper.keep()
 
 
 def _keeper(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> "Keeper":
     """What keeps the runs of a test; one a test, cleared away after the fixtures that use it."""
-    from .keeping import Keeper
+    from .keeping import Keeper, file_name
 
-    stash = request.node.stash
+    stash, name = request.node.stash, request.node.name
     if _KEEPER not in stash:
-        keeper = Keeper(request.node.name, tmp_path_factory.mktemp("canarm"), request.config.getoption("--canarm-out"))
+        keeper = Keeper(name, tmp_path_factory.mktemp(file_name(name)), request.config.getoption("--canarm-out"))
         stash[_KEEPER] = keeper
         request.addfinalizer(keeper.clear)
     found: Keeper = stash[_KEEPER]
     return found
+
+
+def _warn(request: pytest.FixtureRequest, keeper: "Keeper") -> None:
+    """Say what makes the test prove less than it seems to."""
+    for text in keeper.complaints():
+        request.node.warn(FaultWarning(text))
 
 
 if TYPE_CHECKING:

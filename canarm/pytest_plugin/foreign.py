@@ -7,11 +7,13 @@ robot.
 import contextlib
 import os
 import struct
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from canarm_emulator.faults.engine import FaultEvent
 from canarm_protocol.bench_objects import TRUE_ANGLE, TRUE_COMMAND, TRUE_SPEED, sdo_channel
 from canarm_protocol.cell import Cell
 from canarm_protocol.cell_file import load_cell
@@ -25,16 +27,21 @@ from ..bus_rig import BENCH_BUS, HOST, port_of
 from ..child import Child
 from ..findings import Begun
 from ..recorded import RecordedHistory, fault_events, read_events, recorded_joints
-from ..rig_faults import FaultControl, FaultSource, as_toml
+from ..rig_faults import FaultControl, FaultSource, as_toml, plainly
 from ..run_plot import plot_run
 from ..session import DEFAULT_CELL
 from ..usage import UsageError
+from .keeping import fault_complaints, fault_lines
 from .program import Program
 from .watch import BusWatch, SeenEmergency, SeenFrame, SeenNmt
 
 ANSWER_S = 10.0
 """How long the bench may take to answer; the machine may be busy."""
 WAIT_S = 10.0
+AFTER_END_S = 1.0
+"""Of the bus's time: longer than any heartbeat, so that cards have had the time to notice."""
+QUIET_S = 1.0
+"""Of wall time, without a frame."""
 
 
 class CanarmBench(FaultControl):
@@ -96,23 +103,57 @@ class CanarmBench(FaultControl):
 
     def start_controller(
         self,
-        command: Sequence[str | os.PathLike[str]],
+        command: str | Sequence[str | os.PathLike[str]],
         *,
         cwd: Path | None = None,
         env: Mapping[str, str] | None = None,
     ) -> Program:
-        """Start the controller under test; it ends with the test. It is to attach to `port`."""
+        """Start the controller under test; it ends with the test. It is to attach to `port`.
+
+        `command` is a list of words, or a string that is split as a shell does; {host} and {port} in it are replaced.
+        Raises `UsageError` where it cannot be started.
+        """
+        __tracebackhide__ = True
         self._listener()
         log = self.folder / f"controller-{len(self._programs) + 1}.txt"
-        self.controller = Program(command, log, cwd, env)
+        places = {"{host}": HOST, "{port}": str(self._port)}
+        self.controller = plainly(lambda: Program(command, log, cwd, env, places))
         self._programs.append(self.controller)
         return self.controller
 
-    def wait_for(self, condition: Callable[[], object], timeout: float = WAIT_S, what: str | None = None) -> None:
-        """Wait until `condition()` is true. Raises `AssertionError` after `timeout` s of wall time."""
-        if not self._listener().wait_for(condition, timeout):
-            what = what or getattr(condition, "__name__", "the condition")
-            raise AssertionError(f"not within {timeout:g} s: {what}; {self.story()}")
+    def wait_for(
+        self,
+        condition: Callable[[], object],
+        timeout: float = WAIT_S,
+        what: str | None = None,
+        *,
+        after_exit: bool = False,
+    ) -> None:
+        """Wait until `condition()` is true. Raises `AssertionError` after `timeout` s of wall time.
+
+        It is raised as well when the controllers have ended by themselves, and the condition is still false
+        `AFTER_END_S` of the bus's time later, or when nothing is heard for `QUIET_S`: what they were to do, they will
+        not do. Unless `after_exit`: then what happens after their end is waited for. That is understood where the test
+        has ended a controller, by `kill`, `interrupt` or `wait`.
+        """
+        __tracebackhide__ = True
+        watch, end = self._listener(), _AfterEnd()
+
+        def is_decided() -> bool:
+            if condition():
+                return True
+            left = not after_exit and any(each.has_left for each in self._programs)
+            is_over = left and all(each.status is not None for each in self._programs)
+            return is_over and end.is_over(time.monotonic(), watch.time_s)
+
+        is_in_time = watch.wait_for(is_decided, timeout)
+        if is_in_time and not end.has_come:
+            return
+        what = what or getattr(condition, "__name__", "the condition")
+        why = f"not within {timeout:g} s: {what}"
+        if end.has_come and self.controller is not None:
+            why = f"the controller has ended with status {self.controller.status}, before: {what}"
+        raise AssertionError(f"{why}; {self.story()}")
 
     @property
     def frames(self) -> list[SeenFrame]:
@@ -168,7 +209,7 @@ class CanarmBench(FaultControl):
     def plot(self, title: str) -> str:
         """Its joints as they truly moved."""
         joints = recorded_joints(self.cell, RecordedHistory(self.cell, self.folder, {}))
-        begun = [each for each in fault_events(read_events(self.folder)) if each.is_begin]
+        begun = [each for each in self._fault_events() if each.is_begin]
         return plot_run(title, joints, [Begun(each.time_ns * 1e-9, each.tap, each.fault) for each in begun])
 
     def story(self) -> str:
@@ -179,10 +220,26 @@ class CanarmBench(FaultControl):
         lost = [f"bus lost: {watch.lost}"] if watch.lost else []
         seen = [(each.time_s, f"NMT {each.command.name} to {_node_name(each.node_id)}") for each in watch.nmt]
         seen += [(each.time_s, f"EMCY 0x{each.code:04X} of {_node_name(each.node_id)}") for each in watch.emergencies]
+        seen += fault_lines(self._fault_events())
         lines = [f"{time_s:9.4f} s  {text}" for time_s, text in sorted(seen, key=lambda each: each[0])]
         states = [f"{_node_name(node)} {state.name}" for node, (_, state) in sorted(watch.heartbeats.items())]
         last = f"{watch.time_s:9.4f} s  last frame; heartbeats: {', '.join(states) or 'none'}"
         return "\n".join([*map(repr, self._programs), *lost, *lines, last])
+
+    @property
+    def label(self) -> str:
+        """What tells it from rigs of the same test."""
+        return "canarm_bench"
+
+    @property
+    def never_begun(self) -> list[str]:
+        """The sets that were injected, not cleared, and have not begun."""
+        begun = {each.set_name for each in self._fault_events() if each.is_begin}
+        return [name for name in self._awaited if name not in begun]
+
+    def complaints(self) -> list[str]:
+        """Faults that have never begun, or were faulty."""
+        return fault_complaints(self.never_begun, self._fault_events()) if self._awaited else []
 
     def __enter__(self) -> Self:
         return self
@@ -195,6 +252,9 @@ class CanarmBench(FaultControl):
     def _accept(self, script: FaultScript) -> None:
         with self._client() as (_, client):
             client.inject(as_toml(script))
+
+    def _fault_events(self) -> list[FaultEvent]:
+        return fault_events(read_events(self.folder))
 
     def _listener(self) -> BusWatch:
         if self._watch is None:
@@ -217,6 +277,24 @@ class CanarmBench(FaultControl):
             session = SdoSession(port, *sdo_channel(self.cell.bus.bench_node_id, client.channel), limit_s=ANSWER_S)
             joints = range(1, len(self.cell.joints) + 1)
             return [float(struct.unpack("<f", session.upload(index, joint))[0]) for joint in joints]
+
+
+class _AfterEnd:
+    """How long what the controllers were to do may still show after their end."""
+
+    def __init__(self) -> None:
+        self.has_come = False
+        self._end_s: float | None = None
+        self._heard: tuple[float, float] = (0.0, 0.0)
+        """The bus's time when something was heard last, and the wall's."""
+
+    def is_over(self, wall_s: float, bus_s: float) -> bool:
+        if self._end_s is None:
+            self._end_s, self._heard = bus_s, (bus_s, wall_s)
+        if bus_s != self._heard[0]:
+            self._heard = bus_s, wall_s
+        self.has_come = bus_s - self._end_s > AFTER_END_S or wall_s - self._heard[1] > QUIET_S
+        return self.has_come
 
 
 def _node_name(node_id: int) -> str:

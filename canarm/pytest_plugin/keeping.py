@@ -3,9 +3,11 @@
 import contextlib
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Protocol
+
+from canarm_emulator.faults.engine import FaultEvent
 
 PLOT_FILE = "joints.svg"
 LONGEST_NAME = 80
@@ -31,6 +33,37 @@ class Run(Protocol):
         """What happened, a line each."""
         ...
 
+    @property
+    def label(self) -> str:
+        """What tells it from other runs of the test."""
+        ...
+
+    def complaints(self) -> list[str]:
+        """Once it has ended: faults that have never begun, or were faulty, so that it has not tested what it should."""
+        ...
+
+
+def fault_lines(events: Iterable[FaultEvent]) -> list[tuple[float, str]]:
+    """Beginnings and ends of faults for a story: time in s and text."""
+    lines = []
+    for each in events:
+        fault = f"{each.tap} {each.fault}"
+        of_set = "" if each.set_name == fault else f" ({each.set_name})"
+        failure = f": {each.failure}" if each.failure else ""
+        lines.append((each.time_ns * 1e-9, f"fault {'begins' if each.is_begin else 'ends'}: {fault}{of_set}{failure}"))
+    return lines
+
+
+def fault_complaints(never_begun: Iterable[str], events: Iterable[FaultEvent]) -> list[str]:
+    """The complaints of a run about its faults."""
+    never = [f"fault never began: {name}" for name in never_begun]
+    return never + [f"fault {each.tap} {each.fault} {each.failure}" for each in events if each.failure]
+
+
+def file_name(name: str) -> str:
+    """The name of a test as that of a folder."""
+    return re.sub(r"[^\w.=-]+", "-", name).strip("-.")[:LONGEST_NAME] or "test"
+
 
 class Keeper:
     """The runs of the test called `name`: below `temporary` while it runs, kept there or in `out` if it fails."""
@@ -39,7 +72,7 @@ class Keeper:
         self._name, self._temporary, self._out = name, temporary, out
         self._runs: list[Run] = []
         self._count = 0
-        self._kept: list[str] | None = None
+        self._kept: list[tuple[str, str]] | None = None
 
     def new_folder(self) -> Path:
         """A name for the folder of another run; nothing is there yet."""
@@ -50,15 +83,21 @@ class Keeper:
         """Keep this one as well, if it comes to that."""
         self._runs.append(run)
 
-    def keep(self) -> list[str]:
-        """End and keep every run; what became of each, for the report. Raises nothing: the test's error matters."""
+    def complaints(self) -> list[str]:
+        """Those of all runs, which have ended."""
+        return [text for run in self._runs for text in run.complaints()]
+
+    def keep(self) -> list[tuple[str, str]]:
+        """End and keep every run; title and text for the report of each. Raises nothing: the test's error matters."""
         if self._kept is None:
             self._kept = []
             for number, run in enumerate(self._runs, start=1):
+                which = f", run {number} of {len(self._runs)}: {run.label}" if len(self._runs) > 1 else ""
                 try:
-                    self._kept.append(self._keep_run(run, number))
+                    text = self._keep_run(run, f"{self._name}{which}")
                 except Exception as error:
-                    self._kept.append(f"the run could not be kept: {type(error).__name__}: {error}")
+                    text = f"the run could not be kept: {type(error).__name__}: {error}"
+                self._kept.append((f"canarm{which}", text))
         return self._kept
 
     def clear(self) -> None:
@@ -66,23 +105,21 @@ class Keeper:
         if self._kept is None or self._out is not None:
             shutil.rmtree(self._temporary, ignore_errors=True)
 
-    def _keep_run(self, run: Run, number: int) -> str:
+    def _keep_run(self, run: Run, title: str) -> str:
         run.end()
         folder = run.folder
         if folder is None or not folder.exists():
             return "no run was begun"
         if self._out is not None and folder.is_relative_to(self._temporary):
             folder = self._move(folder)
-        title = f"{self._name}, run {number}" if len(self._runs) > 1 else self._name
         (folder / PLOT_FILE).write_text(run.plot(title), encoding="utf-8")
         return f"run folder: {folder}\nplot: {folder / PLOT_FILE}\n{run.story()}"
 
     def _move(self, folder: Path) -> Path:
         """A copy in the folder that the user named, which may hold runs of earlier tests."""
         assert self._out is not None
-        name = re.sub(r"[^\w.=-]+", "-", self._name).strip("-")[:LONGEST_NAME]
         self._out.mkdir(parents=True, exist_ok=True)
-        for free in _names(self._out / name):
+        for free in _names(self._out / file_name(self._name)):
             with contextlib.suppress(FileExistsError):
                 return Path(shutil.copytree(folder, free))
         raise AssertionError("names do not end")

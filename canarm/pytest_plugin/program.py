@@ -8,6 +8,8 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from ..usage import UsageError
+
 END_S = 5.0
 """How long it may take to end when asked to, before it is killed."""
 SHOWN = 2000
@@ -19,29 +21,44 @@ class Program:
 
     def __init__(
         self,
-        command: Sequence[str | os.PathLike[str]],
+        command: str | Sequence[str | os.PathLike[str]],
         log: Path,
         cwd: Path | None = None,
         env: Mapping[str, str] | None = None,
+        replace: Mapping[str, str] | None = None,
     ) -> None:
-        """Start it. Raises `OSError` where there is no such program."""
-        words = [os.fspath(word) for word in command]
+        """Start it. A string is split as a shell does; the keys of `replace` are replaced in every word.
+
+        Raises `UsageError` for what is no command, and where it cannot be started.
+        """
+        words = _words(command, replace or {})
         self.command, self._log = shlex.join(words), log
+        self._is_end_known = False
         with log.open("wb") as output:
-            self._process = subprocess.Popen(
-                words,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                cwd=cwd,
-                env={**os.environ, "PYTHONUNBUFFERED": "1", **(env or {})},
-                start_new_session=True,
-            )
+            try:
+                self._process = subprocess.Popen(
+                    words,
+                    stdin=subprocess.DEVNULL,
+                    stdout=output,
+                    stderr=subprocess.STDOUT,
+                    cwd=cwd,
+                    env={**os.environ, "PYTHONUNBUFFERED": "1", **(env or {})},
+                    start_new_session=True,
+                )
+            except (OSError, ValueError) as error:
+                why = error.strerror if isinstance(error, OSError) else str(error)
+                where = f" in {cwd}" if cwd is not None else ""
+                raise UsageError(f"command {self.command}: cannot be started{where}: {why}") from None
 
     @property
     def status(self) -> int | None:
         """Exit status, negative for a signal; None while it runs."""
         return self._process.poll()
+
+    @property
+    def has_left(self) -> bool:
+        """Whether it has ended by itself, and nobody has waited for that yet."""
+        return not self._is_end_known and self.status is not None
 
     @property
     def output(self) -> str:
@@ -50,18 +67,23 @@ class Program:
 
     def wait(self, timeout: float) -> int:
         """Its exit status, once it has ended. Raises `TimeoutError` where it has not within `timeout` s."""
+        __tracebackhide__ = True
         try:
-            return self._process.wait(timeout)
+            status = self._process.wait(timeout)
+            self._is_end_known = True
+            return status
         except subprocess.TimeoutExpired:
             raise TimeoutError(f"still running after {timeout:g} s: {self}") from None
 
     def kill(self) -> None:
         """End it at once, without a chance to leave anything safe: with SIGKILL, its children as well."""
+        self._is_end_known = True
         self._signal(getattr(signal, "SIGKILL", signal.SIGTERM))
         self._process.wait(END_S)
 
     def interrupt(self) -> None:
         """Ask it to end as Ctrl-C does."""
+        self._is_end_known = True
         self._signal(signal.SIGINT)
 
     def end(self) -> None:
@@ -86,3 +108,18 @@ class Program:
         state = "running" if self.status is None else f"ended with status {self.status}"
         said = self.output.strip()[-SHOWN:]
         return f"<{self.command}: {state}{', said: ' + said if said else ', said nothing'}>"
+
+
+def _words(command: str | Sequence[str | os.PathLike[str]], replace: Mapping[str, str]) -> list[str]:
+    if isinstance(command, str):
+        try:
+            words = shlex.split(command)
+        except ValueError as error:
+            raise UsageError(f"command {command}: {error}") from None
+    else:
+        words = [os.fspath(word) for word in command]
+    if not words:
+        raise UsageError("command: is empty; must be a program and its arguments")
+    for old, new in replace.items():
+        words = [word.replace(old, new) for word in words]
+    return words

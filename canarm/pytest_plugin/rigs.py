@@ -9,9 +9,10 @@ import pytest
 from ..bus_choice import BusChoice
 from ..bus_rig import BusRig
 from ..rig import Rig
+from ..rig_faults import plainly
 from ..run_plot import plot_run
 from ..session import DEFAULT_CELL
-from .keeping import Keeper
+from .keeping import Keeper, fault_complaints, fault_lines
 
 MOST_EVENTS = 20
 """Events that the report of a failure shows; the first of them, for they are nearest to the cause."""
@@ -32,15 +33,19 @@ class RigFactory:
 
     def __call__(self, cell: Any = DEFAULT_CELL, *arguments: str, **options: Any) -> Any:
         """A rig. Its seed is --canarm-seed unless `options` have one, its run folder one that is kept on failure."""
+        __tracebackhide__ = True
+        words = [*map(repr, (cell, *arguments)), *(f"{name}={value!r}" for name, value in options.items())]
         options = {"seed": self._seed, "out": self._keeper.new_folder(), **options}
-        rig: Rig | BusRig
-        if self._bus is None:
-            rig = Rig(cell, *arguments, **options)
-        else:
-            rig = BusRig(cell, *arguments, **options, bus=self._bus)
+        rig = plainly(lambda: self._make(cell, *arguments, **options))
         self._rigs.append(rig)
-        self._keeper.watch(_RigRun(rig, None if options["out"] is None else Path(options["out"])))
+        folder = None if options["out"] is None else Path(options["out"])
+        self._keeper.watch(_RigRun(rig, folder, f"canarm_rig({', '.join(words)})"))
         return rig
+
+    def _make(self, cell: Any, *arguments: str, **options: Any) -> Rig | BusRig:
+        if self._bus is None:
+            return Rig(cell, *arguments, **options)
+        return BusRig(cell, *arguments, **options, bus=self._bus)
 
     def __enter__(self) -> Self:
         return self
@@ -62,8 +67,8 @@ class RigFactory:
 class _RigRun:
     """A rig as a run to be kept."""
 
-    def __init__(self, rig: Rig | BusRig, folder: Path | None) -> None:
-        self._rig, self.folder = rig, folder
+    def __init__(self, rig: Rig | BusRig, folder: Path | None, label: str) -> None:
+        self._rig, self.folder, self.label = rig, folder, label
 
     def end(self) -> None:
         """Finish the rig."""
@@ -75,13 +80,15 @@ class _RigRun:
 
     def story(self) -> str:
         """Faults and detections with their times, and why it stopped."""
-        faults = [
-            (each.time_ns * 1e-9, f"fault {'begins' if each.is_begin else 'ends'}: {each.tap} {each.fault}")
-            for each in self._rig.fault_events
-        ]
+        faults = fault_lines(self._rig.fault_events)
         seen = [(each.time_s, f"detected: {each.detection}") for each in self._rig.noticed]
         lines = [f"{time_s:9.4f} s  {text}" for time_s, text in sorted(faults + seen, key=lambda each: each[0])]
         if len(lines) > MOST_EVENTS:
             lines[MOST_EVENTS:] = [f"and {len(lines) - MOST_EVENTS} more, in events.jsonl"]
         end = [] if self._rig.reason is None else [f"stopped: {self._rig.reason}"]
-        return "\n".join([*lines, *end]) or "no faults, nothing detected"
+        never = [f"fault never began: {name}" for name in self._rig.never_begun or ()]
+        return "\n".join([*lines, *never, *end]) or "no faults, nothing detected"
+
+    def complaints(self) -> list[str]:
+        """Faults that have never begun, or were faulty."""
+        return fault_complaints(self._rig.never_begun or (), self._rig.fault_events)

@@ -11,6 +11,7 @@ import pytest
 from canarm import Rig
 from canarm.bench_client import BenchClient
 from canarm.cli import run
+from canarm.fault_text import parse_parameters, status_lines
 from canarm_emulator.faults.declaration import declared_faults
 from canarm_protocol import bench_objects as objects
 from canarm_protocol.cell_file import load_cell
@@ -107,6 +108,53 @@ def test_list_as_json_is_what_the_bench_itself_says(capsys, bench_port):
         assert client.catalogue() == json.loads(capsys.readouterr().out)
 
 
+def test_list_shows_identifiers_as_one_writes_them(capsys):
+    assert run(["fault", "list", "--tap", "can0.*"]) == 0
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    identifiers = {line.partition(": ")[0] for line in lines if line.startswith("cob_id ")}
+    assert {"cob_id 0 (0x0 to 0x7FF)", "cob_id 0x294 (0x1 to 0x7FF)"} <= identifiers
+
+
+@pytest.mark.parametrize(
+    ("word", "value"),
+    [
+        ("cob_id=0x294", 0x294),
+        ("cob_id=0X294", 0x294),
+        ("cob_id=660", 660),
+        ("value=1e-3", 1e-3),
+        ("value=-010", -10),
+        ("state=0xyz", "0xyz"),
+        ("on=true", True),
+    ],
+)
+def test_values_have_the_type_that_they_look_like(word, value):
+    (found,) = parse_parameters([word]).values()
+    assert (found, type(found)) == (value, type(value))
+
+
+@pytest.mark.parametrize(
+    ("pattern", "complaint"),
+    [
+        ("joint2.tacho", "--tap joint2.tacho: no such tap; did you mean 'joint2.tachometer'?"),
+        ("joint9.*", "--tap joint9.*: no such tap; did you mean 'joint3.*'?"),
+        ("zzz*", "--tap zzz*: no such tap; names begin with joint2, joint3, adc, can0, node, bench"),
+        ("joint2.z*", "--tap joint2.z*: no such tap; names begin with joint2, joint3, adc, can0, node, bench"),
+    ],
+)
+def test_a_tap_that_there_is_not_is_told_in_a_line_with_what_was_meant(pattern, complaint, capsys):
+    assert run(["fault", "list", "--tap", pattern]) == 2
+    assert capsys.readouterr().err.strip() == f"canarm: {complaint}"
+
+
+@pytest.mark.parametrize(("count", "words"), [(0, "has not begun"), (1, "has begun once"), (2, "has begun 2 times")])
+def test_status_says_how_often_a_set_has_begun_and_whether_a_run_is_on(count, words):
+    one = {"set": "a", "state": "waiting", "activations": count}
+    status = {"running": True, "cycle": 7, "active": [], "begun": count, "sets": [one]}
+    first, second = status_lines(status)
+    assert first.startswith("a run is on, cycle 7; ")
+    assert second == f"  set 'a': waiting, {words}"
+
+
 def test_list_takes_patterns_and_refuses_taps_that_there_are_not(capsys):
     assert run(["fault", "list", "--tap", "node.*", "--json"]) == 0
     assert [each["tap"] for each in json.loads(capsys.readouterr().out)] == ["node.0x12", "node.0x13", "node.0x14"]
@@ -136,7 +184,8 @@ def test_a_fault_is_injected_triggered_shown_and_cleared(canarm, emulator, capsy
     assert status == 0
     active = [(each["set"], each["tap"], each["fault"]) for each in json.loads(text)["active"]]
     assert active == [(f"joint2.tachometer stuck{which}", "joint2.tachometer", "stuck") for which in (" #2", "")]
-    assert "set 'joint2.tachometer stuck #2': active, active 1 times" in fault("status")[1]
+    assert "set 'joint2.tachometer stuck #2': active, has begun once" in fault("status")[1]
+    assert fault("status")[1].startswith("no run is on: at and cycle count from the next NMT start; 2 faults act")
     assert fault("clear", "joint2.tachometer stuck #2")[1] == "cleared 1"
     emulator.wait_for(r"fault begins: joint2.tachometer stuck \(joint2.tachometer stuck #2\), before the first cycle")
     emulator.wait_for(r"fault ends: joint2.tachometer stuck")
@@ -145,7 +194,9 @@ def test_a_fault_is_injected_triggered_shown_and_cleared(canarm, emulator, capsy
     assert status == 2
     assert "value = 7: must be a number from 0 to 5 V" in complaint
     (canarm.folder / "f.toml").write_text(FAULTS)
-    assert fault("inject", "--file", str(canarm.folder / "f.toml"))[1] == "accepted 'noise', 'heavier'"
+    assert fault("inject", "--file", str(canarm.folder / "f.toml"))[1] == (
+        "accepted 'noise', 'heavier'; no run is on: cycle counts from the next NMT start"
+    )
     assert fault("clear")[1] == "cleared 3"
     assert fault("clear", "nobody")[0] == 2
 
@@ -357,15 +408,8 @@ def test_the_snippet_for_the_client_does_what_it_says(canarm, emulator):
 def test_the_fault_of_the_page_works_and_so_does_its_test(canarm):
     fault, its_test = (block for block in blocks("python") if "dead-band" in block)
     (canarm.folder / "dead_band.py").write_text(fault)
-    loading = (
-        "import importlib.util as u, sys\n"
-        "name = 'canarm_emulator.faults.kinds.dead_band'\n"
-        "spec = u.spec_from_file_location(name, 'dead_band.py')\n"
-        "sys.modules[name] = module = u.module_from_spec(spec)\n"
-        "spec.loader.exec_module(module)\n"
-    )
     name = re.search(r"def (test_\w+)", its_test)
     assert name is not None
-    program = canarm.run(sys.executable, "-c", f"{loading}{its_test}\n{name[1]}()\nprint('passed')")
+    program = canarm.run(sys.executable, "-c", f"{its_test}\n{name[1]}()\nprint('passed')")
     assert program.wait() == 0, program
     assert program.stdout == ["passed"]

@@ -214,6 +214,119 @@ def test_a_wait_that_is_in_vain_ends_and_tells_what_the_controller_said(run) -> 
     assert kept(result).exists()
 
 
+def test_a_wait_ends_with_a_controller_that_has_ended_by_itself(run) -> None:
+    text = """
+    import sys
+    import pytest
+    def test_wait(canarm_bench):
+        canarm_bench.start_controller([sys.executable, "-c", "print('no bus found'); raise SystemExit(3)"])
+        canarm_bench.wait_for(lambda: False, 3600, "a miracle")
+    def test_after_exit(canarm_bench):
+        program = canarm_bench.start_controller([sys.executable, "-c", ""])
+        with pytest.raises(AssertionError, match="^not within 3 s: a miracle"):
+            canarm_bench.wait_for(lambda: False, 3, "a miracle", after_exit=True)
+        canarm_bench.wait_for(lambda: program.status is not None, 60)
+    """
+    result = run(text)
+    result.assert_outcomes(failed=1, passed=1)
+    said = "E*the controller has ended with status 3, before: a miracle; *status 3, said: no bus found*"
+    result.stdout.fnmatch_lines([said])
+    assert "foreign.py" not in result.stdout.str()
+
+
+def test_a_command_may_be_a_line_in_which_host_and_port_are_replaced(run, pytester) -> None:
+    (pytester.path / "my program.py").write_text("import sys; print(sys.argv[1:])")
+    text = """
+    import sys
+    def test_line(canarm_bench):
+        for command in (
+            f"{sys.executable} 'my program.py' {{host}}:{{port}} --x={{port}}",
+            [sys.executable, "my program.py", "{host}:{port}", "--x={port}"],
+        ):
+            program = canarm_bench.start_controller(command)
+            assert program.wait(60) == 0
+            assert program.output.strip() == str([f"127.0.0.1:{canarm_bench.port}", f"--x={canarm_bench.port}"])
+    """
+    run(text).assert_outcomes(passed=1)
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (
+            "no-such-program --port {port}",
+            "command no-such-program --port *: cannot be started: No such file or directory",
+        ),
+        ("python 'dumb.py", "command python 'dumb.py: No closing quotation"),
+        ("", "command: is empty; must be a program and its arguments"),
+    ],
+)
+def test_a_command_that_cannot_be_started_is_told_in_one_line(run, command: str, message: str) -> None:
+    result = run(f"def test_command(canarm_bench):\n    canarm_bench.start_controller({command!r})\n")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines([f"E*UsageError: {message}"])
+    assert "program.py" not in result.stdout.str()
+
+
+def test_faults_that_never_began_are_a_warning(run) -> None:
+    text = """
+    def test_rig(canarm_rig):
+        rig = canarm_rig(law="pd")
+        rig.inject("joint2.tachometer", "stuck", at=5)
+        rig.inject("joint3.tachometer", "stuck", at=0.01)
+        rig.run(seconds=0.1)
+    def test_bench(canarm_bench):
+        canarm_bench.inject("joint2.latch", "dropout", manual=True, name="mine")
+        canarm_bench.inject("joint3.latch", "dropout", name="at once")
+    """
+    result = run(text)
+    result.assert_outcomes(passed=2, warnings=2)
+    result.stdout.fnmatch_lines(["*FaultWarning: fault never began: joint2.tachometer stuck"])
+    result.stdout.fnmatch_lines(["*FaultWarning: fault never began: mine"])
+    run(text, "-W", "error::canarm.pytest_plugin.FaultWarning").assert_outcomes(passed=2, errors=2)
+
+
+def test_the_report_tells_the_runs_of_a_test_apart(run) -> None:
+    text = """
+    def test_two(canarm_rig, canarm_bench):
+        for law in ("pd", "mras"):
+            rig = canarm_rig(law=law)
+            rig.inject("joint2.tachometer", "stuck", at=0.01, name=law)
+            rig.run(0.1)
+        canarm_bench.inject("joint2.latch", "dropout", duration=5)
+        assert 0
+    """
+    result = run(text)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "*- canarm, run 1 of 3: canarm_bench -*",
+            "*fault begins: joint2.latch dropout",
+            "*- canarm, run 2 of 3: canarm_rig('konkuk1', law='pd') -*",
+            "run folder: *test_two*run-2",
+            "*fault begins: joint2.tachometer stuck (pd)",
+            "*- canarm, run 3 of 3: canarm_rig('konkuk1', law='mras') -*",
+        ]
+    )
+
+
+def test_the_report_of_a_typo_shows_the_test_alone(run) -> None:
+    text = """
+    def test_typo(canarm_rig):
+        rig = canarm_rig(law="pd")
+        rig.inject("joint2.tacho", "stuck")
+    def test_cell(canarm_rig):
+        canarm_rig("konkuk9")
+    def test_sdo(canarm_bench):
+        canarm_bench.inject("joint2.tacho", "stuck")
+    """
+    result = run(text)
+    result.assert_outcomes(failed=3)
+    result.stdout.fnmatch_lines(["E*FaultError: *no tap 'joint2.tacho'; did you mean 'joint2.tachometer'*"])
+    shown = {line.split(":")[0] for line in result.outlines if re.match(r"\S+\.py:\d+: ", line)}
+    assert shown == {"test_the_report_of_a_typo_shows_the_test_alone.py"}
+
+
 @pytest.mark.slow
 def test_no_process_outlives_its_test(run, pytester) -> None:
     text = """

@@ -2,6 +2,10 @@
 
 import inspect
 import json
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +16,11 @@ from canarm.findings import Begun, Noticed, ask_detected
 from canarm.recorded import RecordedHistory, fault_events, noticed, read_events, recorded_joints
 from canarm.rig import State
 from canarm.rig_faults import FaultControl, as_toml, read_script
-from canarm.rig_joint import SIGNALS, TRUE_SIGNALS
+from canarm.rig_joint import SIGNALS, TRUE_SIGNALS, RigJoint, Span
+from canarm.run_plot import plot_run
 from canarm.usage import UsageError
 from canarm_controller.supervision.detection import Detection, Reaction
+from canarm_emulator.faults import declaration
 from canarm_emulator.faults.declaration import declared_faults, parameters_at
 from canarm_emulator.faults.taps import taps_of
 from canarm_protocol.cell_file import load_cell
@@ -22,6 +28,7 @@ from canarm_protocol.errors import FaultError
 from canarm_protocol.faults import parse_faults
 
 CYCLE_S = 0.0025
+SVG = "{http://www.w3.org/2000/svg}"
 TEXT = """\
 [[set]]
 name = "tachometer dies"
@@ -202,6 +209,129 @@ def test_a_script_as_text_is_read_as_the_same_script(text: str) -> None:
     assert parse_faults(as_toml(script)) == script
 
 
+# Times that are over, or never come
+
+
+@pytest.mark.parametrize(
+    ("trigger", "message"),
+    [
+        ({"at": 0.1}, "set 'x': at = 0.1 s is over: it is 0.4983 s, in cycle 199; to begin now, leave it out"),
+        ({"cycle": 199}, "set 'x': cycle = 199 is over: it is 0.4983 s, in cycle 199"),
+    ],
+)
+def test_a_time_that_is_over_is_refused_with_the_time_that_it_is(trigger: dict, message: str) -> None:
+    with Rig(law="pd") as rig:
+        rig.run(0.5)
+        with pytest.raises(FaultError) as caught:
+            rig.inject("joint2.current_sense", "offset", name="x", **trigger)
+        assert re.sub(r"it is 0\.49\d\d s", "it is 0.4983 s", str(caught.value)).startswith(message)
+        assert rig.fault_status == []
+        rig.inject("joint2.current_sense", "offset", name="x", at=0.5)
+        rig.run(0.1)
+        assert [each.cycle for each in rig.fault_events] == [200]
+
+
+def test_of_an_ordered_file_only_the_first_set_can_be_too_late() -> None:
+    later = TEXT.replace("tachometer dies", "again").replace("at = 0.5", "at = 0.1")
+    with Rig(law="pd") as rig:
+        rig.run(0.3)
+        assert rig.inject_file(TEXT + later) == ("tachometer dies", "again")
+        with pytest.raises(FaultError, match=r"set 'again': at = 0\.1 s is over"):
+            rig.inject_file(later + TEXT)
+
+
+def test_sets_that_never_began_are_told_at_the_end() -> None:
+    with Rig(law="pd") as rig:
+        for name, at in (("early", 0.1), ("on the last cycle", 0.5), ("late", 5.0)):
+            rig.inject("joint2.current_sense", "offset", name=name, at=at)
+        rig.clear(rig.inject("joint2.current_sense", "offset", manual=True, name="cleared"))
+        rig.run(0.5)
+        rig.finish()
+        rig.finish()
+    assert rig.never_begun == ["on the last cycle", "late"]
+    told = [each.detail for each in rig.events if each.event == "fault never began"]
+    assert told == ["on the last cycle", "late"]
+
+
+def test_a_faulty_fault_is_told_by_run_and_the_run_may_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    declared_faults()
+    monkeypatch.setattr(declaration, "_DECLARED", dict(declaration._DECLARED))
+
+    @dataclass
+    class Faulty(declaration.SignalFault, name="faulty", acts_on=[declaration.TapKind.SENSOR]):
+        """Divides by zero."""
+
+        def apply(self, value: float, now_ns: int) -> float:
+            return value / 0
+
+    with Rig(law="pd") as rig:
+        rig.inject("joint2.tachometer", "faulty", at=0.1)
+        expected = r"^joint2.tachometer faulty failed: ZeroDivisionError: .* \(.*test_rig_faults.py:\d+\)$"
+        with pytest.raises(FaultError, match=expected):
+            rig.run(0.5)
+        rig.run(0.1)
+        assert (rig.state, [each.is_begin for each in rig.fault_events]) == (State.RUNNING, [True, False])
+        assert [each.event for each in rig.events if "failed: ZeroDivisionError" in each.detail] == ["fault ends"]
+
+
+@pytest.mark.parametrize(
+    "typo",
+    [
+        lambda rig: rig.inject("joint2.tacho", "stuck"),
+        lambda rig: rig.inject("joint2.tachometer", "stuck", at=-1.0),
+        lambda rig: rig.inject_file("[["),
+        lambda rig: rig.trigger("mine"),
+        lambda rig: rig.clear("mine"),
+        lambda rig: rig.detected("tacho"),
+        lambda rig: rig.joints["joint2"].stays_below("curent_a", 1.0),
+        lambda rig: rig.joints["joint2"].departure("curent_a", 1.0, since=0.0),
+    ],
+)
+def test_a_typo_is_shown_where_it_stands_without_our_own_frames(typo: Callable[[Rig], object]) -> None:
+    with Rig(law="pd") as rig, pytest.raises((FaultError, UsageError)) as caught:
+        typo(rig)
+    shown = [entry for entry in caught.traceback if not entry.ishidden(caught)]
+    assert {entry.path.name for entry in shown} == {Path(__file__).name}
+
+
+def test_a_tap_is_suggested_by_its_beginning() -> None:
+    with Rig(law="pd") as rig, pytest.raises(FaultError, match=r"did you mean 'joint2\.tachometer'"):
+        rig.inject("joint2.tacho", "stuck")
+
+
+# The picture
+
+
+def test_the_picture_shows_the_time_around_fault_and_detection() -> None:
+    with Rig(law="mras") as rig:
+        rig.inject("joint2.tachometer", "stuck", at=1.0)
+        rig.run(2.0)
+        found = [Noticed(1.1, detection("tachometer-stuck", "joint2")), Noticed(1.2, detection("inputs-missing"))]
+        root = ElementTree.fromstring(plot_run("title", rig.joints, rig.begun, found))
+    lines = [each.get("points", "").split() for each in root.iter(f"{SVG}polyline")]
+    assert len(lines) == 2 * 6
+    assert all(len(points) == round((0.3 + 0.7) / CYCLE_S) + 1 for points in lines)
+    texts = ["".join(each.itertext()) for each in root.iter(f"{SVG}text")]
+    assert {"joint2: true speed, rad/s", "1.0000 s  fault: joint2.tachometer stuck"} <= set(texts)
+    assert "1.1000 s  detected: tachometer-stuck at joint2" in texts
+    # Numbers above the panels, and once more before the words: 1 fault, 2 at one joint, 3 everywhere.
+    assert [sum(text == number for text in texts) - 1 for number in ("3",)] == [6]
+    marks = [each for each in root.iter(f"{SVG}path") if each.get("stroke-dasharray") == "2 3"]
+    assert len(marks) == 6 + 3 + 6
+
+
+def test_the_picture_has_no_legend_for_curves_that_there_are_not() -> None:
+    class TruthAlone:
+        def span(self, joint: int, signal: str) -> Span:
+            size = 5 if SIGNALS.index(signal) < TRUE_SIGNALS else 0
+            return Span(np.arange(size), np.arange(size) * CYCLE_S, np.ones(size))
+
+    root = ElementTree.fromstring(plot_run("title", {"joint2": RigJoint(TruthAlone(), 0, "joint2", 1.0)}))
+    texts = ["".join(each.itertext()) for each in root.iter(f"{SVG}text")]
+    assert {"true", "current", "command"} <= set(texts)
+    assert not {"measured", "reference"} & set(texts)
+
+
 # What a fault does to the rig itself
 
 
@@ -268,6 +398,25 @@ BEGUN = [Begun(0.2, "joint3.latch", "stuck"), Begun(1.0, "joint2.tachometer", "s
 def test_detections_are_found_by_name_and_joint(name: str | None, joint: str | None, count: int) -> None:
     detected = ask_detected(NOTICED, BEGUN, name, joint, None)
     assert (len(detected.found), bool(detected)) == (count, count > 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "where", "message"),
+    [
+        ("tacho-stuck", None, "detected: no detector 'tacho-stuck'; did you mean 'tachometer-stuck'?"),
+        ("tachometer-stuck", "joint7", "detected: no joint, card or node 'joint7'; did you mean 'joint3'?"),
+        (None, "0x55", "detected: no joint, card or node '0x55'"),
+    ],
+)
+def test_a_question_that_could_never_be_true_is_refused(name: str | None, where: str | None, message: str) -> None:
+    with Rig(law="pd") as rig:
+        with pytest.raises(UsageError) as caught:
+            rig.detected(name, where)
+        assert str(caught.value).startswith(message)
+        assert "joint2" in str(caught.value) or where is None
+        assert not rig.detected("tachometer-stuck", "joint2")
+        assert not rig.detected("card-state", "adc")
+        assert not rig.detected("heartbeat-lost", "0x14")
 
 
 def test_within_counts_from_the_latest_fault_to_the_first_detection_after_it() -> None:

@@ -108,7 +108,7 @@ def parameter(
     *,
     is_whole: bool = False,
 ) -> Any:
-    """A numeric parameter of a fault, bounds included. This and the next three raise `FaultError` for what cannot be."""
+    """A numeric parameter of a fault, bounds included. It and the next three raise `FaultError` for what cannot be."""
     call = "parameter(about, unit, default, minimum, maximum, *, is_whole=False)"
     _check_arguments(call, {"about": about, "unit": unit}, default, minimum, maximum)
     meta = Parameter("", about, unit, default, minimum, maximum, is_whole=is_whole)
@@ -200,8 +200,8 @@ class Fault(ABC):
     needs_wire: ClassVar[bool]
     """Whether it acts on the wire model alone, and is refused without."""
     is_dangerous: ClassVar[bool]
-    """Whether it makes torque that nobody asked for, turns its direction, or breaks the wire. Faults of sensors, and loss
-    of torque, are judged by what the arm does.
+    """Whether it makes torque that nobody asked for, turns its direction, or breaks the wire. Faults of sensors, and
+    loss of torque, are judged by what the arm does.
     """
 
     declared_at: ClassVar[str]
@@ -398,7 +398,7 @@ class ClockFault(Fault):
 
 
 def declared_faults() -> Mapping[tuple[str, TapKind], type[Fault]]:
-    """Every fault by name and kind of tap, wherever it was declared. One name may stand for several, at different kinds.
+    """Every fault by name and kind of tap, wherever it was declared. One name may stand for several, at other kinds.
 
     Raises `FaultError` where a module of faults that is installed cannot be imported.
     """

@@ -29,7 +29,7 @@ def load_built_in() -> None:
 
 @functools.cache
 def import_declared() -> None:
-    """Import our own modules of faults, then those of entry points. Raises `FaultError` where one cannot be imported."""
+    """Import our own modules of faults, then those of entry points. Raises `FaultError` where one cannot be."""
     load_built_in()
     for entry in entry_points(group=ENTRY_POINTS):
         try:
