@@ -150,8 +150,8 @@ class Controller:
     def receive(self, frame: Frame, now_ns: int) -> None:
         """Take one frame from the bus. A malformed or foreign one is counted in `ignored_frames`; it stops nothing.
 
-        In lockstep every TIME ends a cycle. One that cannot be this cycle's begins the safe stop, to which a TIME too
-        many does no harm.
+        In lockstep every TIME ends a cycle. One that is ahead of it says that its SYNC was late. One that cannot be
+        this cycle's begins the safe stop, to which a TIME too many does no harm.
         """
         can_id, data, is_extended, is_remote = frame
         if is_extended or is_remote:
@@ -165,7 +165,7 @@ class Controller:
         elif can_id == Cob.TIME:
             if self.clock is Clock.SYNC and self.cycle_is_open:
                 if self.state is State.RUNNING:
-                    self._judge(self._supervisor.time(data))
+                    self._take_time(data)
                 self.close_cycle()
                 self.open_cycle()
         elif self._conversation is not None:
@@ -173,6 +173,15 @@ class Controller:
                 self._converse(frame, now_ns)
         elif self.state is State.RUNNING or self.verdict is not None:
             self._judge(self._supervisor.message(frame, self.tick))
+
+    def _take_time(self, data: bytes) -> None:
+        """In lockstep: judge the TIME, and keep by how much the next measurement is later than a cycle."""
+        supervisor = self._supervisor
+        self._judge(supervisor.time(data))
+        if supervisor.late_ns:
+            self._excess_s += supervisor.late_ns * 1e-9
+            if self.state is State.RUNNING:
+                self._detect("deadline-missed", None, f"SYNC was {supervisor.late_ns / 1e6:g} ms late")
 
     def _take_inputs(self, layout: PdoLayout, data: bytes) -> None:
         values = layout.unpack(data[: layout.size]) if len(data) >= layout.size else (-1,)
@@ -312,7 +321,7 @@ class Controller:
         """Take and judge what the cards have measured."""
         loop, watch = self.loop, self._watch
         loop.measure(self._codes, self.tick)
-        is_on_time = self.clock is Clock.SYNC or self._is_on_time()
+        is_on_time = not self._excess_s if self.clock is Clock.SYNC else self._is_on_time()
         if self.state is State.RUNNING:
             left_out = max(self._excess_s, 0.0) / loop.period_s
             self._judge(self._supervisor.measurement(loop.cycle.position_rad, left_out))
@@ -320,6 +329,7 @@ class Controller:
             watch.step(loop.cycle, loop.angle_codes, loop.speed_codes, loop.current_codes)
         else:
             watch.glimpse(loop.cycle, loop.angle_codes, loop.speed_codes, self._excess_s)
+            self._excess_s = 0.0
         self._missing_cycles = 0
 
     def _is_on_time(self) -> bool:

@@ -20,6 +20,8 @@ from .laws.failure import shown
 FOREIGN_MASTER = "foreign-master"
 TIME_STEP_NS = 1_000_000
 """TIME counts milliseconds."""
+LATEST_NS = 1_000_000_000
+"""A SYNC may be so much late that a TIME ahead of the cycles is still taken for its own."""
 OUTPUT_TYPES = (list, tuple, np.ndarray)
 """What a law may return. Other things can be iterated as well: a dict would give its keys."""
 SHOWN = 80
@@ -72,7 +74,10 @@ class Supervisor:
         self._first_time_ns: int | None = None
         self._last_time_ns = 0
         self._times = 0
-        """TIMEs since the first."""
+        """TIMEs since the first, or since the last that was late."""
+        self._late_cycles = 0
+        self.late_ns = 0
+        """How much longer than a cycle virtual time went on before the last TIME; 0 if that is nothing unusual."""
 
     def message(self, frame: Frame, tick: int) -> Verdict | None:
         """Judge a frame that is not process data: heartbeats, emergencies, another master. Malformed ones may pass."""
@@ -113,8 +118,11 @@ class Supervisor:
         A cycle ends when its inputs have arrived; with the wire's model that may be anywhere in the cycle, so an
         interval may be anything below two cycles. But virtual time cannot fall a whole cycle behind the number of
         cycles: then one of the TIMEs was not the emulator's, however well it fitted; milliseconds show it one cycle
-        later at most. The first TIME is taken as it is.
+        later at most. A TIME that is ahead says that the SYNC of its cycle was late, by `late_ns`: if it was another
+        producer's, the emulator's next one goes back. `missing_cycles` late ones in a row are no cycle any more. The
+        first TIME is taken as it is.
         """
+        self.late_ns = 0
         try:
             time_ns = parse_time(data)
         except FrameError:
@@ -125,12 +133,24 @@ class Supervisor:
         step_ns = time_ns - self._last_time_ns
         self._last_time_ns = time_ns
         self._times += 1
-        if not 0 <= step_ns < 2 * self._cycle_ns + TIME_STEP_NS:
+        if not 0 <= step_ns <= self._cycle_ns + LATEST_NS + TIME_STEP_NS:
             return _foreign_time(f"{step_ns // TIME_STEP_NS} ms after the last one")
+        if step_ns >= 2 * self._cycle_ns + TIME_STEP_NS:
+            return self._late(step_ns)
+        self._late_cycles = 0
         behind_ns = self._times * self._cycle_ns - (time_ns - self._first_time_ns)
         if behind_ns >= max(self._cycle_ns, TIME_STEP_NS):
             return _foreign_time(f"{behind_ns / TIME_STEP_NS:g} ms behind the cycles")
         return None
+
+    def _late(self, step_ns: int) -> Verdict | None:
+        """Cycles are counted anew from a TIME that is ahead of them."""
+        self.late_ns = step_ns - self._cycle_ns
+        self._first_time_ns, self._times = self._last_time_ns, 0
+        self._late_cycles += 1
+        if self._late_cycles < self._missing_limit:
+            return None
+        return Verdict("deadline-missed", f"SYNC late in {self._late_cycles} cycles in a row")
 
     def begin_cycle(self, tick: int) -> Verdict | None:
         """Judge the silence of the cards' heartbeats."""

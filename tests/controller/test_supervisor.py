@@ -169,7 +169,7 @@ def test_the_end_of_a_cycle_may_wander_as_on_a_wire(supervisor: Supervisor) -> N
     assert judge_times(supervisor, [800_000] + [n * CYCLE_NS + end for n, end in enumerate(ends_ns, 1)]) == []
 
 
-@pytest.mark.parametrize("step_ms", [-1000, -1, 6, 600])
+@pytest.mark.parametrize("step_ms", [-1000, -1, 1004, 5000])
 def test_a_time_far_from_the_next_cycle_is_foreign(supervisor: Supervisor, step_ms: int) -> None:
     times_ns = [2000 * MS + cycle * CYCLE_NS for cycle in range(101)]
     assert judge_times(supervisor, times_ns) == []
@@ -177,6 +177,37 @@ def test_a_time_far_from_the_next_cycle_is_foreign(supervisor: Supervisor, step_
     assert verdict is not None
     assert verdict.detector == "foreign-master"
     assert "TIME that does not belong to this cycle" in verdict.detail
+
+
+@pytest.mark.parametrize("step_ms", [6, 600, 1002])
+def test_a_time_ahead_of_the_cycles_says_by_how_much_its_sync_was_late(supervisor: Supervisor, step_ms: int) -> None:
+    times_ns = [2000 * MS + cycle * CYCLE_NS for cycle in range(101)]
+    late_ns = times_ns[-1] + step_ms * MS
+    assert judge_times(supervisor, [*times_ns, late_ns]) == []
+    assert supervisor.late_ns == step_ms * MS - CYCLE_NS
+    assert judge_times(supervisor, [late_ns + cycle * CYCLE_NS for cycle in range(1, 100)]) == []
+    assert supervisor.late_ns == 0
+
+
+@pytest.mark.parametrize("ahead_ms", [6, 600])
+def test_a_time_ahead_that_the_emulators_next_one_belies_was_foreign(supervisor: Supervisor, ahead_ms: int) -> None:
+    times_ns = [2000 * MS + cycle * CYCLE_NS for cycle in range(101)]
+    assert judge_times(supervisor, [*times_ns, times_ns[-1] + ahead_ms * MS]) == []
+    assert judge_times(supervisor, [times_ns[-1] + CYCLE_NS]) == ["foreign-master"]
+
+
+def test_a_time_too_many_is_found_after_a_late_one_as_well(supervisor: Supervisor) -> None:
+    times_ns = [cycle * CYCLE_NS for cycle in range(11)]
+    late_ns = times_ns[-1] + 20 * MS
+    assert judge_times(supervisor, [*times_ns, late_ns]) == []
+    assert set(judge_times(supervisor, [late_ns + cycle * CYCLE_NS for cycle in (0, 1, 2, 3)])) == {"foreign-master"}
+
+
+def test_fifteen_late_cycles_in_a_row_pass_but_not_sixteen(supervisor: Supervisor) -> None:
+    times_ns = [cycle * 10 * MS for cycle in range(17)]
+    assert judge_times(supervisor, times_ns[:16]) == []
+    verdict = supervisor.time(time_frame(times_ns[16]).data)
+    assert str(verdict) == "deadline-missed: SYNC late in 16 cycles in a row"
 
 
 @pytest.mark.parametrize("early_ms", [0, 1, 2, 3])

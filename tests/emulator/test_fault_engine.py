@@ -526,7 +526,10 @@ def test_a_name_that_is_taken_at_a_kind_of_tap_is_refused_with_both_places() -> 
     ("acts_on", "message"),
     [
         ([], "acts_on is empty"),
-        ([TapKind.NODE], "acts_on has NODE; with its base it can act on DAC_CODE, LATCH, OPAMP, CURRENT, SENSOR, ADC_CODE"),
+        (
+            [TapKind.NODE],
+            "acts_on has NODE; with its base it can act on DAC_CODE, LATCH, OPAMP, CURRENT, SENSOR, ADC_CODE",
+        ),
     ],
 )
 def test_a_fault_that_could_act_nowhere_is_refused(acts_on: list[TapKind], message: str) -> None:
@@ -537,7 +540,10 @@ def test_a_fault_that_could_act_nowhere_is_refused(acts_on: list[TapKind], messa
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: parameter("how much", 0.5, 0.0, 1.0, 2.0), "unit = 0.5: must be text; the call is parameter(about, unit"),
+        (
+            lambda: parameter("how much", 0.5, 0.0, 1.0, 2.0),
+            "unit = 0.5: must be text; the call is parameter(about, unit",
+        ),
         (lambda: parameter("how much", "V", "0.5", 0.0, 1.0), "default = '0.5': must be a number"),
         (lambda: parameter("how much", "V", 0.5, 1.0, 0.0), "minimum = 1.0 is above maximum = 0.0"),
         (lambda: parameter("how much", "V", 5.0, 0.0, 1.0), "default = 5.0: must be from 0.0 to 1.0"),

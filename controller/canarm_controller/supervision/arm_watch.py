@@ -14,9 +14,10 @@ from ..laws.base import Cycle
 from .currents import CurrentWatch
 from .detection import Reaction
 from .following import FollowingWatch
+from .joint_state import Mode
 from .limits import Report
 from .surprise import ArmReport, SurpriseWatch
-from .witness import LONGEST_GAP_S, JointWitness, Mode
+from .witness import LONGEST_GAP_S, JointWitness
 
 REFRESH_CYCLES = 4
 """Gravity, Coriolis, friction and inertia are evaluated every fourth cycle: at 2.5 rad/s the arm turns 1.4° meanwhile,
@@ -68,19 +69,18 @@ class ArmWatch:
         last_nm = self._last_nm
         applied_nm = self._last_nm = cycle.applied_nm
         own1, cross, own2 = self._inverse
-        left1, left2 = last_nm[0] - self._still_nm[0], last_nm[1] - self._still_nm[1]
-        (x1, x2), (v1, v2) = cycle.position_rad, cycle.velocity_rad_s
+        (last1, last2), (still1, still2) = last_nm, self._still_nm
+        left1, left2 = last1 - still1, last2 - still2
         measured_rad_s = cycle.velocity_rad_s
+        (x1, x2), (v1, v2) = cycle.position_rad, measured_rad_s
         replaced1 = first.step(x1, v1, own1 * left1 + cross * left2, angle_codes[0], speed_codes[0])
         replaced2 = second.step(x2, v2, cross * left1 + own2 * left2, angle_codes[1], speed_codes[1])
         first_a, second_a = self.currents
         count = self._cycle = self._cycle + 1
         is_odd = count & 1
-        if (is_odd or first_a.cycles) and (off_a := first_a.differs(current_codes[0], applied_nm[0], last_nm[0], v1)):
+        if (is_odd or first_a.cycles) and (off_a := first_a.differs(current_codes[0], applied_nm[0], last1, v1)):
             first_a.judge(off_a, v1, first.model_rad_s, first.bias, own1)
-        if (not is_odd or second_a.cycles) and (
-            off_a := second_a.differs(current_codes[1], applied_nm[1], last_nm[1], v2)
-        ):
+        if (not is_odd or second_a.cycles) and (off_a := second_a.differs(current_codes[1], applied_nm[1], last2, v2)):
             second_a.judge(off_a, v2, second.model_rad_s, second.bias, own2)
         if replaced1 or replaced2:
             self._replace(cycle, replaced1, replaced2)

@@ -24,7 +24,8 @@ FLUTTER_NOTED_CYCLES, FLUTTER_CYCLES, CALMING = 3, 16, 0.25
 DECISIVE_LSB = 4.0
 """Steps of the tachometer: when the missing torque should have made so much speed, it can be seen whether it did."""
 UNEXPLAINED_SHARE, UNEXPLAINED_CYCLES = 1.2, 16
-"""Of the limit: a difference of that size which nobody could blame on the sense for so long takes the torque away."""
+"""Of the limit: a difference of that size which nobody could blame on the sense for so long takes the torque away; in
+half that time if it flutters by half the limit of that, as no offset and no gain does."""
 FASTEST_SHARE = 0.98
 """Of the tachometer's range: beyond it nobody knows the back-EMF."""
 SUPPLY_SHARE = 0.85
@@ -142,7 +143,8 @@ class CurrentWatch:
         if self._is_abrupt and self.cycles <= ABRUPT_CYCLES:
             return
         is_large = abs(off_a) > UNEXPLAINED_SHARE * self._limit_a
-        self._unexplained_cycles = self._unexplained_cycles + 1 if is_large else 0
+        weight = 2 if self._flutter_a > 0.5 * self._flutter_limit_a else 1
+        self._unexplained_cycles = self._unexplained_cycles + weight if is_large else 0
         if self._unexplained_cycles > UNEXPLAINED_CYCLES or self._flutter_cycles > FLUTTER_CYCLES:
             self._report("current-mismatch", f"{detail}, and the sense cannot be blamed", None)
 

@@ -43,7 +43,7 @@ class Detection:
 
 @dataclass(frozen=True, slots=True)
 class Detector:
-    """A row of the table. `debounce_cycles` is how long the condition must hold before the reaction."""
+    """A row of the table. `debounce_cycles` is how long the condition holds at least before the reaction."""
 
     name: str
     reaction: Reaction
@@ -64,7 +64,7 @@ DETECTORS: dict[str, Detector] = dict(
         _row("inputs-missing", Reaction.DEGRADED, 4, "cycles in a row without all inputs; missing_cycles: stop"),
         _row("inputs-late", Reaction.CONTINUE, 1, "a TPDO comes in the cycle after its own"),
         _row("inputs-repeated", Reaction.DEGRADED, 1, "a TPDO comes twice in a cycle"),
-        _row("deadline-missed", Reaction.CONTINUE, 1, "a SYNC was left out: the wall clock was ahead of us"),
+        _row("deadline-missed", Reaction.CONTINUE, 1, "a SYNC left out or late; missing_cycles late in a row: stop"),
         _row("impossible-position", Reaction.HOLD, 1, "beyond the stops by more than range_margin_deg"),
         _row("impossible-motion", Reaction.HOLD, 1, "more than max_position_step_deg a cycle"),
         _row("law-output", Reaction.OFF, 1, "not one finite torque a joint"),
@@ -73,20 +73,20 @@ DETECTORS: dict[str, Detector] = dict(
         _row("recording-failed", Reaction.OFF, 1, "a record cannot be written"),
         _row("potentiometer-range", Reaction.HOLD, 4, "the last code at either end of the ADC"),
         _row("potentiometer-jump", Reaction.HOLD, 4, "position_jump_lsb from the integrated tachometer"),
-        _row("potentiometer-spike", Reaction.SUBSTITUTE, 1, "as a jump, for less than four cycles"),
-        _row("potentiometer-stuck", Reaction.HOLD, 1, "position_drift_lsb, and the code has not changed meanwhile"),
+        _row("potentiometer-spike", Reaction.SUBSTITUTE, 1, "as a jump, for fewer than four cycles"),
+        _row("potentiometer-stuck", Reaction.HOLD, 1, "as a mismatch, and the code has not changed meanwhile"),
         _row("potentiometer-mismatch", Reaction.HOLD, 1, "filtered, position_drift_lsb from the tachometer"),
         _row("tachometer-range", Reaction.SUBSTITUTE, 2, "the last code at either end of the ADC"),
-        _row("tachometer-jump", Reaction.SUBSTITUTE, 9, "speed_jump_lsb from the model, not followed by the angle"),
-        _row("tachometer-spike", Reaction.SUBSTITUTE, 1, "as a jump, for less than nine cycles"),
+        _row("tachometer-jump", Reaction.SUBSTITUTE, 3, "speed_jump_lsb from the model; the angle did not follow"),
+        _row("tachometer-spike", Reaction.SUBSTITUTE, 1, "as a jump, and gone before that is decided"),
         _row("tachometer-stuck", Reaction.SUBSTITUTE, 8, "the code does not change while the model's speed does"),
-        _row("tachometer-mismatch", Reaction.SUBSTITUTE, 1, "filtered, position_drift_lsb, after a doubtful speed"),
-        _row("sensor-noise", Reaction.SUBSTITUTE, 3, "three spikes within 80 cycles"),
-        _row("current-mismatch", Reaction.OFF, 3, "current_mismatch_a off, and the arm accelerates accordingly"),
+        _row("tachometer-mismatch", Reaction.SUBSTITUTE, 1, "as the potentiometer's, after a doubtful speed"),
+        _row("sensor-noise", Reaction.SUBSTITUTE, 2, "three spikes in 80 cycles, or a speed that goes to and fro"),
+        _row("current-mismatch", Reaction.OFF, 3, "current_mismatch_a off or fluttering, not blamed on the sense"),
         _row("current-sense-mismatch", Reaction.CONTINUE, 8, "current_mismatch_a off, and the arm does not care"),
         _row("current-sense-range", Reaction.CONTINUE, 8, "as before, with the last code at either end"),
-        _row("acceleration-mismatch", Reaction.DEGRADED, 4, "acceleration_mismatch_rad_s2 from the model"),
-        _row("wrong-direction", Reaction.OFF, 8, "1.5 to 2.6 times the commanded torque is missing, twice in a row"),
+        _row("acceleration-mismatch", Reaction.DEGRADED, 4, "acceleration_mismatch_rad_s2 unexpected; lasting: stop"),
+        _row("wrong-direction", Reaction.OFF, 4, "1.5 to 2.6 times the commanded torque is missing"),
         _row(
             "following-error",
             Reaction.HOLD,
@@ -96,7 +96,7 @@ DETECTORS: dict[str, Detector] = dict(
         _row("saturation", Reaction.DEGRADED, 40, "amplifier at its limit and the following error abnormal"),
         _row("drive-broken", Reaction.OFF, 1, "as a mismatch, within 80 cycles of an acceleration mismatch"),
         _row("overspeed", Reaction.OFF, 2, "tachometer at its end after an unexpected acceleration"),
-        _row("both-sensors", Reaction.OFF, 1, "potentiometer and tachometer of a joint have both failed"),
+        _row("both-sensors", Reaction.OFF, 4, "one is lost, and the other astray by twice its limit"),
     )
 )
 """Every detector by its name. Names are an API: tests of users ask for them."""

@@ -23,6 +23,8 @@ NOMINAL_LSB2 = 0.18
 """0.3 LSB of noise and rounding of 1/sqrt(12) LSB: 0.42 LSB squared."""
 ALLOWANCE = 1.15
 """A standard deviation from 100 samples is wrong by 7 %; twice that widens nothing yet."""
+WIDENING_LSB2 = 0.999 * NOMINAL_LSB2 * ALLOWANCE**2
+"""Below this limits surely are the nominal ones."""
 SLOW_LSB = 0.2
 """Root mean square of the filtered angle residual; 0.09 for white noise. An elastic drive wire twists by more."""
 HIGHEST_FACTOR = 2.3
@@ -37,8 +39,8 @@ class JointLimits:
     """Limits of one joint's residuals in rad and rad/s."""
 
     __slots__ = (
-        "_angle_lsb2", "_cell", "_position_lsb", "_samples", "_slow_lsb2", "_speed_lsb", "_speed_lsb2", "doubt",
-        "drift", "jump", "step", "swing",
+        "_angle_lsb2", "_cell", "_is_nominal", "_position_lsb", "_samples", "_slow_lsb2", "_speed_lsb", "_speed_lsb2",
+        "doubt", "drift", "jump", "step", "swing",
     )  # fmt: skip
 
     def __init__(self, cell: Supervision, position_lsb: float, speed_lsb: float) -> None:
@@ -57,13 +59,23 @@ class JointLimits:
 
         What is beyond three standard deviations counts as that: a single spike is no noise.
         """
-        samples = self._samples = self._samples + 1 if self._samples < NOISE_SAMPLES else NOISE_SAMPLES
-        angle = ((astray_rad - mismatch_rad) / self._position_lsb) ** 2
-        speed = 0.5 * (change_rad_s / self._speed_lsb) ** 2
-        self._angle_lsb2 += (min(angle, 9.0 * self._angle_lsb2) - self._angle_lsb2) / samples
-        self._speed_lsb2 += (min(speed, 9.0 * self._speed_lsb2) - self._speed_lsb2) / samples
-        self._slow_lsb2 += ((mismatch_rad / self._position_lsb) ** 2 - self._slow_lsb2) / samples
-        if not samples & NOISE_MASK or samples == NOISE_SAMPLES:
+        samples = self._samples
+        if samples < NOISE_SAMPLES:
+            samples = self._samples = samples + 1
+        slow = mismatch_rad / self._position_lsb
+        angle = (astray_rad - mismatch_rad) / self._position_lsb
+        speed = change_rad_s / self._speed_lsb
+        angle2, speed2, slow_lsb2 = angle * angle, 0.5 * speed * speed, self._slow_lsb2
+        angle_lsb2, speed_lsb2 = self._angle_lsb2, self._speed_lsb2
+        highest = 9.0 * angle_lsb2
+        angle_lsb2 += ((angle2 if angle2 < highest else highest) - angle_lsb2) / samples
+        highest = 9.0 * speed_lsb2
+        speed_lsb2 += ((speed2 if speed2 < highest else highest) - speed_lsb2) / samples
+        slow_lsb2 += (slow * slow - slow_lsb2) / samples
+        self._angle_lsb2, self._speed_lsb2, self._slow_lsb2 = angle_lsb2, speed_lsb2, slow_lsb2
+        if samples & NOISE_MASK:
+            return
+        if angle_lsb2 > WIDENING_LSB2 or speed_lsb2 > WIDENING_LSB2 or slow_lsb2 > SLOW_LSB**2 or not self._is_nominal:
             self._set()
 
     def _set(self) -> None:
@@ -73,6 +85,7 @@ class JointLimits:
         slow = min(self._slow_lsb2**0.5 / SLOW_LSB, HIGHEST_FACTOR)
         is_first = self._samples < PRIOR_SAMPLES + FIRST_SAMPLES
         jump = HIGHEST_JUMP_FACTOR if is_first else min(angle, HIGHEST_JUMP_FACTOR)
+        self._is_nominal = jump == speed == angle == 1.0 and slow <= 1.0
         self.jump = jump * cell.position_jump_lsb * self._position_lsb
         self.drift = max(angle, slow) * cell.position_drift_lsb * self._position_lsb
         self.step = speed * cell.speed_jump_lsb * self._speed_lsb

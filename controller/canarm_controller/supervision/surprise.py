@@ -7,7 +7,8 @@ enter.
 from collections.abc import Callable, Sequence
 
 from .detection import Reaction
-from .witness import CALM_CYCLES, JointWitness, Mode
+from .joint_state import CALM_CYCLES, Mode
+from .witness import JointWitness
 
 ArmReport = Callable[[str, int, str, Reaction | None], bool]
 """Detector, index of the joint, detail and, where it is not the table's, the reaction."""

@@ -1,0 +1,122 @@
+"""A joint with a sensor less: what takes its place, and when it is believed again.
+
+Owns the substitutes. How a sensor is found to have failed must not enter.
+"""
+
+from canarm_protocol.cell import Supervision
+
+from .blind import BlindObserver
+from .joint_state import CALM_CYCLES, JointState, Mode
+from .limits import Report
+
+PERSISTENT_CYCLES = 4
+"""For so long a residual must be beyond a limit that one reading can pass."""
+EARLY_FACTOR = 2.3
+"""Of the angle's limit, while its base is not known well."""
+STUCK_SURE_CYCLES = 24
+"""A code that has not changed for so long agrees with nothing."""
+AGREE_CYCLES = 100
+"""A noisy potentiometer is believed again after it has agreed with the tachometer for so long."""
+AGREE_AGAIN_CYCLES, AGREE_FACTOR, TOLD_SPEED_LSB = 400, 1.5, 25.0
+"""A tachometer is believed again after a second of agreement in which the joint turned both ways: one that lags, or
+reads too little, agrees as well while the speed is right by chance."""
+BLIND_FACTOR = 2.0
+"""With a sensor less, the limits of the other are wider."""
+
+
+class SensorLess(JointState):
+    """State of a joint that may have lost its tachometer, its potentiometer or both."""
+
+    __slots__ = ("_agreed", "_blind", "_fastest", "_stepped", "_told_speed")
+
+    def __init__(
+        self, limits: Supervision, position_lsb: float, speed_lsb: float, tachometer_skew_s: float, period_s: float,
+        report: Report,
+    ) -> None:  # fmt: skip
+        super().__init__(limits, position_lsb, speed_lsb, tachometer_skew_s, period_s, report)
+        self._told_speed = TOLD_SPEED_LSB * speed_lsb
+        self._blind = BlindObserver(period_s)
+
+    def start(self, position_rad: float) -> None:
+        """At rest at a measured angle, with all sensors."""
+        super().start(position_rad)
+        self._fastest = 0.0, 0.0
+        self._stepped = self._agreed = 0
+
+    def coast(self, acceleration: float) -> None:
+        """A cycle without a measurement."""
+        super().coast(acceleration)
+        self._blind.predict(acceleration)
+
+    def shift(self, excess_s: float, acceleration: float) -> None:
+        """The time to the next measurement is `excess_s` longer than a cycle."""
+        super().shift(excess_s, acceleration)
+        self._blind.shift(excess_s, acceleration)
+
+    def _lose_tachometer(self, x: float, speed: float) -> bool:
+        self._upset_at = self.cycles
+        self.mode, self._agreed = Mode.NO_TACHOMETER, 0
+        self._blind.start(self._angle(speed), speed, self.bias)
+        self._blind.correct(x)
+        self._fastest = 0.0, 0.0
+        return self._substitute(x, self._blind.velocity_rad_s)
+
+    def _without_tachometer(self, x: float, v: float, acceleration: float) -> bool:
+        """Speed from potentiometer and model, until the tachometer has agreed with it for long, both ways."""
+        blind = self._blind
+        blind.predict(acceleration)
+        if abs(x - blind.position_rad) > BLIND_FACTOR * self._limits.jump:
+            self._astray_cycles += 1
+            if self._astray_cycles >= PERSISTENT_CYCLES and self._report("both-sensors", "no speed, no angle", None):
+                self.mode = Mode.BLIND
+        else:
+            self._astray_cycles = 0
+            blind.correct(x)
+        self.speed, self.bias = blind.velocity_rad_s, blind.bias
+        if abs(v - self.speed) > AGREE_FACTOR * self._limits.step or self._code_cycles > STUCK_SURE_CYCLES:
+            self._agreed, self._fastest = 0, (0.0, 0.0)
+        else:
+            low, high = self._fastest
+            self._agreed, self._fastest = self._agreed + 1, (min(low, self.speed), max(high, self.speed))
+            if self._agreed >= AGREE_AGAIN_CYCLES and low < -self._told_speed and high > self._told_speed:
+                self._believe_tachometer(x, v)
+        return self._substitute(x, blind.velocity_rad_s)
+
+    def _believe_tachometer(self, x: float, v: float) -> None:
+        self.mode, self.speed, self._last_rad_s = Mode.SOUND, v, v
+        self._mismatch = self._swing = self._last_off = 0.0
+        self._base = x - self._travel - self._half_s * v
+        self._learn_from = self.cycles
+        self._set_rate()
+        self._calm_at = self.cycles + CALM_CYCLES
+
+    def _without_potentiometer(self, x: float, v: float, predicted: float) -> bool:
+        """Angle from the integrated tachometer; a noisy potentiometer may still lead it, slowly."""
+        off = v - predicted
+        if abs(off) > BLIND_FACTOR * self._limits.step:
+            self._stepped += 1
+            if self._stepped >= PERSISTENT_CYCLES and self._report("both-sensors", "no angle, no speed", None):
+                self.mode = Mode.BLIND
+            v, off = predicted, 0.0
+        else:
+            self._stepped = 0
+        if self.mode is Mode.NOISY_POTENTIOMETER:
+            self._follow_noisy(x - self._angle(v))
+        self._advance(predicted + self._speed_gain * off, v)
+        self.bias += self._accel_gain * off
+        return self._substitute(self._angle(v), v)
+
+    def _follow_noisy(self, astray: float) -> None:
+        """What a noisy potentiometer still tells: where the angle is on average."""
+        limit = self._limits.jump
+        bounded = max(-limit, min(limit, astray))
+        self._base += self._base_gain * bounded
+        self._mismatch += (bounded - self._mismatch) * 0.03
+        self._agreed = self._agreed + 1 if abs(astray) < 0.6 * limit else 0
+        highest = 2.0 * EARLY_FACTOR * self._limits.drift
+        if abs(self._mismatch) > highest and self._report(
+            "potentiometer-mismatch", self._angle_detail(self._mismatch), None
+        ):
+            self.mode = Mode.NO_POTENTIOMETER
+        elif self._agreed >= AGREE_CYCLES:
+            self.mode, self._mismatch = Mode.SOUND, 0.0
