@@ -29,8 +29,8 @@ DECLARED_UNDETECTABLE: tuple[Declared, ...] = (
         "adc.channel3",
         "drift",
         "the model cannot tell a slow drift of the tachometer from a payload, so that only its integral shows it, "
-        "against the potentiometer: 25 ms after the floor it is 0.8 LSB, of which the filter shows less than the limit, "
-        "0.65 LSB; a sound robot reaches 0.48. It is found after 40 ms",
+        "against the potentiometer: 25 ms after the floor it is 0.8 LSB, of which the filter shows less than the "
+        "limit, 0.65 LSB; a sound robot reaches 0.48. It is found after 40 ms",
     ),
 )
 
