@@ -109,8 +109,12 @@ class Jog:
             self._states[can_id - Cob.HEARTBEAT] = NmtState(data[0])
         if self.is_driving:
             self._judge(self._supervisor.message(frame, self.cycle), frame)
-            if can_id == Cob.TIME and self.clock is Clock.SYNC and self._supervisor.time(data) is not None:
+            if can_id == Cob.TIME and self.clock is Clock.SYNC and self._is_off_beat(data):
                 self._raise_alarm("virtual time did not move by a cycle: somebody else moves it, or it ran on")
+
+    def _is_off_beat(self, time: bytes) -> bool:
+        """Whether virtual time did not move on by the cycle that a step is. A late SYNC would be somebody else's."""
+        return self._supervisor.time(time) is not None or bool(self._supervisor.late_ns)
 
     def heartbeat_if_due(self) -> list[Frame]:
         """Our heartbeat when it is time for one: from the first start to the end."""
