@@ -8,7 +8,7 @@ from typing import Any
 from canarm_protocol.cell_messages import nearest
 from canarm_protocol.faults import ParameterValue
 
-from .usage import UsageError
+from .usage import UsageError, key_values
 
 IDENTIFIER = "cob_id"
 """Parameters of this name are shown as one writes identifiers."""
@@ -17,15 +17,8 @@ _SWITCHES = {"true": True, "false": False}
 
 def parse_parameters(words: Iterable[str]) -> dict[str, ParameterValue]:
     """`key=value` words; numbers and true/false get their types. Raises `UsageError`."""
-    parameters: dict[str, ParameterValue] = {}
-    for word in words:
-        key, equals, text = word.partition("=")
-        if not equals or not key or not text:
-            raise UsageError(f"{word}: write KEY=VALUE, a parameter of the fault; they are in `canarm fault list`")
-        if key in parameters:
-            raise UsageError(f"{word}: {key} is given twice")
-        parameters[key] = _value(text)
-    return parameters
+    hint = ", a parameter of the fault; they are in `canarm fault list`"
+    return {key: _value(text) for key, text in key_values(words, "", hint).items()}
 
 
 def _value(text: str) -> ParameterValue:

@@ -211,7 +211,7 @@ class Rig(FaultControl):
         if not key.endswith(_MECHANICS):
             raise TruthError(f"{key}: cannot change during a run; these can: {', '.join(_MECHANICS)} of a joint")
         settings = {**self._true_settings, key: _truth_text(value)}
-        self._bench.world.change(Truth.from_settings(self.cell, settings))
+        self._bench.change_truth(Truth.from_settings(self.cell, settings))
         self._true_settings = settings
         self.events.append(Event(self.time_s, "truth", f"{key} = {settings[key]}"))
         if self._recorders is not None:

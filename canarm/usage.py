@@ -1,6 +1,6 @@
 """What is asked for when nothing is said, and the error for what cannot be. Light: `canarm --help` waits for it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY = "konkuk1", "mras", "sine"
 
@@ -11,12 +11,17 @@ class UsageError(ValueError):
 
 def parse_settings(option: str, words: Sequence[str]) -> dict[str, str]:
     """`key=value` words as a dict. Raises `UsageError` for what is none, and for a key given twice."""
-    settings: dict[str, str] = {}
+    return key_values(words, f"{option} ", "; keys: canarm check --keys")
+
+
+def key_values(words: Iterable[str], before: str, hint: str) -> dict[str, str]:
+    """`key=value` words as a dict; `before` and `hint` stand around the complaint. Raises `UsageError`."""
+    values: dict[str, str] = {}
     for word in words:
         key, equals, value = word.partition("=")
         if not equals or not key or not value:
-            raise UsageError(f"{option} {word}: write KEY=VALUE; keys: canarm check --keys")
-        if key in settings:
-            raise UsageError(f"{option} {word}: {key} is given twice")
-        settings[key] = value
-    return settings
+            raise UsageError(f"{before}{word}: write KEY=VALUE{hint}")
+        if key in values:
+            raise UsageError(f"{before}{word}: {key} is given twice")
+        values[key] = value
+    return values

@@ -271,6 +271,13 @@ class Bench:
             self.faults.update(self._time.time_ns, self._time.cycle)
         return done
 
+    def change_truth(self, truth: Truth) -> None:
+        """The true robot is another one from now on; what faults change about it they change about the new one."""
+        if self._faults is None:
+            self.world.change(truth)
+        else:
+            self._faults.truth_point.change_base(truth, self._time.time_ns)
+
     def _time_and_run(self) -> tuple[int, int, bool]:
         """Virtual time, cycle, and whether a run is on: fault times count from its cycle 0."""
         return self._time.time_ns, self._time.cycle, self.is_operational and self.begin_ns is not None

@@ -571,3 +571,15 @@ def test_the_run_folder_tells_the_same_story_as_the_rig(tmp_path: Path) -> None:
         assert joints[name].peak_current_a == joint.peak_current_a
     kinds = {json.loads(line)["event"] for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()}
     assert {"state", "fault-begins", "detection"} <= kinds
+
+
+def test_a_truth_that_changes_while_a_fault_acts_keeps_the_fault_and_outlasts_it() -> None:
+    with Rig("konkuk1") as rig:
+        rig.inject("joint3.link", "payload-change", name="payload", mass=0.1)
+        rig.run(seconds=0.1)
+        rig.change_truth("joint2.viscous", 0.07)
+        assert rig._bench.world.truth.joints[0].viscous_friction_nm_s == 0.07
+        assert rig._bench.world.truth.joints[1].payload_kg == 0.1
+        rig.clear("payload")
+        assert rig._bench.world.truth.joints[0].viscous_friction_nm_s == 0.07
+        assert rig._bench.world.truth.joints[1].payload_kg == 0.0

@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, NamedTuple
 from canarm_protocol.clock import Clock
 from canarm_protocol.conditions import Condition
 from canarm_protocol.errors import FaultError
-from canarm_protocol.faults import FaultScript, FaultSet, Trigger
+from canarm_protocol.faults import FaultScript, FaultSet, FaultSpec, Trigger
 
 from ..world import JointState
-from .catalogue import make_fault, resolve
+from .catalogue import make_fault
 from .declaration import Context, Fault, Tap, TapKind
 from .guard import failure_text, guard
 from .messages import MessagePoint
@@ -74,7 +74,7 @@ class SetStatus(NamedTuple):
     activations: int
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Turn:
     """One set of a configuration at work."""
 
@@ -117,7 +117,7 @@ class _Turn:
         return duration_s is not None and now_ns - self.begun_ns >= round(duration_s * 1e9)
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Configuration:
     turns: list[_Turn]
     is_parallel: bool
@@ -176,20 +176,9 @@ class FaultEngine:
                 raise FaultError(f"a set named {each.name!r} is there already: clear it, or choose another name")
             for number, spec in enumerate(each.faults, start=1):
                 try:
-                    tap, kind, _ = resolve(self.taps, spec)
-                    make_fault(self.taps, spec)
+                    self._check(spec)
                 except FaultError as error:
                     raise FaultError(f"set {each.name!r}, fault {number}: {error}") from None
-                if kind.needs_wire and self._bench.wire is None:
-                    raise FaultError(
-                        f"set {each.name!r}, fault {number}: {spec.fault!r} at {tap.name} needs the model of the wire; "
-                        "start the emulator with --wire"
-                    )
-                if tap.kind is TapKind.CLOCK and self._bench.clock is Clock.WALL:
-                    raise FaultError(
-                        f"set {each.name!r}, fault {number}: {tap.name} breaks in lockstep only; "
-                        "on the wall clock time cannot be changed (--clock sync)"
-                    )
             when = each.trigger.when
             turns.append(_Turn(each, None if when is None else Condition(when, self._signals)))
         if not script.is_parallel:
@@ -203,6 +192,18 @@ class FaultEngine:
         self._configurations.append(_Configuration(turns, script.is_parallel))
         self._accepted += len(turns)
         return "; ".join([f"accepted {', '.join(repr(turn.declared.name) for turn in turns)}", *self._remarks(script)])
+
+    def _check(self, spec: FaultSpec) -> None:
+        """Raises `FaultError` for a fault that there is not, or that this bench does not support."""
+        fault, tap = make_fault(self.taps, spec), self.taps[spec.tap]
+        if fault.needs_wire and self._bench.wire is None:
+            raise FaultError(
+                f"{spec.fault!r} at {tap.name} needs the model of the wire; start the emulator with --wire"
+            )
+        if tap.kind is TapKind.CLOCK and self._bench.clock is Clock.WALL:
+            raise FaultError(
+                f"{tap.name} breaks in lockstep only; on the wall clock time cannot be changed (--clock sync)"
+            )
 
     def overdue(self, script: FaultScript) -> list[FaultSet]:
         """Sets of `script` whose time or cycle is over, so that they would begin at once."""
@@ -317,8 +318,7 @@ class FaultEngine:
         if not turn.declared.faults:
             self._clear_others(turn)
         for number, spec in enumerate(turn.declared.faults):
-            tap, _, _ = resolve(self.taps, spec)
-            fault = make_fault(self.taps, spec)
+            fault, tap = make_fault(self.taps, spec), self.taps[spec.tap]
             guard(fault, functools.partial(self._fail, turn, fault))
             random = Random(f"{self._seed}/{turn.declared.name}/{number}/{turn.activations}")
             point = self._point(tap)
