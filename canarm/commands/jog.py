@@ -153,8 +153,7 @@ def _lines(driver: Driver, is_terminal: bool) -> Iterator[str]:
         print("cards are in OPERATIONAL, outputs off; help lists the commands", flush=True)
     while True:
         try:
-            with driver.idle():
-                line = input(PROMPT) if is_terminal else input()
+            line = driver.ask_user(lambda: input(PROMPT if is_terminal else ""))
         except EOFError:
             return
         yield line

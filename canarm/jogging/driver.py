@@ -5,7 +5,8 @@ import contextlib
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
+from types import FrameType
 
 from canarm_controller.master import Ask, Silence
 from canarm_protocol.clock import Clock
@@ -21,7 +22,7 @@ POLL_S = 0.005
 
 
 class Driver:
-    """Sends, receives and waits for `jog` on `port`. While `idle` lasts, nothing else may be called."""
+    """Sends, receives and waits for `jog` on `port`. While `ask_user` lasts, nothing else may be called."""
 
     def __init__(self, jog: Jog, port: BusPort) -> None:
         self._jog, self._port = jog, port
@@ -49,17 +50,31 @@ class Driver:
         self._flush(())
         self._jog.check()
 
-    @contextlib.contextmanager
-    def idle(self) -> Iterator[None]:
-        """While the user thinks: heartbeats go out, what arrives is read. Raises `BusError` when the bus is lost."""
+    def ask_user(self, read: Callable[[], str]) -> str:
+        """What `read` brings; heartbeats go out meanwhile, what arrives is taken in. In the main thread only.
+
+        Raises what `read` raises, and `BusError` as soon as the bus is lost.
+        """
+        is_reading = False
+
+        def on_signal(number: int, frame: FrameType | None) -> None:
+            if is_reading or self._lost is None:
+                raise KeyboardInterrupt
+
         end = threading.Event()
         pump = threading.Thread(target=self._pump, args=(end,), daemon=True)
-        pump.start()
+        before = signal.signal(signal.SIGINT, on_signal)
         try:
-            yield
+            pump.start()
+            try:
+                is_reading = True
+                return read()
+            finally:
+                is_reading = False
         finally:
             end.set()
             pump.join()
+            signal.signal(signal.SIGINT, before)
             if self._lost is not None:
                 raise self._lost
 
