@@ -241,6 +241,15 @@ class Controller:
         if self.state is State.RUNNING:
             self._detect("deadline-missed", None, f"{count} cycles left out")
 
+    def guard(self, tell: Callable[[], None]) -> None:
+        """Call what records or reports the tick; what it fails with, as `on_tick` may, stops the robot safely."""
+        try:
+            tell()
+        except ControllerError as error:
+            self._judge(_law_verdict(error))
+        except OSError as error:
+            self._judge(Verdict("recording-failed", str(error)))
+
     def interrupt(self, detail: str) -> None:
         """Stop safely because the user says so."""
         if self.state is State.RUNNING:
@@ -315,7 +324,8 @@ class Controller:
             if torque_nm is not None:
                 self.outbox += [Frame(cob_id, data) for cob_id, data in self._outputs.pack(*loop.outputs(torque_nm))]
                 self.controlled_ticks += 1
-                self._tell_tick()
+                if self.on_tick is not None:
+                    self.guard(self.on_tick)
 
     def _measure(self) -> None:
         """Take and judge what the cards have measured."""
@@ -364,15 +374,6 @@ class Controller:
         verdict = self._supervisor.command(torque_nm)
         self._judge(verdict)
         return [float(torque) for torque in torque_nm] if verdict is None else None
-
-    def _tell_tick(self) -> None:
-        if self.on_tick is not None:
-            try:
-                self.on_tick()
-            except ControllerError as error:
-                self._judge(_law_verdict(error))
-            except OSError as error:
-                self._judge(Verdict("recording-failed", str(error)))
 
     def _miss(self) -> None:
         if self.state is State.RUNNING:

@@ -68,6 +68,8 @@ class Runner:
         self._note: str | None = None if bench is not None else "no bench bus: the true error is not known here"
         self._pacer: Pacer | None = None
         self._collector: Collector | None = None
+        self._record: Callable[[], None] | None = None
+        self._is_tick_untold = False
         self._inputs_ns: int | None = None
         """When the frames that are being handed to the controller had arrived."""
         self._owns_the_bus = False
@@ -88,7 +90,7 @@ class Runner:
 
     def _run(self) -> RunResult:
         controller = self._controller
-        controller.on_tick = self._ticker(controller.on_tick)
+        self._record, controller.on_tick = controller.on_tick, self._on_tick
         try:
             self._bring_up()
             self._started_ns = self._clock()
@@ -103,23 +105,28 @@ class Runner:
         self._watch_state()
         return self._result(self._assess())
 
-    def _ticker(self, record: Callable[[], None] | None) -> Callable[[], None]:
-        """What ends a controlled cycle. On the wall clock its outputs leave first; records and reports can wait."""
-        report = self._report
+    def _on_tick(self) -> None:
+        """A cycle has been controlled. What is sent leaves first; records and reports can wait until it has.
 
-        def tick() -> None:
-            pacer, inputs_ns = self._pacer, self._inputs_ns
-            if pacer is not None and inputs_ns is not None:
-                self._flush()
-                pacer.controlled(inputs_ns)
-            if record is not None:
-                record()
-            if report is not None:
-                report.tick()
-            if pacer is not None and self._collector is not None:
-                self._collector.cycle_done(pacer.next_ns - self._clock())
+        In lockstep the next SYNC belongs to it, which the controller sends last: the emulator computes meanwhile.
+        """
+        pacer, inputs_ns = self._pacer, self._inputs_ns
+        if self._controller.clock is Clock.SYNC:
+            self._is_tick_untold = True
+            return
+        if pacer is not None and inputs_ns is not None:
+            self._flush()
+            pacer.controlled(inputs_ns)
+        self._tell_tick()
+        if pacer is not None and self._collector is not None:
+            self._collector.cycle_done(pacer.next_ns - self._clock())
 
-        return tick
+    def _tell_tick(self) -> None:
+        self._is_tick_untold = False
+        if self._record is not None:
+            self._record()
+        if self._report is not None:
+            self._report.tick()
 
     def _bring_up(self) -> None:
         controller = self._controller
@@ -183,6 +190,9 @@ class Runner:
         now_ns = self._inputs_ns = self._clock()
         for _, frame in batch:
             controller.receive(frame, now_ns)
+            if self._is_tick_untold:
+                self._flush()
+                controller.guard(self._tell_tick)
         self._inputs_ns = None
         if controller.state is not self._state:
             self._watch_state()

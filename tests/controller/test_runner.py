@@ -368,13 +368,37 @@ def test_inputs_that_stay_away_are_counted_and_fatal_at_the_limit_of_the_cell(cy
         assert result.reason == ("inputs-missing: no TPDO 0x294 of node 0x14 and TPDO 0x394 of node 0x14 for 16 cycles")
 
 
-def test_outputs_leave_before_the_cycle_is_recorded_and_reported() -> None:
+def test_on_the_wall_clock_outputs_leave_before_the_cycle_is_recorded_and_reported() -> None:
     setup = Setup(Clock.WALL, ticks=50)
     sent = setup.robot_port.sent
     last = []
     setup.controller.on_tick = lambda: last.append(sent[-1].can_id)
     setup.run()
     assert set(last) <= {0x213, 0x312}  # RPDOs of latch and DAC card
+
+
+def test_in_lockstep_the_next_sync_leaves_before_the_cycle_is_recorded_and_reported() -> None:
+    """The emulator computes while the controller writes; every tick is told once, with its own reference."""
+    setup = Setup(Clock.SYNC, ticks=50)
+    sent, told = setup.robot_port.sent, []
+    setup.controller.on_tick = lambda: told.append(
+        (setup.controller.loop.cycle.tick, sum(frame.can_id == 0x080 for frame in sent), sent[-1].can_id)
+    )
+    setup.run()
+    assert told == [(tick, tick + 2, 0x080) for tick in range(50)]
+
+
+def test_in_lockstep_a_full_disk_stops_the_robot_though_the_next_sync_has_left() -> None:
+    setup = Setup(Clock.SYNC, ticks=50)
+
+    def record() -> None:
+        if setup.controller.loop.cycle.tick == 20:
+            raise OSError("no space left on device")
+
+    setup.controller.on_tick = record
+    result = setup.run()
+    assert (result.state, result.reason) == (State.FAILED, "recording-failed: no space left on device")
+    assert result.ticks == 21
 
 
 def test_a_recording_that_takes_its_time_is_no_computing_time() -> None:
