@@ -219,7 +219,11 @@ class Jog:
             if self.is_driving:
                 silent += bool(self._awaited)
                 late = " and ".join(f"TPDO 0x{cob_id:03X}" for cob_id in sorted(self._awaited))
-                self._judge(watch.missing(late) if late else watch.measurement(self._positions_rad()))
+                self._judge(
+                    watch.missing(late, is_timed=self.clock is Clock.WALL)
+                    if late
+                    else watch.measurement(self._positions_rad())
+                )
             self.check()
         text = f"cycle {self.cycle}"
         if self.clock is Clock.SYNC:

@@ -383,7 +383,7 @@ class Controller:
             self._missing_cycles += 1
             if self._missing_cycles == MISSING_NOTED:
                 self._detect("inputs-missing", None, f"no {waiting_for} for {MISSING_NOTED} cycles")
-            self._judge(self._supervisor.missing(waiting_for))
+            self._judge(self._supervisor.missing(waiting_for, is_timed=self.clock is Clock.WALL))
 
     def _judge(self, verdict: Verdict | None) -> None:
         if verdict is not None and self.state in (State.RUNNING, State.STOPPING):

@@ -41,9 +41,9 @@ class Verdict:
         return f"{self.detector}: {self.detail}"
 
 
+BUSY_MACHINE = "a busy machine, or a broken line? In lockstep (--clock sync) a busy machine does no harm"
 EMERGENCIES: dict[int, str] = {
-    ErrorCode.LIFE_GUARD_OR_HEARTBEAT: ", it missed this controller's heartbeat: a busy machine, or a broken line? "
-    "In lockstep (--clock sync) a busy machine does no harm",
+    ErrorCode.LIFE_GUARD_OR_HEARTBEAT: f", it missed this controller's heartbeat: {BUSY_MACHINE}",
 }
 """What an emergency code means for whoever reads why the robot was stopped."""
 
@@ -164,12 +164,13 @@ class Supervisor:
                 )
         return None
 
-    def missing(self, waiting_for: str) -> Verdict | None:
-        """A cycle ended without all of its inputs."""
+    def missing(self, waiting_for: str, *, is_timed: bool) -> Verdict | None:
+        """A cycle ended without all of its inputs; `is_timed`: on the wall clock."""
         self._missing += 1
-        if self._missing >= self._missing_limit:
-            return Verdict("inputs-missing", f"no {waiting_for} for {self._missing} cycles")
-        return None
+        if self._missing < self._missing_limit:
+            return None
+        hint = f": {BUSY_MACHINE}" if is_timed else ""
+        return Verdict("inputs-missing", f"no {waiting_for} for {self._missing} cycles{hint}")
 
     def measurement(self, position_rad: Sequence[float], left_out: float = 0.0) -> Verdict | None:
         """Judge the measured joint angles: none beyond its stops, none faster than the arm can move.

@@ -85,9 +85,9 @@ def test_sync_or_our_own_heartbeat_is_another_controller(supervisor: Supervisor,
 
 def test_inputs_may_miss_fifteen_cycles_in_a_row_but_not_sixteen(supervisor: Supervisor) -> None:
     for _ in range(3):
-        assert [supervisor.missing("TPDO 0x294 of node 0x14") for _ in range(15)] == [None] * 15
+        assert [supervisor.missing("TPDO 0x294 of node 0x14", is_timed=False) for _ in range(15)] == [None] * 15
         assert supervisor.measurement([0.0, 0.0]) is None
-    verdicts = [supervisor.missing("TPDO 0x294 of node 0x14") for _ in range(16)]
+    verdicts = [supervisor.missing("TPDO 0x294 of node 0x14", is_timed=False) for _ in range(16)]
     assert verdicts[:15] == [None] * 15
     assert str(verdicts[15]) == "inputs-missing: no TPDO 0x294 of node 0x14 for 16 cycles"
 
@@ -101,7 +101,7 @@ def test_a_joint_cannot_be_beyond_its_stops(supervisor: Supervisor, degrees: flo
 
 def test_after_cycles_without_a_measurement_a_joint_may_have_gone_further(supervisor: Supervisor) -> None:
     supervisor.measurement([0.0, 0.0])
-    supervisor.missing("TPDO 0x294 of node 0x14")
+    supervisor.missing("TPDO 0x294 of node 0x14", is_timed=False)
     assert supervisor.measurement([math.radians(15.9), 0.0]) is None
     assert supervisor.measurement([math.radians(15.9 + 8.1), 0.0]) is not None
 

@@ -20,6 +20,8 @@ from canarm_emulator.faults import declaration
 from canarm_emulator.faults.declaration import (
     Context,
     JointFault,
+    NodeFault,
+    NodePort,
     SignalFault,
     TapKind,
     choice,
@@ -643,6 +645,35 @@ def test_a_truth_that_cannot_be_ends_its_fault() -> None:
     run.cycles(5)
     assert events[-1].failure.startswith("failed: TypeError: change() returned None: must be a JointTruth")
     assert run.bench.world.truth == Truth.from_settings(CELL)
+
+
+@pytest.mark.usefixtures("own_faults")
+@pytest.mark.parametrize(
+    ("filter_name", "failure"),
+    [("set_sync_filter", "KeyError: 'sync'"), ("set_send_filter", "TypeError: the send filter returned 7")],
+)
+def test_a_filter_that_fails_ends_its_fault_and_lets_all_pass(filter_name: str, failure: str) -> None:
+    def no_sync(now_ns: int) -> bool:
+        raise KeyError("sync")
+
+    @dataclass
+    class Sieve(NodeFault, name="sieve", acts_on=[TapKind.NODE]):
+        """Its filter fails at the first SYNC or frame."""
+
+        def act(self, node: NodePort, now_ns: int) -> None:
+            getattr(node, filter_name)(no_sync if filter_name == "set_sync_filter" else lambda frame: 7)
+
+        def end(self, node: NodePort, now_ns: int) -> None:
+            getattr(node, filter_name)(None)
+
+    run, events = Run(), []
+    run.bench.faults.on_event = events.append
+    run.inject(fault_set("a", "cycle = 5", tap="node.0x14", fault="sieve"))
+    run.cycles(10)
+    assert run.states() == {"a": ENDED}
+    assert events[-1].failure.startswith(f"failed: {failure}")
+    run.bench.receive(sync_frame(1))
+    assert {0x294, 0x394} <= {record.frame.can_id for record in run.bench.records}
 
 
 def test_faults_of_other_packages_are_found_by_their_entry_point(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from canarm_protocol.frames import Frame
 
 from ..truth import JointTruth
-from .declaration import Fault
+from .declaration import Fault, NodePort
 
 LONGEST = 300
 """Characters of a failure's text."""
@@ -24,6 +24,8 @@ def guard(fault: Fault, report: Callable[[Exception], None]) -> None:
     def guarded(call: Callable[..., Any], neutral: Callable[..., Any], checked: Callable[[Any], Any]) -> Any:
         def called(*arguments: Any) -> Any:
             nonlocal has_failed
+            if arguments and isinstance(arguments[0], NodePort):
+                arguments = (_GuardedPort(arguments[0], guarded), *arguments[1:])
             if not has_failed:
                 try:
                     return checked(call(*arguments))
@@ -38,6 +40,22 @@ def guard(fault: Fault, report: Callable[[Exception], None]) -> None:
         call = getattr(fault, name, None)
         if call is not None:
             object.__setattr__(fault, name, guarded(call, neutral, checked))
+
+
+class _GuardedPort:
+    """A node's port: the filters that a fault hands over are checked as its own calls are."""
+
+    def __init__(self, port: NodePort, guarded: Callable[..., Callable[..., Any]]) -> None:
+        self._port, self._guarded = port, guarded
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._port, name)
+
+    def set_sync_filter(self, passes: Callable[[int], bool] | None) -> None:
+        self._port.set_sync_filter(passes and self._guarded(passes, lambda now_ns: True, bool))
+
+    def set_send_filter(self, passes: Callable[[Frame], Frame | None] | None) -> None:
+        self._port.set_send_filter(passes and self._guarded(passes, lambda frame: frame, _frame))
 
 
 def failure_text(fault: Fault, error: Exception) -> str:
@@ -73,6 +91,12 @@ def _stamped(frames: Iterable[Any]) -> list[tuple[int, Frame]]:
         if not isinstance(time_ns, int) or not isinstance(frame, Frame):
             raise TypeError(f"{each!r} was to go on: must be a pair of a time in ns and a Frame")
     return found
+
+
+def _frame(value: Any) -> Any:
+    if value is not None and not isinstance(value, Frame):
+        raise TypeError(f"the send filter returned {value!r}: must be a Frame, or None for a lost one")
+    return value
 
 
 def _period(value: Any) -> int:
