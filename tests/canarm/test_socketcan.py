@@ -12,6 +12,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -215,6 +216,30 @@ def test_the_arm_follows_over_socketcan_as_over_the_virtual_bus(canarm, run_fold
         for key in ("rms_lsb", "max_lsb"):  # five digits, from 32-bit floats
             assert recorded.controller["joints"][joint][key] == pytest.approx(figures[key], rel=3e-5)
         assert 0.0 < recorded.controller["joints"][joint]["rms_lsb"] <= LIMIT_LSB
+
+
+FAULT_TEST = """
+def test_lost_inputs_stop_the_robot(canarm_rig):
+    rig = canarm_rig("konkuk1", law="mras", seed=3)
+    rig.inject("can0.tx", "lost", cob_id=0x294, at=0.1)
+    rig.run(0.2)
+    print("ANSWER", rig.state.name, rig.torque_is_off, rig.detected(), rig.reason, rig.fault_events[0])
+"""
+
+
+def test_a_fault_test_gives_the_same_answers_over_socketcan(tmp_path):
+    (tmp_path / "test_lost.py").write_text(FAULT_TEST)
+    option = f"--canarm-bus=socketcan:{','.join(INTERFACES)}"
+    with on_one_cpu():
+        command = [sys.executable, "-m", "pytest", "-q", "-s", "-p", "no:cacheprovider", option]
+        result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=900)
+    assert result.returncode == 0, result.stdout + result.stderr
+    with Rig("konkuk1", law="mras", seed=3) as rig:
+        rig.inject("can0.tx", "lost", cob_id=0x294, at=0.1)
+        rig.run(0.2)
+        expected = f"{rig.state.name} {rig.torque_is_off} {rig.detected()} {rig.reason} {rig.fault_events[0]}"
+    assert f"ANSWER {expected}\n" in result.stdout
+    assert "inputs-missing" in expected
 
 
 def check_causal_order(frames: list[Identity], ticks: int) -> None:
