@@ -20,15 +20,15 @@ class InputScan:
         """When the conversions are done; `NEVER` while there are none."""
         self._rack, self._world, self._hooks = rack, world, hooks
         self._pdos: list[tuple[Slave, PdoLayout]] = []
-        self._mapped: list[tuple[int, MappedObject]] = []
+        self._mapped: tuple[tuple[int, MappedObject], ...] = ()
         """The objects in them, by node-ID; they are the same in nearly every cycle."""
 
     def begin(self, pdos: list[tuple[Slave, PdoLayout]], now_ns: int) -> None:
         """Convert the inputs of `pdos`; the world moves on meanwhile."""
         if pdos != self._pdos:
             self._pdos = pdos
-            self._mapped = [(slave.node_id, each) for slave, layout in pdos for each in layout.objects]
-        self._rack.convert(list(dict.fromkeys(self._mapped)) if self._hooks.doubles else self._mapped)
+            self._mapped = tuple((slave.node_id, each) for slave, layout in pdos for each in layout.objects)
+        self._rack.convert(tuple(dict.fromkeys(self._mapped)) if self._hooks.doubles else self._mapped)
         self.due_ns = max(self._world.time_ns, now_ns)
 
     def finish(self, now_ns: int) -> None:

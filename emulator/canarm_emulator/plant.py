@@ -93,6 +93,7 @@ class Plant:
         "_option",
         "_position",
         "_slack_wires",
+        "_step_s",
         "_tendon_damping",
         "_truth",
         "_velocity",
@@ -106,6 +107,7 @@ class Plant:
         self._model = mujoco.MjModel.from_xml_string(model_xml(cell, truth))
         self._data = mujoco.MjData(self._model)
         self._option = self._model.opt
+        self._step_s = self._option.timestep
         self._position, self._velocity = self._data.qpos, self._data.qvel
         self._applied = self._data.qfrc_applied
         rotors = itertools.count(len(cell.joints))  # rotors follow the arms in the model
@@ -170,7 +172,8 @@ class Plant:
         for wire in self._slack_wires:
             is_taut = abs(position[wire.motor] - position[wire.joint]) > wire.dead_band_rad
             self._tendon_damping[wire.tendon] = wire.damping_nm_s if is_taut else 0.0
-        self._option.timestep = step_s
+        if step_s != self._step_s:
+            self._option.timestep = self._step_s = step_s
         mujoco.mj_step(self._model, self._data)
         self.speed = speed = self._velocity.tolist()
         self.angle = [ahead - half_s * speed[dof] for dof, ahead in enumerate(position.tolist())]

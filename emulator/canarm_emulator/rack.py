@@ -3,7 +3,6 @@
 Owns which channel drives or measures which joint. Knows no frames, no states and no order of events.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from canarm_protocol.cell import Card, CardModel, Cell, Quantity
@@ -32,30 +31,40 @@ class _Converter:
     conversion_ns: int
 
 
+def _measured(converter: _Converter, mapped: tuple[tuple[int, MappedObject], ...]) -> list[int]:
+    """The channels (from 0) of a converter among these objects, in their order."""
+    return [
+        each.subindex - 1
+        for node_id, each in mapped
+        if node_id == converter.node_id
+        and each.index in (ANALOGUE_INPUT, ANALOGUE_INPUT_8)
+        and each.subindex - 1 in converter.sources
+    ]
+
+
 class Rack:
     """Every card of `cell` as a device, by node-ID."""
 
     def __init__(self, cell: Cell, world: World, truth: Truth) -> None:
         self._cell, self._world, self._truth = cell, world, truth
         self._converters: list[_Converter] = []
+        self._mapped: tuple[tuple[int, MappedObject], ...] | None = None
+        self._channels: list[list[int]] = []
+        """Which channels of each converter the last scan has measured: nearly always those of the next one."""
         self._dacs: dict[int, tuple[Dac0808Card, int]] = {}
         """By joint: the card that drives it, and the channel."""
         self._latches: dict[int, tuple[Sc300Card, int]] = {}
         self.devices: dict[int, IoDevice] = {card.node_id: self._plug_in(card) for card in cell.card}
 
-    def convert(self, mapped: Sequence[tuple[int, MappedObject]]) -> None:
+    def convert(self, mapped: tuple[tuple[int, MappedObject], ...]) -> None:
         """Scan the analogue inputs among these (node-ID, object), one after the other; the world moves on meanwhile."""
-        for converter in self._converters:
-            channels = [
-                each.subindex - 1
-                for node_id, each in mapped
-                if node_id == converter.node_id
-                and each.index in (ANALOGUE_INPUT, ANALOGUE_INPUT_8)
-                and each.subindex - 1 in converter.sources
-            ]
-            volts = self._world.scan([converter.sources[channel] for channel in channels], converter.conversion_ns)
+        if mapped is not self._mapped:
+            self._mapped, self._channels = mapped, [_measured(converter, mapped) for converter in self._converters]
+        for converter, channels in zip(self._converters, self._channels, strict=True):
+            sources, store = converter.sources, converter.device.store
+            volts = self._world.scan([sources[channel] for channel in channels], converter.conversion_ns)
             for channel, value in zip(channels, volts, strict=True):
-                converter.device.store(channel, value)
+                store(channel, value)
 
     def spare(self, card: Card) -> IoDevice:
         """Another card of the same kind, wired to nothing."""

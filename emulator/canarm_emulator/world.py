@@ -52,6 +52,19 @@ class _Grid:
     decays: tuple[tuple[float, float], ...]
 
 
+@functools.lru_cache(maxsize=64)
+def _samples(count: int, step_count: int) -> tuple[tuple[tuple[int, float], ...], ...]:
+    """For every step of a scan, its samples: the number of each, and where in the step it lies, from 0 to 1.
+
+    Sample i lies i·step_count/count steps after the start of the scan; integers keep it in the right step.
+    """
+    steps: list[list[tuple[int, float]]] = [[] for _ in range(step_count)]
+    for sample in range(count):
+        step = sample * step_count // count
+        steps[step].append((sample, sample * step_count / count - step))
+    return tuple(map(tuple, steps))
+
+
 class World:
     """One cell's physics. Starts at `time_ns` = 0 with every arm parked: resting on a support until a bridge is on."""
 
@@ -173,20 +186,16 @@ class World:
         volts: list[float] = []
         if not sources:
             return volts
-        count = len(sources)
-        duration_ns = count * conversion_ns
+        duration_ns = len(sources) * conversion_ns
         plant, drives, deviates = self._plant, self._drives, self._deviates
         grid = self._grid(duration_ns)
         rests = self._rests()
-        sampled = 0
-        for step in range(grid.step_count):
+        for samples in _samples(len(sources), grid.step_count):
             old_angle, old_speed, old_current = plant.angle, plant.speed, [drive.current_a for drive in drives]
             if not rests:
                 self._step(grid)
-            # Sample i lies i·step_count/count steps after the start of the scan; integers keep it in the right step.
-            while sampled < count and sampled * grid.step_count < (step + 1) * count:
-                source = sources[sampled]
-                within = sampled * grid.step_count / count - step
+            for sample, within in samples:
+                source = sources[sample]
                 joint, quantity = source.joint_index, source.quantity
                 if quantity is _POTENTIOMETER:
                     value = old_angle[joint] + within * (plant.angle[joint] - old_angle[joint])
@@ -196,7 +205,6 @@ class World:
                 else:
                     value = abs(drives[joint].current_after(within * grid.step_s, old_current[joint]))
                 volts.append(source.volts(value, next(deviates)))
-                sampled += 1
         self.time_ns += duration_ns
         return volts
 
