@@ -34,6 +34,9 @@ MISSING_NOTED = DETECTORS["inputs-missing"].debounce_cycles
 MEASURED = Quantity.POTENTIOMETER, Quantity.TACHOMETER, Quantity.CURRENT_SENSE
 SKEW_FRACTION = 5
 """An interval that is off by less than a fifth of a cycle is a cycle: at 2 rad/s it moves the angle by 0.05 LSB."""
+CLEAR_CYCLES, UNCLEAR_ANSWERS = 4, 2
+"""An answer that comes so many cycles late, or so long after the one before, follows a stall; it and the next may
+belong to a SYNC before the stall or after it."""
 REPEAT_CYCLES = 400
 """What is detected again and again at one place is noted once a second."""
 
@@ -104,6 +107,8 @@ class Controller:
         self._sync_ns: int | None = None
         self._sampled_ns: int | None = None
         self._excess_s = 0.0
+        self._has_measured = False
+        self._unclear_answers, self._unclear_s = 0, 0.0
         channels = [(joint, quantity) for joint in range(len(cell.joints)) for quantity in MEASURED]
         self._scan_ns = round(max(loop.skew_s(*channel) for channel in channels) * 1e9)
         self._missing_cycles = 0
@@ -284,7 +289,7 @@ class Controller:
                     code = yield from read_input(node, channel.number)
                     codes[self.cell.joint_names.index(channel.joint)] = code
         self.loop.begin(codes)
-        self._watch.start(self.loop.cycle.position_rad)
+        self._watch.start(self.loop.cycle.position_rad, self.loop.cycle.velocity_rad_s)
 
     def _converse(self, answer: Frame | None, now_ns: int, silent: bool = False) -> None:
         conversation = self._conversation
@@ -331,16 +336,25 @@ class Controller:
         """Take and judge what the cards have measured."""
         loop, watch = self.loop, self._watch
         loop.measure(self._codes, self.tick)
+        if not self._has_measured:
+            self._has_measured = True
+            if not self._stands_still():  # it still falls from the last run
+                watch.start(loop.cycle.position_rad, loop.cycle.velocity_rad_s)
         is_on_time = not self._excess_s if self.clock is Clock.SYNC else self._is_on_time()
+        is_unclear = self._unclear_answers > 0
         if self.state is State.RUNNING:
-            left_out = max(self._excess_s, 0.0) / loop.period_s
+            left_out = (self._unclear_s if is_unclear else max(self._excess_s, 0.0)) / loop.period_s
             self._judge(self._supervisor.measurement(loop.cycle.position_rad, left_out))
-        if is_on_time:
+        if is_on_time and not is_unclear:
             watch.step(loop.cycle, loop.angle_codes, loop.speed_codes, loop.current_codes)
         else:
-            watch.glimpse(loop.cycle, loop.angle_codes, loop.speed_codes, self._excess_s)
+            watch.glimpse(loop.cycle, loop.angle_codes, loop.speed_codes, self._excess_s, is_unclear)
             self._excess_s = 0.0
+            self._unclear_answers -= is_unclear
         self._missing_cycles = 0
+
+    def _stands_still(self) -> bool:
+        return all(abs(speed) < STANDSTILL_RAD_S for speed in self.loop.cycle.velocity_rad_s)
 
     def _is_on_time(self) -> bool:
         """Whether these inputs were sampled a cycle after the last.
@@ -349,6 +363,8 @@ class Controller:
         before the scan can be over is the last cycle's. How much more or less than a cycle has passed since the last,
         less what was predicted meanwhile, must not be lost in any case: `_excess_s` is added up, so that angles
         integrated over many cycles stay right.
+
+        After a stall, of this machine or of the cards, nobody knows which SYNC the next answers belong to.
         """
         period_ns = self.cell.bus.cycle_ns
         sync_ns = self._arrived_ns if self._sync_ns is None else self._sync_ns
@@ -358,6 +374,9 @@ class Controller:
         predicted = self._missing_cycles
         excess_ns = 0 if last_ns is None else sampled_ns - last_ns - (1 + predicted) * period_ns
         self._excess_s = excess_ns * 1e-9
+        unclear_ns = max(excess_ns, self._arrived_ns - sampled_ns)
+        if unclear_ns > CLEAR_CYCLES * period_ns:
+            self._unclear_answers, self._unclear_s = UNCLEAR_ANSWERS, unclear_ns * 1e-9
         is_cycle = not predicted and abs(excess_ns) * SKEW_FRACTION < period_ns
         is_on_time = is_cycle and not is_old and 2 * (self._arrived_ns - sampled_ns) < period_ns
         if is_on_time and excess_ns:
@@ -437,8 +456,7 @@ class Controller:
                     self._measure()
                 else:
                     loop.measure(self._codes, self.tick)
-            still = all(abs(speed) < STANDSTILL_RAD_S for speed in loop.cycle.velocity_rad_s)
-            self._still_cycles = self._still_cycles + 1 if still else 0
+            self._still_cycles = self._still_cycles + 1 if self._stands_still() else 0
         limit = FINAL_CYCLES if self.verdict is None else int(STOPPING_S / loop.period_s)
         is_over = self._stopping_cycles > limit or (
             self.verdict is not None and self._still_cycles >= STANDSTILL_CYCLES

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from canarm_protocol.bench_objects import DIVIDER
 from canarm_protocol.clock import Clock
@@ -15,8 +15,9 @@ from .arrival import SyncArrival
 from .bench import Bench, CycleTruth, Record
 from .bus_figures import ClientCounts
 from .fault_objects import event_text
-from .hub import Attached, Detached, Hub, Ready, Received
+from .hub import Attached, Detached, Event, Hub, Ready, Received
 from .recording import Recorder
+from .robot_bus import is_sync
 from .slave import NEVER
 
 if TYPE_CHECKING:
@@ -36,6 +37,14 @@ LONGEST_REPLAY_NS = 1_000_000_000
 """Of a stall, so much is caught up; what goes beyond it virtual time leaves out."""
 SHORTEST_FRAME_BITS = 47
 """Of a frame without data, intermission included (ISO 11898-1): nothing carries more frames than that in a time."""
+
+
+class _Waiting(NamedTuple):
+    """A frame that has come and is not taken yet."""
+
+    bus: str
+    frame: Frame
+    origin: object
 
 
 class EmulatorRunner:
@@ -69,6 +78,7 @@ class EmulatorRunner:
         self._last_sync_time_ns = 0
         self._is_behind = False
         self._gap_ns = 0
+        self._queued_syncs = 0
         self._listener_until_ns = 0
         self._next_idle_telemetry_ns = 0
         self._sent_cycle = -1
@@ -112,9 +122,10 @@ class EmulatorRunner:
             now_ns = time.monotonic_ns()
             if not lockstep:
                 self._follow_wall_clock(now_ns, timeout_s)
-            self._take_events(events, now_ns)
             if self._is_behind:
-                self._catch_up(now_ns)
+                self._catch_up(events, now_ns)
+            else:
+                self._take_events(events, now_ns)
             if lockstep and self._sync_sender is not None and now_ns - self._last_heard_ns > self._sync_timeout_ns:
                 self._run_on(f"no SYNC for {self._sync_timeout_ns / 1e9:g} s")
             self._telemetry(now_ns)
@@ -124,7 +135,7 @@ class EmulatorRunner:
                 collector.cycle_done(NEVER)
         self._deliver()
 
-    def _take_events(self, events: Sequence[Attached | Detached | Ready | Received], now_ns: int) -> None:
+    def _take_events(self, events: Sequence[Event], now_ns: int) -> None:
         for event in events:
             if type(event) is Received:
                 self._take(event.channel, event.frame, event.client_id, now_ns)
@@ -134,6 +145,21 @@ class EmulatorRunner:
                 self._client_event(event)
         for port in self._polled:
             self._drain(port, now_ns)
+
+    def _gather(self, events: Sequence[Event]) -> list[Event | _Waiting]:
+        """As `_take_events`, but nothing is taken yet."""
+        gathered: list[Event | _Waiting] = []
+        ports = list(self._polled)
+        for event in events:
+            if type(event) is Received:
+                gathered.append(_Waiting(event.channel, event.frame, event.client_id))
+            elif type(event) is Ready:
+                ports.append(event.fileobj)  # type: ignore[arg-type]
+            else:
+                gathered.append(event)
+        for port in ports:
+            gathered += [_Waiting(self._bus_of[id(port)], frame, port) for _, frame in port.receive(0.0)]
+        return gathered
 
     def _timeout_s(self) -> float:
         limit = PORT_POLL_S if self._polled else IDLE_S
@@ -153,23 +179,29 @@ class EmulatorRunner:
         else:
             self._bench.advance(now_ns - self._start_ns)
 
-    def _catch_up(self, now_ns: int) -> None:
+    def _catch_up(self, events: Sequence[Event], now_ns: int) -> None:
         """After a stall: what has come meanwhile is taken at the times at which it must have come, then time goes on.
 
         That is no more than a bus could have carried; who sends faster must not keep the emulator from its work.
         """
         most = self._gap_ns * self._bench.cell.bus.bitrate // (SHORTEST_FRAME_BITS * 1_000_000_000)
-        taken = 0
-        while taken <= most and (events := self._hub.poll(0.0)):
-            self._take_events(events, now_ns)
-            taken += len(events)
+        gathered = self._gather(events)
+        while len(gathered) <= most and (events := self._hub.poll(0.0)):
+            gathered += self._gather(events)
+        waiting = [each for each in gathered if isinstance(each, _Waiting)]
+        self._queued_syncs = sum(each.bus == ROBOT_BUS and is_sync(each.frame) for each in waiting)
+        for each in gathered:
+            if isinstance(each, _Waiting):
+                self._take(*each, now_ns)
+            else:
+                self._client_event(each)
         self._is_behind = False
         self._last_look_ns = time.monotonic_ns()
         self._bench.advance(self._last_look_ns - self._start_ns)
 
     def _take(self, bus: str, frame: Frame, origin: object, now_ns: int) -> None:
         if bus == ROBOT_BUS:
-            if frame.can_id == Cob.SYNC and not frame.is_extended and not frame.is_remote:
+            if is_sync(frame):
                 self._sync_sender, self._last_heard_ns = origin, now_ns
                 if self._bench.clock is Clock.WALL:
                     self.arrival.arrival(now_ns)
@@ -186,15 +218,23 @@ class EmulatorRunner:
             self._bench.receive_bench(frame, origin)
 
     def _advance_to_sync(self, now_ns: int) -> None:
-        """SYNCs that queued up during a stall came one cycle apart, as far as anybody can tell."""
-        self._bench.advance(min(self._last_sync_time_ns + self._bench.cell.bus.cycle_ns, now_ns))
+        """SYNCs that queued up during a stall came one cycle apart.
+
+        If there are fewer than the stall had cycles, their sender has stalled as well, and they came after that.
+        """
+        cycle_ns, left = self._bench.cell.bus.cycle_ns, self._queued_syncs
+        came_ns = self._last_sync_time_ns + cycle_ns
+        if now_ns - came_ns > (left + 1) * cycle_ns:
+            came_ns = now_ns - (left - 1) * cycle_ns
+        self._queued_syncs = left - 1
+        self._bench.advance(min(came_ns, now_ns))
 
     def _drain(self, port: BusPort, now_ns: int) -> None:
         bus = self._bus_of[id(port)]
         for _, frame in port.receive(0.0):
             self._take(bus, frame, port, now_ns)
 
-    def _client_event(self, event: Attached | Detached | Ready | Received) -> None:
+    def _client_event(self, event: Event) -> None:
         if isinstance(event, Attached):
             self._note("attached", bus=event.channel, client=event.client_id)
         elif isinstance(event, Detached):

@@ -22,6 +22,7 @@ class BusyMachine:
     def __init__(self, pair: Any, seed: int) -> None:
         self.pair, self._random = pair, random.Random(seed)
         self._silent_cycles = self._since_late = 0
+        self.is_busy = True
         self.distort: Callable[[Frame], Frame] = lambda frame: frame
         pair.to_controller = self._wire
         pair.run_to(State.RUNNING)
@@ -35,11 +36,11 @@ class BusyMachine:
         """One period, or what becomes of it: of 100 cycles about 20 have no inputs, in gaps of up to 15."""
         pair, draw = self.pair, self._random
         self._silent_cycles -= 1
-        if self._silent_cycles < -20 and draw.random() < 0.04:
+        if self.is_busy and self._silent_cycles < -20 and draw.random() < 0.04:
             self._silent_cycles = draw.randint(1, 15)
         late_ns = 0
         self._since_late += 1
-        if self._since_late > 40 and draw.random() < 0.02:  # cards listen for our heartbeat meanwhile
+        if self.is_busy and self._since_late > 40 and draw.random() < 0.02:  # cards listen for our heartbeat meanwhile
             self._since_late = 0
             late_ns = draw.randrange(2 * PERIOD_NS, 50_000_000)  # SYNCs left out
         elif draw.random() < 0.1:
@@ -58,6 +59,28 @@ class BusyMachine:
         while self.pair.bench.time_ns < end_ns and self.pair.controller.state is State.RUNNING:
             self.cycle()
 
+    def stall(self, span_ns: int, is_answered_before: bool) -> None:
+        """The whole machine stands still after a SYNC. The robot goes on with the currents that it was told last.
+
+        The emulator has taken the SYNC before it, or takes it afterwards; the controller hears the answer afterwards.
+        """
+        pair, held = self.pair, []
+        pair.controller.open_cycle(pair.bench.time_ns)
+        if is_answered_before:
+            pair.send()
+            pair.bench.advance(pair.bench.time_ns + PERIOD_NS // 2)
+            held, pair.bench.records = pair.bench.records, []
+        pair.bench.advance(pair.bench.time_ns + span_ns)
+        if not is_answered_before:
+            pair.send()
+            pair.bench.advance(pair.bench.time_ns + PERIOD_NS // 2)
+        pair.controller.open_cycle(pair.bench.time_ns)
+        pair.send()
+        heard_ns = pair.bench.time_ns + PERIOD_NS // 2
+        pair.bench.records = [record._replace(time_ns=heard_ns) for record in held] + pair.bench.records
+        pair.bench.advance(pair.bench.time_ns + PERIOD_NS)
+        pair.deliver()
+
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize("law", ["mras", "pd"])
@@ -68,6 +91,21 @@ def test_ten_seconds_of_gaps_never_look_like_a_broken_sensor(make_pair, law: str
     assert controller.reason is None
     assert {str(each) for each in controller.detections if each.detector not in NOT_THE_SENSORS} == set()
     assert "inputs-missing" in {each.detector for each in controller.detections}
+
+
+@pytest.mark.parametrize("is_answered_before", [False, True])
+@pytest.mark.parametrize("span_ms", [20, 45, 65])
+def test_a_machine_that_stands_still_for_a_moment_accuses_nobody(make_pair, span_ms: int, is_answered_before) -> None:
+    """The arm is at 1 rad/s and more, and turns by several steps of its potentiometers meanwhile."""
+    machine = BusyMachine(make_pair(law="mras", clock=Clock.WALL), 0)
+    machine.is_busy = False
+    machine.run(3.0)
+    for _ in range(8):
+        machine.stall(span_ms * 1_000_000, is_answered_before)
+        machine.run(0.7)
+    controller = machine.pair.controller
+    assert controller.reason is None
+    assert {str(each) for each in controller.detections if each.detector not in NOT_THE_SENSORS} == set()
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

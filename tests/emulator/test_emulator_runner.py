@@ -378,3 +378,37 @@ def test_a_stall_is_caught_up_with_no_more_than_a_bus_could_have_carried(monkeyp
         hub.close()
     assert 2 <= asked <= 8
     assert bench.trouble.lost_frames == 100 * asked - 256
+
+
+@pytest.mark.parametrize(
+    ("queued", "expected_ms"),
+    [
+        (26, [2.5 * cycle for cycle in range(1, 27)]),  # the controller went on: its SYNCs came as ever
+        (2, [65.5, 68.0]),  # it has stood still as well, and has gone on by now
+    ],
+)
+def test_syncs_that_queued_up_in_a_stall_came_one_cycle_apart_until_now(
+    monkeypatch, queued: int, expected_ms: list[float]
+) -> None:
+    bench = Bench(CELL, Truth.from_settings(CELL), Clock.WALL, 0)
+    hub = Hub(port=0)
+    sync = Received("can0", 1, sync_frame(1))
+    answers = iter([[Received("can0", 1, nmt_frame(NmtCommand.START)), sync], [sync] * queued])
+    is_stalled = iter([False, True])
+
+    def poll(timeout_s: float) -> list[Received]:
+        found = next(answers, [])
+        if found and next(is_stalled):
+            monkeypatch.setattr(runner_module.time, "monotonic_ns", lambda: 68_000_000)
+        return found
+
+    try:
+        monkeypatch.setattr(runner_module.time, "monotonic_ns", lambda: 0)
+        monkeypatch.setattr(hub, "poll", poll)
+        times_ns: dict[int, int] = {}
+        bench.on_cycle = lambda truth: times_ns.setdefault(truth.cycle, truth.time_ns)
+        questions = iter([False, False, True])
+        EmulatorRunner(bench, hub, should_stop=lambda: next(questions)).run()
+    finally:
+        hub.close()
+    assert [time_ns / 1e6 for time_ns in times_ns.values()] == pytest.approx([0.0, *expected_ms])

@@ -55,11 +55,11 @@ class ArmWatch:
         self._cycle = 0
         self._last_nm: Sequence[float] = (0.0,) * len(self.joints)
 
-    def start(self, position_rad: Sequence[float]) -> None:
-        """The arm rests at this pose; no torque acts yet."""
-        for joint, position in zip(self.joints, position_rad, strict=True):
-            joint.start(position)
-        self._refresh(position_rad, (0.0,) * len(self.joints))
+    def start(self, position_rad: Sequence[float], speed_rad_s: Sequence[float]) -> None:
+        """What was measured first; no torque acts yet."""
+        for joint, position, speed in zip(self.joints, position_rad, speed_rad_s, strict=True):
+            joint.start(position, speed)
+        self._refresh(position_rad, speed_rad_s)
 
     def step(
         self, cycle: Cycle, angle_codes: Sequence[int], speed_codes: Sequence[int], current_codes: Sequence[int]
@@ -116,9 +116,14 @@ class ArmWatch:
         for joint, acceleration in zip(self.joints, self._accelerations(), strict=True):
             joint.shift(excess_s, acceleration)
 
-    def glimpse(self, cycle: Cycle, angle_codes: Sequence[int], speed_codes: Sequence[int], excess_s: float) -> None:
-        """As `step` for measurements whose time is known badly: `excess_s` more than a cycle after the last."""
-        is_gap = not -LONGEST_GAP_S < excess_s < LONGEST_GAP_S
+    def glimpse(
+        self, cycle: Cycle, angle_codes: Sequence[int], speed_codes: Sequence[int], excess_s: float, is_unclear: bool
+    ) -> None:
+        """As `step` for measurements whose time is known badly: `excess_s` more than a cycle after the last.
+
+        `is_unclear`: not even that is known.
+        """
+        is_gap = is_unclear or not -LONGEST_GAP_S < excess_s < LONGEST_GAP_S
         if not is_gap:
             self.shift(excess_s)
         accelerations = self._accelerations()

@@ -54,8 +54,8 @@ class JointWitness(SensorLess):
     """
 
     __slots__ = (
-        "_code_at", "_code_bias", "_code_model", "_doubt_until", "_new_mismatch", "_old_mismatch", "_settled_at",
-        "_spikes", "_stepped_until", "_stuck_limit", "_trial", "_turns", "_x_code", "_x_travel",
+        "_code_at", "_code_bias", "_code_model", "_doubt_until", "_gap_at", "_new_mismatch", "_old_mismatch",
+        "_settled_at", "_spikes", "_stepped_until", "_stuck_limit", "_trial", "_turns", "_x_code", "_x_travel",
     )  # fmt: skip
 
     def __init__(
@@ -65,17 +65,18 @@ class JointWitness(SensorLess):
         super().__init__(limits, position_lsb, speed_lsb, tachometer_skew_s, period_s, report)
         self._stuck_limit = STUCK_SPEED_LSB * speed_lsb
         self._trial = StepTrial(position_lsb, period_s)
-        self.start(0.0)
+        self.start(0.0, 0.0)
 
-    def start(self, position_rad: float) -> None:
-        """At rest at a measured angle."""
-        super().start(position_rad)
+    def start(self, position_rad: float, speed_rad_s: float) -> None:
+        """Begin at a measured angle and speed."""
+        super().start(position_rad, speed_rad_s)
         self._spikes, self._turns = {"potentiometer": SpikeCount(), "tachometer": SpikeCount()}, TurnCount()
         self._old_mismatch = self._new_mismatch = 0.0
         self._x_code, self._code_at = -1, 0
         self._code_model = self._code_bias = self._x_travel = 0.0
         self._doubt_until = self._stepped_until = -1
         self._settled_at = -UNSETTLED_CYCLES
+        self._gap_at = -DOUBT_CYCLES
 
     def step(self, x: float, v: float, acceleration: float, x_code: int, v_code: int) -> bool:
         """Take one cycle: angle, speed, and the model's acceleration since the last one (rad, rad/s, rad/s²).
@@ -158,6 +159,8 @@ class JointWitness(SensorLess):
         v = v if is_believed else predicted
         if is_gap:
             self._base = x - self._travel - self._half_s * v - self._mismatch
+            self._learn_from = self._gap_at = self.cycles
+            self._set_rate()
         angle = self._angle(v)
         self._last_off = self._swing = 0.0
         self._last_rad_s = v
@@ -180,7 +183,11 @@ class JointWitness(SensorLess):
         limits, count = self._limits, self.cycles
         if self._judge_angle(x, predicted, off, astray):
             return True
-        if self._code in (0, HIGHEST_CODE) and abs(off) < limits.step * UNREST_FACTOR:
+        if self._code in (0, HIGHEST_CODE) and (
+            abs(off) < limits.step * UNREST_FACTOR
+            or (off > 0.0) == (self._code == 0)  # the model is beyond the tachometer's range as well
+            or count < self._gap_at + BLURRED_CYCLES  # in which the current stayed what it was
+        ):
             # As fast as that, and perhaps faster: nothing can be told from it.
             self._base = x - self._travel - self._half_s * predicted - self._mismatch
             self._last_off = self._swing = 0.0
@@ -192,7 +199,8 @@ class JointWitness(SensorLess):
         turns = is_doubtful and count > SWINGING_CYCLES and self._turns.is_too_many(count, off)
         if turns and self._report("sensor-noise", f"tachometer: {TURNS} turns", None):
             return self._lose_tachometer(x, predicted)
-        factor = UNREST_FACTOR if count < self._calm_at or count < self._blurred_until else 1.0
+        is_calm = count >= max(self._calm_at, self._blurred_until, self._gap_at + DOUBT_CYCLES)
+        factor = 1.0 if is_calm else UNREST_FACTOR
         step = limits.step * factor
         if not -step < off < step:
             self.is_agitated = True
