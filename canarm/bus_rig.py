@@ -24,7 +24,7 @@ from .child import Child
 from .findings import Begun, Detected, Noticed, ask_detected, check_question
 from .recorded import RecordedHistory, fault_events, noticed, read_events, recorded_joints
 from .rig_faults import FaultControl, FaultSource, as_toml
-from .rig_joint import RigJoint
+from .rig_joint import Joints
 from .session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, tick_count
 from .summary import JointFigures, Summary
 from .usage import UsageError
@@ -42,7 +42,8 @@ WRONG_USAGE = 2
 
 
 class BusRig(FaultControl):
-    """As `canarm.Rig`, in lockstep, with `run` once. `out` names the run folder.
+    """As `canarm.Rig`, in lockstep, with `run` once. `out` names the run folder, which keeps every cycle: `history_s`
+    bounds nothing here.
 
     Raises `UsageError` for what a command line refuses, and for what cannot be had over a bus; `BusError` where a
     process does not start or end.
@@ -180,6 +181,8 @@ class BusRig(FaultControl):
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def _accept(self, script: FaultScript) -> None:
+        if self._is_finished:
+            raise UsageError("faults: the rig is finished; make a new one")
         if self._result is not None:
             raise UsageError("faults: over a bus they are declared before run(), with at=, cycle= or when=")
         if self._bus.channels is None:
@@ -189,7 +192,7 @@ class BusRig(FaultControl):
         with port, BenchClient(port, self.cell, ANSWER_S) as client:
             client.inject(as_toml(script))
 
-    def _read(self, figures: Mapping[str, JointFigures]) -> dict[str, RigJoint]:
+    def _read(self, figures: Mapping[str, JointFigures]) -> Joints:
         history = RecordedHistory(self.cell, self.folder, figures)
         return recorded_joints(self.cell, history)
 

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from enum import Enum
+from typing import Literal, NamedTuple
 
 from canarm_controller.supervision.detection import DETECTORS, Detection
 from canarm_protocol.cell import Cell
@@ -51,6 +52,12 @@ class Begun(NamedTuple):
         return f"{self.tap} {self.fault} at {self.time_s:.4f} s"
 
 
+class Start(Enum):
+    """Where the clock of a detection starts, if at no time that was given."""
+
+    FAULT = "the beginning of the latest fault"
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Detected:
     """What the controller has detected of what was asked for. True where there is anything.
@@ -68,19 +75,27 @@ class Detected:
     def __bool__(self) -> bool:
         return bool(self.found)
 
-    def within(self, limit_s: float, of: float | None = None) -> Finding:
+    def within(self, limit_s: float, of: float | Literal[Start.FAULT] | None = Start.FAULT) -> Finding:
         """Whether the first one since then came no later than `limit_s` after it, or after the time `of` (s).
 
         What came before the fault does not count. `of` is for clocks that start later, when the fault has begun to
-        show; a detection before it is early enough.
+        show; a detection before it is early enough. Raises `UsageError` for an `of` of None, which `departure` returns
+        where the truth has never moved on: there is nothing to count from.
         """
+        __tracebackhide__ = True
         first, since_s = self._first, self.since_s
         if since_s is None:
             return Finding(False, f"no fault has begun that a detection could come after; {self.text}")
+        if of is None:
+            raise UsageError(
+                f"within: of is None: the truth has not moved on since {self._start}, so there is nothing to count "
+                f"from; to count from the beginning of the fault, leave of= out. {self.text}"
+            )
         if first is None:
             return Finding(False, f"{self.sought} not detected after {self._start}; {self.text}")
-        latency_s = first.time_s - (since_s if of is None else of)
-        text = f"{first.text}, {_ms(latency_s)} after {self._start if of is None else f'{of:.4f} s'}"
+        start_s, start = (since_s, self._start) if of is Start.FAULT else (of, f"{of:.4f} s")
+        latency_s = first.time_s - start_s
+        text = f"{first.text}, {_ms(latency_s)} after {start}"
         if latency_s <= limit_s + HALF_NS:
             return Finding(True, text)
         return Finding(False, f"{text}; must be within {_ms(limit_s)}")

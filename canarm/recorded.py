@@ -19,7 +19,7 @@ from canarm_protocol.run_folder import EVENTS_FILE, SIGNALS_FOLDER
 from canarm_protocol.wiring import sensor_scale
 
 from .findings import Noticed
-from .rig_joint import SIGNALS, TRUE_SIGNALS, Floats, RigJoint, Span
+from .rig_joint import SIGNALS, TRUE_SIGNALS, Floats, Joints, RigJoint, Span
 from .summary import JointFigures
 
 FAULT_BEGINS, FAULT_ENDS, DETECTION = "fault-begins", "fault-ends", "detection"
@@ -63,12 +63,12 @@ class RecordedHistory:
         return (self._robot if is_true else self._controller).get(name, np.empty(0))
 
 
-def recorded_joints(cell: Cell, history: RecordedHistory) -> dict[str, RigJoint]:
+def recorded_joints(cell: Cell, history: RecordedHistory) -> Joints:
     """The joints of a run, as `Rig.joints`."""
-    return {
-        joint.name: RigJoint(history, index, joint.name, sensor_scale(joint, Quantity.POTENTIOMETER).step)
+    return Joints(
+        (joint.name, RigJoint(history, index, joint.name, sensor_scale(joint, Quantity.POTENTIOMETER).step))
         for index, joint in enumerate(cell.joints)
-    }
+    )
 
 
 def read_events(folder: Path) -> list[dict[str, Any]]:

@@ -31,7 +31,7 @@ from canarm_protocol.run_folder import create_run_folder, update_run_file
 from .findings import Begun, Detected, Noticed, ask_detected, check_question
 from .rig_faults import FaultControl, FaultSource
 from .rig_history import History
-from .rig_joint import TRUE_SIGNALS, RigJoint
+from .rig_joint import TRUE_SIGNALS, Joints, RigJoint
 from .session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, make_bench, make_controller, provenance, tick_count
 from .summary import Summary, detections_as_plain
 from .usage import UsageError
@@ -60,7 +60,8 @@ class Rig(FaultControl):
 
     `cell` is a name, a file or a `Cell`; `law`, `trajectory` and `feedforward` are as on the command line; `truth` and
     `settings` are what `--truth` and `--set` take, `wire` is `--wire`, `faults` is a fault file, its text or a script
-    (see `inject_file`). `history_s` bounds the histories (older cycles are forgotten). `out` names a run folder.
+    (see `inject_file`). `history_s` bounds the histories: older cycles are forgotten, and a question about them raises
+    `UsageError`. `out` names a run folder.
 
     Raises `CellError`, `TruthError`, `ControllerError` (`LawError`, `TrajectoryError`), `FaultError`, `RunFolderError`
     or `UsageError` (a `ValueError`) for what cannot be. What goes wrong on the robot raises nothing: it ends in a safe
@@ -109,11 +110,12 @@ class Rig(FaultControl):
         self.never_begun: list[str] | None = None
         """After `finish`: the sets that were injected, not cleared, and have never begun."""
         self._faulty: FaultError | None = None
+        self._is_finished = False
         self._records: deque[Record] = deque(maxlen=FRAMES_KEPT)
-        self.joints = {
-            name: RigJoint(self._history, index, name, score.lsb_rad)
+        self.joints = Joints(
+            (name, RigJoint(self._history, index, name, score.lsb_rad))
             for index, (name, score) in enumerate(zip(self.cell.joint_names, self._assessor.scores, strict=True))
-        }
+        )
         self._state = State.IDLE
         self._folder: Path | None = None
         self._recorders: tuple[Recorder, ControllerRecorder] | None = None
@@ -186,10 +188,12 @@ class Rig(FaultControl):
     def run(self, seconds: float) -> None:
         """Let virtual time pass. Returns early when the controller has stopped the robot, at once if it had before.
 
-        Raises `UsageError` for less than a cycle, `EmulatorError` when the integration of the true robot diverges,
-        and `FaultError` when a fault fails because of a mistake in itself: it has ended then, and the run may go on.
+        Raises `UsageError` for less than a cycle and after `finish`, `EmulatorError` when the integration of the true
+        robot diverges, and `FaultError` when a fault fails because of a mistake in itself: it has ended then, and the
+        run may go on.
         """
         __tracebackhide__ = True
+        self._check_unfinished("run")
         controller = self._controller
         goal = controller.controlled_ticks + tick_count(self.cell, seconds, "seconds")
         if controller.state is State.IDLE:
@@ -206,8 +210,11 @@ class Rig(FaultControl):
     def change_truth(self, key: str, value: object) -> None:
         """Change the mechanics of the true robot from now on: `joint3.mass`, `joint2.viscous`, `joint2.coulomb`, …
 
-        Raises `TruthError` for a key that is none, a value that cannot be, or a key that is not mechanics.
+        Raises `TruthError` for a key that is none, a value that cannot be, or a key that is not mechanics, and
+        `UsageError` after `finish`.
         """
+        __tracebackhide__ = True
+        self._check_unfinished("change_truth")
         if not key.endswith(_MECHANICS):
             raise TruthError(f"{key}: cannot change during a run; these can: {', '.join(_MECHANICS)} of a joint")
         settings = {**self._true_settings, key: _truth_text(value)}
@@ -220,8 +227,9 @@ class Rig(FaultControl):
     def finish(self) -> Summary:
         """End the run as planned: torque off, cards stopped, files closed. Returns the summary; may be called again.
 
-        `events` tells of sets that have never begun.
+        `events` tells of sets that have never begun. Afterwards the rig answers questions, and refuses all else.
         """
+        self._is_finished = True
         controller = self._controller
         self._note_never_begun()
         controller.end()
@@ -325,7 +333,16 @@ class Rig(FaultControl):
         if self._recorders is not None:
             self._recorders[1].tick()
 
+    def _check_unfinished(self, call: str) -> None:
+        __tracebackhide__ = True
+        if self._is_finished:
+            raise UsageError(f"{call}: the rig is finished; make a new one")
+
     def _accept(self, script: FaultScript) -> None:
+        self._check_unfinished("faults")
+        if self._controller.is_finished and script.clear is None:
+            why = f": {self.reason}" if self.reason else ""
+            raise FaultError(f"no fault can begin any more: the run has ended at {self.time_s:.4f} s{why}")
         for late in self._bench.faults.overdue(script):
             at_s, cycle = late.trigger.at_s, late.trigger.cycle
             given = f"cycle = {cycle}" if at_s is None else f"at = {at_s:g} s"

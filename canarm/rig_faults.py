@@ -66,8 +66,10 @@ class FaultControl(ABC):
         `repeat` activations in all begin `period` s apart. `canarm fault list` shows taps, faults and `parameters`.
         """
         __tracebackhide__ = True
-        wanted = {"at": at, "cycle": cycle, "when": when, "manual": manual or None, "duration": duration}
-        wanted |= {"repeat": None if repeat == 1 else repeat, "period": period}
+        wanted = {"at": at, "cycle": cycle, "when": when, "duration": duration, "period": period}
+        # A default is left out by what it is, not by what it equals: 0 is no switch, and true no number.
+        wanted |= {"manual": None if manual is False else manual}
+        wanted |= {"repeat": None if type(repeat) is int and repeat == 1 else repeat}
         name = name if name is not None else self._free_name(f"{tap} {fault}")
         entry = {key: value for key, value in wanted.items() if value is not None}
         spec = {**parameters, "tap": tap, "fault": fault}

@@ -4,6 +4,7 @@ Where the values come from, the objects of this process or the files of two othe
 """
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -31,6 +32,27 @@ class Span(NamedTuple):
     value: Floats
 
 
+class UnknownJoint(UsageError, KeyError):
+    """There is no joint of that name."""
+
+    def __init__(self, name: object, names: Iterable[str]) -> None:
+        names = list(names)
+        hint = nearest(str(name), names)
+        known = "" if "known are" in hint else f" There are {', '.join(names)}"
+        super().__init__(f"no joint {name!r}{hint}{known}")
+
+    def __str__(self) -> str:
+        return str(self.args[0])  # a KeyError shows its repr
+
+
+class Joints(dict[str, "RigJoint"]):
+    """Joints by their names. One that there is not raises `UnknownJoint`, a `KeyError`."""
+
+    def __missing__(self, name: object) -> "RigJoint":
+        __tracebackhide__ = True
+        raise UnknownJoint(name, self)
+
+
 class Source(Protocol):
     """What knows the course of a run."""
 
@@ -50,8 +72,10 @@ class Source(Protocol):
 class RigJoint:
     """Histories and figures of one joint.
 
-    Histories are numpy arrays with one value a controlled cycle, oldest first, all of one length and of the same
-    cycles; a stop adds none. They are copies: what was read stays as it was when the run goes on.
+    Histories are numpy arrays with one value a controlled cycle that is kept (`history_s` of `Rig`), oldest first, all
+    of one length and of the same cycles; a stop adds none. They are copies: what was read stays as it was when the run
+    goes on. Figures are of the whole run. A question about cycles that are no longer kept raises `UsageError`, unless
+    one that is kept answers it.
     """
 
     def __init__(self, source: Source, index: int, name: str, step_rad: float) -> None:
@@ -126,7 +150,8 @@ class RigJoint:
         """Whether the magnitude of a history never passes `limit`, from `since` to `until` in s of virtual time.
 
         True signals (angle, speed, current, command) are looked at through the stop as well; `error_lsb` ends with the
-        reference. Raises `UsageError` for a name that is no history, and where no cycle lies in that time.
+        reference. Raises `UsageError` for a name that is no history, where no cycle lies in that time, and where it
+        begins with cycles that are no longer kept and the others stay below.
         """
         __tracebackhide__ = True
         return self._check(signal, -limit, limit, since, until)
@@ -141,10 +166,13 @@ class RigJoint:
     def departure(self, signal: str, by: float, *, since: float) -> float | None:
         """When a history has first gone further than `by` from its value at `since`, in s of virtual time; None: never.
 
-        For the clock of a detection: a fault that freezes a signal shows only when the truth has moved on.
+        For the clock of a detection: a fault that freezes a signal shows only when the truth has moved on. Raises
+        `UsageError` where the value at `since` is no longer kept.
         """
         __tracebackhide__ = True
-        _, time_s, value = self.span(signal)
+        span = self.span(signal)
+        self._check_kept(signal, span, since)
+        _, time_s, value = span
         after = time_s >= since - HALF_NS
         gone = after & (np.abs(value - value[after][:1]) > by) if after.any() else after
         return float(time_s[np.argmax(gone)]) if gone.any() else None
@@ -164,20 +192,37 @@ class RigJoint:
         span = self.span(signal)
         chosen = (span.time_s >= since - HALF_NS) & (span.time_s <= until + HALF_NS)
         if not chosen.any():
-            raise UsageError(f"{self.name}.{signal}: no cycle from {since:g} s to {until:g} s; run() first")
+            self._check_kept(signal, span, since)
+            ran = f"there are those to {span.time_s[-1]:g} s" if len(span.time_s) else "run() first"
+            raise UsageError(f"{self.name}.{signal}: no cycle from {since:g} s to {until:g} s; {ran}")
         cycle, time_s, value = (each[chosen] for each in span)
         bounds = f"must stay within {low:g} and {high:g}" if low != -high else f"must stay below {high:g}"
         # "not inside" rather than "outside": a NaN is no value that stays anywhere.
         bad = np.flatnonzero(~((value >= low) & (value <= high)))
         if len(bad):
-            first = bad[0]
+            first, kept = bad[0], " that are kept" if _is_cut(span, since) else ""
             return Finding(
                 False,
                 f"{self.name}.{signal} is {value[first]:.4g} at {time_s[first]:.4f} s (cycle {cycle[first]}), "
-                f"and beyond in {len(bad)} of {len(value)} cycles; {bounds}",
+                f"and beyond in {len(bad)} of {len(value)} cycles{kept}; {bounds}",
             )
+        self._check_kept(signal, span, since)
         extreme = value[np.argmax(np.abs(value))]
         return Finding(True, f"{self.name}.{signal} reaches {extreme:.4g} in {len(value)} cycles; {bounds}")
+
+    def _check_kept(self, signal: str, span: Span, since: float) -> None:
+        """Raises `UsageError` where cycles from `since` on are not in `span` any more."""
+        __tracebackhide__ = True
+        if _is_cut(span, since):
+            raise UsageError(
+                f"{self.name}.{signal}: cycles before {span.time_s[0]:.4f} s are no longer kept; ask about later ones "
+                "with since=, or give the rig a longer history_s"
+            )
+
+
+def _is_cut(span: Span, since: float) -> bool:
+    """Whether there were cycles from `since` on that are not kept; the first cycle of a run has the number 0."""
+    return len(span.cycle) > 0 and bool(span.cycle[0] > 0) and since < span.time_s[0] - HALF_NS
 
 
 def _number(value: float | None) -> float:

@@ -49,7 +49,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Refuse options that cannot be before any test runs."""
+    """Refuse options that cannot be before any test runs, and from where they are meant."""
+    _settle_out(config)
     bus, seed = config.getoption("--canarm-bus"), config.getoption("--canarm-seed")
     if seed < 0:
         raise pytest.UsageError(f"--canarm-seed {seed}: must not be negative")
@@ -61,6 +62,22 @@ def pytest_configure(config: pytest.Config) -> None:
             BusChoice.parse(bus)
         except UsageError as error:
             raise pytest.UsageError(f"--canarm-bus: {error}; write --canarm-bus=virtual before a path") from None
+
+
+def _settle_out(config: pytest.Config) -> None:
+    """A relative --canarm-out is one of the folder in which pytest was started, wherever a test goes."""
+    given: Path | None = config.getoption("--canarm-out")
+    if given is None:
+        return
+    from .place import usable_folder
+
+    out = config.invocation_params.dir / given
+    config.option.canarm_out = out
+    if not hasattr(config, "workerinput"):  # a worker of pytest-xdist: looked at by the process that started it
+        try:
+            usable_folder(out)
+        except OSError as error:
+            raise pytest.UsageError(f"--canarm-out {given}: {error.strerror}; must be a folder to write in") from None
 
 
 @pytest.fixture

@@ -28,12 +28,13 @@ from ..child import Child
 from ..findings import Begun
 from ..recorded import RecordedHistory, fault_events, read_events, recorded_joints
 from ..rig_faults import FaultControl, FaultSource, as_toml, plainly
+from ..rig_joint import UnknownJoint
 from ..run_plot import plot_run
 from ..session import DEFAULT_CELL
 from ..usage import UsageError
 from .keeping import fault_complaints, fault_lines
-from .program import Program
-from .watch import BusWatch, SeenEmergency, SeenFrame, SeenNmt
+from .program import Program, check_limit
+from .watch import HIGHEST_NODE_ID, BusWatch, SeenEmergency, SeenFrame, SeenNmt
 
 ANSWER_S = 10.0
 """How long the bench may take to answer; the machine may be busy."""
@@ -134,9 +135,10 @@ class CanarmBench(FaultControl):
         It is raised as well when the controllers have ended by themselves, and the condition is still false
         `AFTER_END_S` of the bus's time later, or when nothing is heard for `QUIET_S`: what they were to do, they will
         not do. Unless `after_exit`: then what happens after their end is waited for. That is understood where the test
-        has ended a controller, by `kill`, `interrupt` or `wait`.
+        has ended a controller, by `kill`, `interrupt` or `wait`. Raises `UsageError` for a `timeout` that never comes.
         """
         __tracebackhide__ = True
+        check_limit(timeout, "wait_for: timeout")
         watch, end = self._listener(), _AfterEnd()
 
         def is_decided() -> bool:
@@ -176,13 +178,18 @@ class CanarmBench(FaultControl):
         return self._listener().time_s
 
     def heartbeat_state(self, node: int) -> NmtState | None:
-        """What the last heartbeat of a node said; None while there was none."""
-        seen = self._listener().heartbeats.get(node)
+        """What the last heartbeat of a node said; None while there was none.
+
+        A node-ID need not be the cell's: the controller is yours. Raises `UsageError` for what can be none.
+        """
+        __tracebackhide__ = True
+        seen = self._heartbeat(node)
         return None if seen is None else seen[1]
 
     def heartbeat_age_s(self, node: int) -> float | None:
-        """The bus's time since the last heartbeat of a node; None while there was none."""
-        seen = self._listener().heartbeats.get(node)
+        """The bus's time since the last heartbeat of a node; None while there was none. Errors as `heartbeat_state`."""
+        __tracebackhide__ = True
+        seen = self._heartbeat(node)
         return None if seen is None else self.time_s - seen[0]
 
     def outputs_are_zero(self) -> bool:
@@ -190,12 +197,14 @@ class CanarmBench(FaultControl):
         return not any(self._read(TRUE_COMMAND))
 
     def true_angle_rad(self, joint: str) -> float:
-        """Where a joint truly is."""
-        return self._read(TRUE_ANGLE)[self.cell.joint_names.index(joint)]
+        """Where a joint truly is. Raises `UnknownJoint`, a `UsageError`."""
+        __tracebackhide__ = True
+        return self._read_of(joint, TRUE_ANGLE)
 
     def true_speed_rad_s(self, joint: str) -> float:
-        """How fast it truly moves."""
-        return self._read(TRUE_SPEED)[self.cell.joint_names.index(joint)]
+        """How fast it truly moves. Raises `UnknownJoint`, a `UsageError`."""
+        __tracebackhide__ = True
+        return self._read_of(joint, TRUE_SPEED)
 
     def end(self) -> None:
         """End the controllers, then the emulator. May be called again."""
@@ -262,6 +271,13 @@ class CanarmBench(FaultControl):
         assert self._watch is not None
         return self._watch
 
+    def _heartbeat(self, node: int) -> tuple[float, NmtState] | None:
+        __tracebackhide__ = True
+        if node not in range(1, HIGHEST_NODE_ID + 1):
+            ours = ", ".join(f"0x{card.node_id:02X} ({card.name})" for card in self.cell.card)
+            raise UsageError(f"heartbeat of node {node!r}: node-IDs are 0x01 to 0x7F; cards of the cell are {ours}")
+        return self._listener().heartbeats.get(node)
+
     @contextlib.contextmanager
     def _client(self) -> Iterator[tuple[BusPort, BenchClient]]:
         """The bench bus, opened anew: on one that nobody reads, a controller's reports would pile up meanwhile."""
@@ -270,6 +286,13 @@ class CanarmBench(FaultControl):
             BenchClient(port, self.cell, ANSWER_S) as client,
         ):
             yield port, client
+
+    def _read_of(self, joint: str, index: int) -> float:
+        __tracebackhide__ = True
+        names = self.cell.joint_names
+        if joint not in names:
+            raise UnknownJoint(joint, names)
+        return self._read(index)[names.index(joint)]
 
     def _read(self, index: int) -> list[float]:
         """An object of the bench node that has a number for every joint."""

@@ -1,6 +1,7 @@
 """A program under test as a process: any command, what it says, and its end. Nothing of what it does on a bus."""
 
 import contextlib
+import math
 import os
 import shlex
 import signal
@@ -14,6 +15,13 @@ END_S = 5.0
 """How long it may take to end when asked to, before it is killed."""
 SHOWN = 2000
 """Characters of its output that an error shows: the last ones."""
+
+
+def check_limit(seconds: float, source: str) -> None:
+    """Raises `UsageError` for a time limit, given in `source`, that never comes or is none."""
+    __tracebackhide__ = True
+    if not 0.0 <= seconds < math.inf:
+        raise UsageError(f"{source} {seconds:g}: must be a number of seconds, at least 0")
 
 
 class Program:
@@ -66,8 +74,12 @@ class Program:
         return self._log.read_text(encoding="utf-8", errors="replace")
 
     def wait(self, timeout: float) -> int:
-        """Its exit status, once it has ended. Raises `TimeoutError` where it has not within `timeout` s."""
+        """Its exit status, once it has ended. Raises `TimeoutError` where it has not within `timeout` s.
+
+        Raises `UsageError` for a `timeout` that never comes.
+        """
         __tracebackhide__ = True
+        check_limit(timeout, "wait: timeout")
         try:
             status = self._process.wait(timeout)
             self._is_end_known = True

@@ -8,6 +8,7 @@ import pytest
 
 from ..bus_choice import BusChoice
 from ..bus_rig import BusRig
+from ..recorded import RecordedHistory, recorded_joints
 from ..rig import Rig
 from ..rig_faults import plainly
 from ..run_plot import plot_run
@@ -75,8 +76,10 @@ class _RigRun:
         self._rig.finish()
 
     def plot(self, title: str) -> str:
-        """Its joints, with faults and detections."""
-        return plot_run(title, self._rig.joints, self._rig.begun, self._rig.noticed)
+        """Its joints, with faults and detections: from its folder, for a rig forgets (`history_s`)."""
+        assert self.folder is not None
+        joints = recorded_joints(self._rig.cell, RecordedHistory(self._rig.cell, self.folder, {}))
+        return plot_run(title, joints, self._rig.begun, self._rig.noticed)
 
     def story(self) -> str:
         """Faults and detections with their times, and why it stopped."""

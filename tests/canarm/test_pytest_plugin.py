@@ -64,6 +64,35 @@ def test_a_test_that_fails_names_its_run_folder_and_plot_and_what_happened(run) 
     assert all(word in texts for word in ("reference", "true", "measured", "current", "joint2.wire wire-broken"))
 
 
+def test_a_relative_canarm_out_is_of_where_pytest_starts_wherever_the_test_goes(run, pytester) -> None:
+    (pytester.path / "elsewhere").mkdir()
+    text = """
+    def test_goes(canarm_rig, monkeypatch):
+        monkeypatch.chdir("elsewhere")
+        canarm_rig(law="pd").run(0.1)
+        assert 0
+    """
+    for options in ([], ["-n", "2"]):
+        result = run(text, "--canarm-out=kept", *options)
+        result.assert_outcomes(failed=1)
+        assert kept(result).parent == pytester.path / "kept"
+    assert not list((pytester.path / "elsewhere").iterdir())
+
+
+def test_the_plot_of_a_run_longer_than_its_history_shows_the_fault(run) -> None:
+    text = """
+    def test_long(canarm_rig):
+        rig = canarm_rig(law="pd", history_s=0.5)
+        rig.inject("joint2.current_sense", "offset", at=0.2)
+        rig.run(2.0)
+        assert 0
+    """
+    root = ElementTree.parse(kept(run(text)) / "joints.svg").getroot()
+    lines = [each.get("points", "").split() for each in root.iter("{http://www.w3.org/2000/svg}polyline")]
+    assert lines
+    assert min(len(points) for points in lines) > 0.5 / 0.0025  # from the beginning to 0.5 s after the detection
+
+
 @pytest.mark.slow
 def test_canarm_out_says_where_failures_are_kept_and_keeps_them_all(run, tmp_path: Path) -> None:
     out = tmp_path / "kept"
@@ -104,9 +133,12 @@ def test_a_rig_is_finished_after_its_test(run) -> None:
         ("--canarm-bus=virtul", "must be virtual, or socketcan:vcan0,vcan1"),
         ("--canarm-bus=socketcan:vcan0", "must be virtual, or socketcan:vcan0,vcan1"),
         ("--canarm-seed=-1", "--canarm-seed -1: must not be negative"),
+        ("--canarm-out=a_file", "--canarm-out a_file: File exists; must be a folder to write in"),
+        ("--canarm-out=a_file/kept", "--canarm-out a_file/kept: "),
     ],
 )
-def test_an_option_that_cannot_be_is_refused_before_any_test(run, option: str, message: str) -> None:
+def test_an_option_that_cannot_be_is_refused_before_any_test(run, pytester, option: str, message: str) -> None:
+    (pytester.path / "a_file").write_text("")
     result = run(PASSING.format(seed=0), option)
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     assert message in result.stderr.str()
@@ -193,7 +225,8 @@ def test_the_reactions_of_any_program_are_seen_from_the_bus(run, pytester) -> No
         assert canarm_bench.heartbeat_state(0x55) is None
         assert [(each.command, each.node_id) for each in canarm_bench.nmt_commands] == [(NmtCommand.START, 0x12)]
         assert canarm_bench.outputs_are_zero()
-        assert program.status is None and "sent" in program.output
+        canarm_bench.wait_for(lambda: "sent" in program.output, 30)
+        assert program.status is None
         program.kill()
         assert program.status < 0
     """
@@ -212,6 +245,31 @@ def test_a_wait_that_is_in_vain_ends_and_tells_what_the_controller_said(run) -> 
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["E*not within 0.2 s: a miracle; *ended with status 3, said: no bus found*"])
     assert kept(result).exists()
+
+
+def test_a_question_to_a_bench_that_can_have_no_answer_is_refused(run) -> None:
+    text = """
+    import pytest
+    from canarm.usage import UsageError
+    def test_refusals(canarm_bench):
+        for timeout in (float("nan"), float("inf"), -1.0):
+            with pytest.raises(UsageError, match="^wait_for: timeout .*: must be a number of seconds, at least 0$"):
+                canarm_bench.wait_for(lambda: False, timeout)
+        for ask in (canarm_bench.true_angle_rad, canarm_bench.true_speed_rad_s):
+            with pytest.raises(UsageError, match="^no joint 'joint9'; .* There are joint2, joint3$"):
+                ask("joint9")
+        for node in (0, 128, "adc"):
+            for ask in (canarm_bench.heartbeat_state, canarm_bench.heartbeat_age_s):
+                with pytest.raises(UsageError, match="node-IDs are 0x01 to 0x7F; .* 0x14"):
+                    ask(node)
+    def test_program(tmp_path):
+        from canarm.pytest_plugin.program import Program
+        program = Program(["true"], tmp_path / "log")
+        with pytest.raises(UsageError, match="^wait: timeout nan"):
+            program.wait(float("nan"))
+        assert program.wait(60) == 0
+    """
+    run(text).assert_outcomes(passed=2)
 
 
 def test_a_wait_ends_with_a_controller_that_has_ended_by_itself(run) -> None:

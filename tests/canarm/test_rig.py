@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,11 @@ import pytest
 import canarm
 from canarm import Rig
 from canarm.rig import State
+from canarm.usage import UsageError
 from canarm_controller.errors import ControllerError, LawError, TrajectoryError
 from canarm_emulator.errors import EmulatorError, TruthError
 from canarm_protocol.cell_file import load_cell
-from canarm_protocol.errors import CellError
+from canarm_protocol.errors import CellError, FaultError
 from canarm_protocol.frames import Frame
 from canarm_protocol.run_folder import RunFolderError
 
@@ -148,6 +150,16 @@ def test_a_history_is_a_copy() -> None:
         assert rig.joints["joint2"].reference_rad.any()
 
 
+def test_a_joint_that_there_is_not_is_named_with_those_that_there_are() -> None:
+    rig = Rig(law="pd")
+    with pytest.raises(KeyError) as caught:
+        rig.joints["elbow"]
+    assert str(caught.value) == "no joint 'elbow'; known are joint2, joint3"
+    with pytest.raises(UsageError, match=r"^no joint 'joint7'; did you mean 'joint3'\? There are joint2, joint3$"):
+        rig.joints["joint7"]
+    assert rig.joints.get("joint7") is None
+
+
 def test_figures_are_nan_until_the_motion_has_settled() -> None:
     with Rig(law="pd") as rig:
         assert len(rig.joints["joint2"].true_angle_rad) == 0
@@ -199,16 +211,48 @@ def test_finish_may_be_called_again_and_ends_the_rig() -> None:
     rig.run(0.5)
     first = rig.finish()
     assert (first.state, first.ticks) == ("done", 200)
-    rig.run(1.0)
     assert rig.finish() == first
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda rig: rig.run(1.0),
+        lambda rig: rig.change_truth("joint3.mass", 0.8),
+        lambda rig: rig.inject("joint2.tachometer", "stuck"),
+        lambda rig: rig.clear(),
+    ],
+    ids=["run", "change_truth", "inject", "clear"],
+)
+def test_a_finished_rig_refuses_what_could_not_happen_any_more(call: Callable[[Rig], object]) -> None:
+    with Rig(law="pd") as rig:
+        rig.run(0.1)
+    with pytest.raises(UsageError, match=r": the rig is finished; make a new one$"):
+        call(rig)
+    assert (rig.summary().ticks, rig.fault_status, rig.events[-1].event) == (40, [], "state DONE")
+
+
+def test_no_fault_is_taken_after_a_safe_stop_but_one_may_be_cleared() -> None:
+    with Rig(law="pd") as rig:
+        rig.inject("joint2.tachometer", "stuck", name="early")
+        rig.inject("joint3.tachometer", "stuck", name="by hand", manual=True)
+        rig.run(0.1)
+        rig.controller.interrupt("test")
+        rig.run(1.0)
+        expected = r"^no fault can begin any more: the run has ended at \d\.\d{4} s: interrupted: test$"
+        with pytest.raises(FaultError, match=expected):
+            rig.inject("joint2.latch", "dropout", at=5.0)
+        with pytest.raises(FaultError, match=expected):
+            rig.trigger("by hand")
+        rig.clear("early")
+        assert [each.name for each in rig.fault_status] == ["by hand"]
+    assert rig.never_begun == ["by hand"]
 
 
 def test_a_rig_that_never_ran_can_be_finished() -> None:
     with Rig(law="pd") as rig:
         pass
     assert (rig.summary().state, rig.summary().ticks) == ("done", 0)
-    rig.run(1.0)
-    assert rig.summary().ticks == 0
 
 
 def test_an_error_in_the_body_is_not_hidden() -> None:

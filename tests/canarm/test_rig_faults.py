@@ -149,7 +149,7 @@ def test_every_way_in_gives_the_same_frames(tmp_path: Path, given: str) -> None:
     ("arguments", "message"),
     [
         ({"tap": "joint2.tacho"}, "no tap 'joint2.tacho'"),
-        ({"fault": "stuk"}, "fault 'stuk' is not supported at joint2.tachometer"),
+        ({"fault": "stuk"}, "is not supported at joint2.tachometer (voltage of a sensor); did you mean 'stuck'?"),
         ({"fault": "wire-broken"}, "acts at: drive wire"),
         ({"valu": 3}, "no parameter 'valu'; did you mean 'value'?"),
         ({"value": 7.0}, "value = 7.0: must be a number from 0 to 5 V"),
@@ -157,8 +157,10 @@ def test_every_way_in_gives_the_same_frames(tmp_path: Path, given: str) -> None:
         ({"at": 1.0, "cycle": 3}, "has at and cycle; must have one trigger"),
         ({"when": "joint2.angl > 3"}, "no signal 'joint2.angl'"),
         ({"repeat": 2}, "needs a duration"),
+        ({"repeat": True}, "repeat = True: must be a whole number"),
+        ({"manual": 0}, "manual = 0: must be true or false"),
         ({"name": "taken"}, "a set named 'taken' is there already"),
-        ({"tap": "can0.wire", "fault": "bus-off"}, "needs the model of the wire"),
+        ({"tap": "can0.wire", "fault": "bus-off"}, "start the emulator with --wire, a Rig with wire=True"),
     ],
     ids=str,
 )
@@ -285,6 +287,7 @@ def test_a_faulty_fault_is_told_by_run_and_the_run_may_go_on(monkeypatch: pytest
         lambda rig: rig.detected("tacho"),
         lambda rig: rig.joints["joint2"].stays_below("curent_a", 1.0),
         lambda rig: rig.joints["joint2"].departure("curent_a", 1.0, since=0.0),
+        lambda rig: rig.joints["joint7"],
     ],
 )
 def test_a_typo_is_shown_where_it_stands_without_our_own_frames(typo: Callable[[Rig], object]) -> None:
@@ -468,7 +471,45 @@ def test_a_clock_may_start_when_the_fault_begins_to_show() -> None:
     assert repr(detected.within(0.002, of=1.01)).endswith("at 1.0125 s, 2.5 ms after 1.0100 s; must be within 2 ms>")
 
 
+def test_a_clock_that_never_starts_is_refused_rather_than_exchanged_for_another() -> None:
+    detected = ask_detected(NOTICED, BEGUN, "tachometer-stuck", None, None)
+    expected = (
+        r"^within: of is None: the truth has not moved on since joint2\.tachometer stuck, so there is nothing to "
+    )
+    with pytest.raises(UsageError, match=expected):
+        detected.within(0.025, of=None)
+    assert "no fault has begun" in repr(ask_detected(NOTICED, [], None, None, None).within(0.025, of=None))
+
+
 # Histories
+
+
+def test_a_limit_that_was_violated_before_the_first_cycle_that_is_kept_does_not_pass() -> None:
+    with Rig(law="pd", history_s=1.0) as rig:
+        rig.run(1.0)
+        joint = rig.joints["joint2"]
+        early = float(np.abs(joint.true_angle_rad).max())
+        assert not joint.stays_below("true_angle_rad", 0.99 * early)
+        rig.run(0.5)
+        lost = r"^joint2\.{}: cycles before 0\.5000 s are no longer kept; .* since=, .* longer history_s$"
+        for signal in (*SIGNALS, "error_lsb"):
+            for span in ({}, {"since": 0.4975}, {"until": 0.3}):
+                with pytest.raises(UsageError, match=lost.format(signal)):
+                    joint.stays_below(signal, 1e9, **span)
+            with pytest.raises(UsageError, match=lost.format(signal)):
+                joint.departure(signal, 0.0, since=0.4)
+            assert joint.stays_below(signal, 1e9, since=0.5)
+        assert joint.departure("true_angle_rad", 1e-9, since=0.5) is not None
+
+
+def test_what_a_cycle_that_is_kept_violates_is_false_however_much_is_kept() -> None:
+    with Rig(law="pd", history_s=1.0) as rig:
+        rig.run(1.5)
+        joint = rig.joints["joint2"]
+        finding = joint.stays_below("true_angle_rad", 0.0)
+        assert not finding
+        assert "and beyond in 400 of 400 cycles that are kept; must stay below 0" in repr(finding)
+        assert "kept" not in repr(joint.stays_below("true_angle_rad", 0.0, since=0.5))
 
 
 def test_a_departure_is_when_a_signal_has_left_its_value() -> None:
@@ -536,6 +577,8 @@ def test_questions_that_have_no_answer_are_refused() -> None:
         with pytest.raises(UsageError, match=r"joint2.current_a: no cycle from 0 s to inf s; run\(\) first"):
             rig.joints["joint2"].stays_below("current_a", 1.0)
         rig.run(0.1)
+        with pytest.raises(UsageError, match=r"no cycle from 5 s to inf s; there are those to 0\.0975 s$"):
+            rig.joints["joint2"].stays_below("current_a", 1.0, since=5.0)
         with pytest.raises(UsageError, match="no history 'curent_a'; did you mean 'current_a'"):
             rig.joints["joint2"].stays_below("curent_a", 1.0)
 
