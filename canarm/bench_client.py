@@ -52,10 +52,14 @@ class BenchClient:
         """Have the fault set `text`, TOML, done as a whole; returns what was done. Raises `FaultError` if refused."""
         if len(text) > LARGEST_TEXT:
             raise FaultError(f"fault set: {len(text)} characters; must have at most {LARGEST_TEXT}")
+        try:
+            data = text.encode()
+        except UnicodeEncodeError as error:
+            raise FaultError(f"fault set: {text[error.start : error.end]!r} is no text, and cannot be sent") from None
 
         def write(session: SdoSession) -> str:
             try:
-                session.download(objects.FAULT_SET, 0, text.encode())
+                session.download(objects.FAULT_SET, 0, data)
             except SdoAborted:
                 result = _text(session.upload(objects.FAULT_RESULT))
                 if result.startswith(_REFUSED):

@@ -4,6 +4,7 @@ Exit status 0: done. 1: the run failed or ended in a safe stop. 2: the command l
 """
 
 import contextlib
+import importlib
 import importlib.metadata
 import logging
 import os
@@ -35,7 +36,7 @@ app = App(
     result_action="return_value",
     suppress_keyboard_interrupt=False,
 )
-for _name, _help in {
+COMMANDS = {
     "demo": "Run emulator and controller against each other, with the dashboard on a terminal.",
     "emulator": "Emulate the robot: cards, electrics, arm and both buses.",
     "controller": "Control the robot: find the cards, run the law, stop safely.",
@@ -44,7 +45,10 @@ for _name, _help in {
     "fault": "Break something on the signal path: list, inject, clear, trigger, status; matrix.",
     "check": "Validate a cell file and show what it describes.",
     "export": "Describe a cell to other tools: EDS and DCF for CANopen masters, DBC for decoders.",
-}.items():
+}
+WITH_STOP_REQUEST = ("emulator", "controller")
+"""Commands that open nothing before their own handler of signals stands."""
+for _name, _help in COMMANDS.items():
     app.command(f"canarm.commands.{_name}:{_name}", name=_name, help=_help)
 app.register_install_completion_command(add_to_startup=False)
 
@@ -65,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status. Every error ends in a line on stderr, never in a traceback."""
     try:
-        interrupt_on_terminate()
+        _import_command(arguments)
         _set_up_logging()
         result = app(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as error:
@@ -89,6 +93,15 @@ def run(arguments: Sequence[str]) -> int:
         where = f"; {LOG_LEVEL}=debug shows where"
         return _complain(f"this should not happen: {type(error).__name__}: {error}{where}", FAILED)
     return result if isinstance(result, int) else 0
+
+
+def _import_command(arguments: Sequence[str]) -> None:
+    """Import what a command needs, and only then let signals become an exception: an import need not pass one on."""
+    for name in ("_".join(arguments[:words]) for words in (1, 2)):
+        if name in (*COMMANDS, "fault_matrix"):
+            importlib.import_module(f"canarm.commands.{name}")
+    if not arguments or arguments[0] not in WITH_STOP_REQUEST:
+        interrupt_on_terminate()
 
 
 def _leave_threads_behind(status: int) -> None:

@@ -1,15 +1,27 @@
-"""The program `canarm`, before anything else is imported: Ctrl-C then ends it as it does later, with a line.
+"""The program `canarm`, before anything else is imported: a signal then ends it as it does later, with a line.
 
 Nothing belongs here that takes time to import.
 """
 
+import os
+import signal
 import sys
+from types import FrameType, TracebackType
+from typing import Protocol
 
 FAILED = 1
 
 
 def main() -> None:
-    """Import the command line and run it. Ctrl-C before a command has begun is status 1."""
+    """Import the command line and run it. SIGINT and SIGTERM before a command has begun are status 1.
+
+    They end the process on the spot: an exception does not get through everywhere, the initialization of an extension
+    module for example makes an `ImportError` of it.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _end_now)
+    sys.unraisablehook = _end_where_an_interrupt_is_lost
     try:
         from .cli import main as run_command_line
 
@@ -17,3 +29,26 @@ def main() -> None:
     except KeyboardInterrupt:
         print("canarm: interrupted", file=sys.stderr)
         sys.exit(FAILED)
+
+
+class _Unraisable(Protocol):
+    """What `sys.unraisablehook` is given, as far as it is looked at here."""
+
+    @property
+    def exc_type(self) -> type[BaseException]: ...
+    @property
+    def exc_traceback(self) -> TracebackType | None: ...
+
+
+def _end_now(number: int, frame: FrameType | None) -> None:
+    try:
+        os.write(2, b"canarm: interrupted\n")
+    finally:
+        os._exit(FAILED)
+
+
+def _end_where_an_interrupt_is_lost(unraisable: _Unraisable) -> None:
+    """Ctrl-C that falls into a finalizer or a callback of the garbage collector goes no further than there."""
+    if issubclass(unraisable.exc_type, KeyboardInterrupt):
+        _end_now(signal.SIGINT, None)
+    sys.__unraisablehook__(unraisable)  # type: ignore[arg-type]

@@ -15,8 +15,10 @@ def load_faults(path: Path, bench: Bench) -> FaultScript:
     Raises `FaultError`: file, set, fault, what would be right.
     """
     script = read_faults(path)
-    if not script.sets:
-        raise FaultError(f"{path}: injects nothing; a fault file for a new run has at least one [[set]]")
+    if not any(declared.faults for declared in script.sets):
+        raise FaultError(
+            f"{path}: injects nothing; a fault file for a new run has at least one [[set]] with a [[set.fault]]"
+        )
     engine = FaultEngine(bench, seed=0)
     for declared in script.sets:
         try:

@@ -6,13 +6,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from canarm_protocol.cell_messages import nearest
-from canarm_protocol.faults import ParameterValue
+from canarm_protocol.faults import IDENTIFIER, ParameterValue, limits_text
 
 from .usage import UsageError, key_values
 
-IDENTIFIER = "cob_id"
-"""Parameters of this name are shown as one writes identifiers."""
 _SWITCHES = {"true": True, "false": False}
+LONGEST_HEXADECIMAL = len("0x") + 16
 
 
 def parse_parameters(words: Iterable[str]) -> dict[str, ParameterValue]:
@@ -24,6 +23,8 @@ def parse_parameters(words: Iterable[str]) -> dict[str, ParameterValue]:
 def _value(text: str) -> ParameterValue:
     if text in _SWITCHES:
         return _SWITCHES[text]
+    if not text.isascii() or "_" in text:  # Python's numbers may have digits of other scripts, and underscores
+        return text
     for kind in (int, _hexadecimal, float):
         try:
             return kind(text)
@@ -33,7 +34,7 @@ def _value(text: str) -> ParameterValue:
 
 
 def _hexadecimal(text: str) -> int:
-    if not text.lower().startswith("0x"):
+    if not text.lower().startswith("0x") or len(text) > LONGEST_HEXADECIMAL:
         raise ValueError(text)
     return int(text, 16)
 
@@ -74,12 +75,10 @@ def _limits(parameter: Mapping[str, Any]) -> str:
     default = parameter["default"]
     usual = "" if default is None else f"{default:g}" if isinstance(default, float | int) else str(default)
     if parameter["name"] == IDENTIFIER:
-        low, high = (f"0x{int(parameter[bound]):X}" for bound in ("minimum", "maximum"))
-        return f"{'0' if not default else f'0x{int(default):03X}'} ({low} to {high})"
+        usual = "0" if not default else f"0x{int(default):03X}"
     if "choices" in parameter:
         return f"{usual} ({' | '.join(parameter['choices'])})"
-    unit = f" {parameter['unit']}" if parameter["unit"] else ""
-    bounds = f"({parameter['minimum']:g} to {parameter['maximum']:g}{unit})"
+    bounds = f"({limits_text(parameter['name'], parameter['minimum'], parameter['maximum'], parameter['unit'])})"
     return f"{usual} {bounds}" if usual else bounds
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import can
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
 
 from canarm_protocol.cell import Cell
 from canarm_protocol.cell_file import load_cell
@@ -46,6 +46,14 @@ def _not_negative(type_: object, value: int) -> None:
         raise ValueError("must be 0 or more.")
 
 
+def named_file(type_: object, tokens: Sequence[Token]) -> Path:
+    """The path that is given; an empty one, as of an unset variable of a shell, is not the working folder."""
+    text = tokens[0].value
+    if not text:
+        raise ValueError("the name of the file is empty.")
+    return Path(text)
+
+
 Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
 Wire = Annotated[
     Flag, Parameter(help="Wire model: frames queue, arbitrate and take their time at the cell's bit rate.")
@@ -77,6 +85,7 @@ FaultFile = Annotated[
     Parameter(
         name="--faults",
         metavar="FILE",
+        converter=named_file,
         help="Fault file (TOML): sets of faults with their triggers. What can be injected where: fault list.",
     ),
 ]

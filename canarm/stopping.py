@@ -96,7 +96,9 @@ class StopRequest:
 
 
 def interrupt_on_terminate() -> None:
-    """Let SIGTERM end the program as Ctrl-C does, until a `StopRequest` takes over."""
+    """Let SIGINT and SIGTERM raise `KeyboardInterrupt`, for a command that has something to put away then."""
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 

@@ -3,7 +3,7 @@
 import contextlib
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -89,27 +89,31 @@ def controller(
     if warning is not None:
         _tell(warning)
     stop = StopRequest(None, with_parent, lambda: f"the controller sent nothing after cycle {built.tick}")
-    recorder = None
     if output.out is not None:
-        given = {
-            "cell": nominal.model_dump(mode="json"),
-            "law": control.law,
-            "trajectory": control.trajectory,
-            "feedforward": built.loop.feedforward_kind,
-            "clock": clock,
-            "seconds": seconds,
-        }
-        recorder = _start_recording(output.out, built, given)
+        _make_folder(output.out)
     if wall.realtime:
         for refused in ask_for_realtime():
             _tell(f"--realtime: {refused}")
-    follower = _Follower(built, ticks, recorder, progress, stop)
-    result = _run(built, follower, robot_bus, bench_bus, wall.spin * 1000)
+    follower = _Follower(built, ticks, progress, stop)
+    given = {
+        "cell": nominal.model_dump(mode="json"),
+        "law": control.law,
+        "trajectory": control.trajectory,
+        "feedforward": built.loop.feedforward_kind,
+        "clock": clock,
+        "seconds": seconds,
+    }
+
+    def on_open() -> None:
+        if output.out is not None:
+            follower.recorder = _start_recording(output.out, built, given)
+
+    result = _run(built, follower, robot_bus, bench_bus, on_open, wall.spin * 1000)
     stop.is_over()
-    summary = _summary(nominal, control, clock, built, result, output)
-    is_recorded = True
-    if recorder is not None and output.out is not None:
-        is_recorded = _end_recording(output.out, recorder, summary, result)
+    recorder = follower.recorder
+    out = None if recorder is None else output.out
+    summary = _summary(nominal, control, clock, built, result, out)
+    is_recorded = recorder is None or out is None or _end_recording(out, recorder, summary, result)
     if result.ticks and not output.json:
         say(summary.as_text())
     elif result.reason:
@@ -130,20 +134,21 @@ class _Follower:
         self,
         controller: Controller,
         ticks: int | None,
-        recorder: ControllerRecorder | None,
         progress: bool,
         stop: StopRequest,
     ) -> None:
-        self._controller, self._ticks, self._recorder = controller, ticks, recorder
+        self.recorder: ControllerRecorder | None = None
+        """Where events go, from when the buses are open."""
+        self._controller, self._ticks = controller, ticks
         self._progress, self._stop = progress, stop
         self._period_s = controller.loop.period_s
         self._next_s = 1.0
 
     def on_state(self, state: State) -> None:
         """Take a change of state."""
-        if self._recorder is not None:
+        if self.recorder is not None:
             try:
-                self._recorder.state(state)
+                self.recorder.state(state)
             except OSError as error:
                 self._stop.ask(f"recording failed: {error}")
         if state in (State.DONE, State.FAILED):
@@ -169,9 +174,10 @@ def _run(
     follower: _Follower,
     robot_bus: NamedBus,
     bench_bus: NamedBus | None,
+    on_open: Callable[[], None],
     spin_ns: int,
 ) -> RunResult:
-    """Open the buses and run; a bus that cannot be opened is a failed run."""
+    """Open the buses and run; a bus that cannot be opened is a failed run, without `on_open`."""
     with contextlib.ExitStack() as stack:
         try:
             port = stack.enter_context(robot_bus.open())
@@ -180,14 +186,19 @@ def _run(
             controller.lose(ControllerError(str(error)))
             follower.on_state(controller.state)
             return RunResult(controller.state, controller.reason, 0, 0, 0, 0.0, None)
+        on_open()
         return Runner(controller, port, bench, follower.on_state, follower.should_stop, spin_ns=spin_ns).run()
 
 
-def _start_recording(folder: Path, controller: Controller, given: Mapping[str, Any]) -> ControllerRecorder:
-    """A recorder; an emulator's run in the same folder is shared, another controller's is refused."""
+def _make_folder(folder: Path) -> None:
+    """Make the run folder; an emulator's run in it is shared, another controller's is refused."""
     if (folder / SIGNALS_FOLDER / SIGNALS_FILE).exists():
         raise UsageError(f"--out {folder}: holds a controller's run already; name another folder, or remove it")
     create_run_folder(folder, reuse=True)
+
+
+def _start_recording(folder: Path, controller: Controller, given: Mapping[str, Any]) -> ControllerRecorder:
+    """A recorder. A run that has found no bus leaves none: an emulator may record into the folder later."""
     update_run_file(folder, "controller", {**provenance(), **given})
     recorder = ControllerRecorder(folder, controller)
     controller.on_tick = recorder.tick
@@ -217,7 +228,7 @@ def _summary(
     clock: str,
     controller: Controller,
     result: RunResult,
-    output: OutputOptions,
+    out: Path | None,
 ) -> Summary:
     state = result.state.name.lower()
     if controller.verdict is not None and controller.verdict.detector == "interrupted":
@@ -245,6 +256,6 @@ def _summary(
             )
             for name, figures in result.joints.items()
         },
-        out=None if output.out is None else str(output.out),
+        out=None if out is None else str(out),
         detections=detections_as_plain(controller.detections),
     )

@@ -24,6 +24,7 @@ from ..options import (
     BENCH_BUS,
     DEFAULT_HOST,
     ROBOT_BUS,
+    Address,
     CellOptions,
     ClockName,
     ControlOptions,
@@ -34,8 +35,9 @@ from ..options import (
     Seed,
     Truth,
     Wire,
+    parse_address,
 )
-from ..serving import attach_flags
+from ..serving import attach_flags, is_remote
 from ..session import make_bench, make_controller, tick_count, traffic_warning
 from ..stdout import keep_stdout
 from ..summary import JointFigures, Summary
@@ -60,6 +62,12 @@ def demo(
     truth: Truth | None = None,
     wire: Wire = False,
     faults: FaultFile = None,
+    serve: Annotated[
+        Address,
+        Parameter(
+            help="Where to serve the virtual buses, on this machine, for others to attach; port 0 is any free one."
+        ),
+    ] = f"{DEFAULT_HOST}:0",
     output: OutputOptions = OutputOptions(),
     no_tui: Annotated[Flag, Parameter(help="No dashboard, even on a terminal.")] = False,
 ) -> int:
@@ -69,6 +77,7 @@ def demo(
     """
     nominal = cell.load()
     settings = truth or []
+    host = _served_host(serve)
     with_dashboard = not no_tui and not output.json and _is_terminal()
     say = keep_stdout()
     _check(nominal, control, clock, seconds, settings)
@@ -80,24 +89,24 @@ def demo(
     folder = create_run_folder(output.out) if output.out is not None else new_run_folder()
     common = ["--cell", cell.cell, "--clock", clock, "--out", str(folder), "--json"]
     common += _each("--set", cell.settings)
-    robot = ["--serve", f"{DEFAULT_HOST}:0", "--seed", str(seed), *_each("--truth", settings)]
+    robot = ["--serve", serve, "--seed", str(seed), *_each("--truth", settings)]
     if wire:
         robot.append("--wire")
     if faults is not None:
         robot += ["--faults", str(faults)]
     with Child("emulator", [*common, *robot], quiet=with_dashboard) as emulator:
         port = _port_of(emulator)
-        arguments = [*common, *_controller_arguments(control, port, seconds)]
+        arguments = [*common, *_controller_arguments(control, f"{host}:{port}", seconds)]
         if not with_dashboard:
             arguments.append("--progress")
-            for bus in (ROBOT_BUS, BENCH_BUS):
-                _tell(f"to attach to {bus}: {attach_flags(bus, DEFAULT_HOST, port)}")
+        for bus in (ROBOT_BUS, BENCH_BUS):
+            _tell(f"to attach to {bus}: {attach_flags(bus, host, port)}")
         with Child("controller", arguments, quiet=with_dashboard) as controller:
             limit_s = START_S + SLOWEST * seconds
             deadline_s = time.monotonic() + limit_s
             try:
                 if with_dashboard:
-                    _show_dashboard(nominal, port, controller, deadline_s)
+                    _show_dashboard(nominal, host, port, controller, deadline_s)
                 if not controller.wait(max(deadline_s - time.monotonic(), 0.0)):
                     _tell(f"the controller has not ended within {limit_s:g} s and is given up")
                     controller.end()
@@ -108,7 +117,9 @@ def demo(
             if emulator.status is not None:
                 complaints += f"canarm: the emulator has ended with status {emulator.status}\n"
     print(complaints, end="", file=sys.stderr)
-    return _report(controller, {"seed": seed, "faults": _begun_faults(emulator)}, folder, output.json, say)
+    for name in _of_summary(emulator, "faults_never_begun") or ():
+        _tell(f"fault never began: {name}")
+    return _report(controller, {"seed": seed, "faults": _of_summary(emulator, "faults")}, folder, output.json, say)
 
 
 def _each(option: str, words: Sequence[str]) -> list[str]:
@@ -120,8 +131,8 @@ def _is_terminal() -> bool:
     return all(stream is not None and stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr))
 
 
-def _controller_arguments(control: ControlOptions, port: int, seconds: float) -> list[str]:
-    arguments = ["--connect", f"{DEFAULT_HOST}:{port}", "--seconds", str(seconds)]
+def _controller_arguments(control: ControlOptions, address: str, seconds: float) -> list[str]:
+    arguments = ["--connect", address, "--seconds", str(seconds)]
     arguments += ["--law", control.law, "--trajectory", control.trajectory]
     if control.feedforward is not None:
         arguments += ["--feedforward", control.feedforward]
@@ -136,6 +147,17 @@ def _check(cell: Cell, control: ControlOptions, clock: str, seconds: float, trut
         make_controller(cell, control.law, control.trajectory, control.feedforward, Clock[clock.upper()])
     except (TruthError, ControllerError) as error:
         raise UsageError(str(error)) from None
+
+
+def _served_host(serve: str) -> str:
+    """The host of `--serve`. Raises `UsageError` for one that other machines reach."""
+    host, _ = parse_address("--serve", serve, any_port=True)
+    is_open = False
+    with contextlib.suppress(ValueError):  # a name is the emulator's to look up
+        is_open = is_remote(host)
+    if is_open:
+        raise UsageError(f"--serve {serve}: a demo is for this machine; canarm emulator has --allow-remote")
+    return host
 
 
 def _port_of(emulator: Child) -> int:
@@ -153,11 +175,11 @@ def _failure(child: Child, text: str) -> Exception:
     return UsageError(text) if child.status == WRONG_USAGE else BusError(text)
 
 
-def _show_dashboard(cell: Cell, port: int, controller: Child, deadline_s: float) -> None:
+def _show_dashboard(cell: Cell, host: str, port: int, controller: Child, deadline_s: float) -> None:
     """The dashboard in this process, until the controller has ended, time is up, or the user leaves it."""
     from canarm_tui.app import run_dashboard
 
-    options = {"host": DEFAULT_HOST, "port": port}
+    options = {"host": host, "port": port}
 
     def is_over() -> bool:
         return controller.status is not None or time.monotonic() > deadline_s
@@ -167,10 +189,10 @@ def _show_dashboard(cell: Cell, port: int, controller: Child, deadline_s: float)
         _tell("the run goes on to its end; Ctrl-C stops it")
 
 
-def _begun_faults(emulator: Child) -> int | None:
-    """How many faults have begun, by the emulator's summary; None where it has left none."""
-    with contextlib.suppress(IndexError, ValueError, KeyError):
-        return int(json.loads(emulator.printed.splitlines()[-1])["faults"])
+def _of_summary(emulator: Child, key: str) -> Any:
+    """A figure of the emulator's summary; None where it has left none."""
+    with contextlib.suppress(IndexError, ValueError, KeyError, TypeError):
+        return json.loads(emulator.printed.splitlines()[-1])[key]
     return None
 
 

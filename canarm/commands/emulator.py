@@ -122,7 +122,7 @@ def emulator(
     with _recording(output.out), contextlib.ExitStack() as stack:
         hub = stack.enter_context(contextlib.closing(_serve(host, port, allow_remote)))
         ports = {name: [] if named is None else [stack.enter_context(named.open())] for name, named in buses.items()}
-        adapter = stack.enter_context(_offer_slcan(slcan, allow_remote)) if slcan else None
+        adapter = stack.enter_context(_offer_slcan(slcan, allow_remote)) if slcan is not False else None
         if adapter is not None:
             ports[ROBOT_BUS].append(adapter)
         recorder = None
@@ -152,6 +152,7 @@ def emulator(
             "clock": world.clock,
             "seed": world.seed,
             "state": "done",
+            "faults_never_begun": [] if script is None else bench.faults.never_begun,
             **_figures(bench, runner),
             "dropped_frames": sum(hub.dropped.values()) + (0 if adapter is None else adapter.dropped),
             "out": None if output.out is None else str(output.out),
@@ -174,6 +175,8 @@ def _serve(host: str, port: int, allow_remote: bool) -> Hub:
 
 def _offer_slcan(where: bool | str, allow_remote: bool) -> SlcanPort:
     """An adapter at a path or `socket://HOST:PORT`; with `True`, on a terminal with the usual name."""
+    if where == "":
+        raise UsageError("--slcan: the path is empty; give one, or --slcan alone for the usual name")
     try:
         if isinstance(where, str) and where.startswith(SOCKET_URL):
             host, port = parse_address("--slcan", where, any_port=True, scheme=SOCKET_URL)
@@ -249,6 +252,7 @@ def _wire_text(figures: Mapping[str, Any]) -> str:
 
 
 def _figures(bench: Bench, runner: EmulatorRunner) -> dict[str, Any]:
+    """Of the whole session, but for `cycles`: SYNCs since the cards were started last."""
     steps = bench.world.saturated_steps
     return {
         "cycles": bench.cycle + 1,

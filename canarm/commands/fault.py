@@ -13,7 +13,7 @@ from canarm_protocol.faults import FaultScript, script_of
 
 from ..bench_client import BenchClient
 from ..fault_text import catalogue_lines, parse_parameters, select_taps, status_lines
-from ..options import BenchAttachOptions, CellOptions, Flag, Seconds
+from ..options import BenchAttachOptions, CellOptions, Flag, Seconds, named_file
 from ..rig_faults import as_toml, read_script
 from ..usage import UsageError
 
@@ -54,7 +54,10 @@ def inject(
     *parameters: Annotated[
         str, Parameter(name="KEY=VALUE", help="The fault's parameters; whole numbers may be 0x….", show_env_var=False)
     ],
-    file: Annotated[Path | None, Parameter(metavar="FILE", help="A fault file instead of TAP and FAULT.")] = None,
+    file: Annotated[
+        Path | None,
+        Parameter(metavar="FILE", converter=named_file, help="A fault file instead of TAP and FAULT."),
+    ] = None,
     name: Annotated[str | None, Parameter(metavar="NAME", help="Name of the set, for clear and trigger.")] = None,
     at: Annotated[
         float | None,

@@ -71,6 +71,7 @@ def matrix(
     """
     from ..matrix.campaign import Campaign, run_campaign
     from ..matrix.files import claimed, write
+    from ..matrix.foreign_run import words_of
     from ..matrix.plan import Scenario
     from ..matrix.progress import Progress
     from ..matrix.text_report import as_text, part_of
@@ -82,6 +83,8 @@ def matrix(
         make_controller(nominal, law, trajectory, None, Clock.SYNC)
     except ControllerError as error:
         raise UsageError(str(error)) from None
+    if controller is not None:
+        words_of(controller)
     cells = _chosen(nominal, only or (), cell.cell)
     campaign, processes, progress = Campaign(scenario, cells, controller), jobs or _cores(), Progress()
     say = keep_stdout()

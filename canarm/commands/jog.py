@@ -73,7 +73,7 @@ def jog(
         try:
             return _session(driver, master, parser, given)
         except ClockMismatchError as error:
-            raise UsageError(str(error)) from None
+            raise UsageError(str(error).replace("this controller", "jog")) from None
         except ControllerError as error:
             _complain(str(error))
             return FAILED

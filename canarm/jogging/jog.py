@@ -284,7 +284,8 @@ class Jog:
             self._inputs[slot] = yield from read_input(node, layout.objects[slot.position].subindex)
 
     def _show_state(self) -> Work:
-        lines = [f"clock {self.clock.name.lower()}, cycle {self.cycle}"]
+        cycle = "no cycle yet" if self.cycle < 0 else f"cycle {self.cycle}"
+        lines = [f"clock {self.clock.name.lower()}, {cycle}"]
         is_stopped = NmtState.STOPPED in self._states.values()
         codes, directions = list(self.codes), list(self.directions)
         for node in self._nodes:

@@ -4,10 +4,17 @@ import contextlib
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 
 from ..usage import UsageError
 from .html_report import as_html
 from .table import Matrix, as_csv
+
+fcntl: ModuleType | None
+try:
+    import fcntl
+except ImportError:  # no POSIX: an empty claim that a killed campaign has left is then as good as one that is held
+    fcntl = None
 
 CSV_FILE, HTML_FILE = "matrix.csv", "matrix.html"
 PARTIAL_CSV_FILE, PARTIAL_HTML_FILE = "matrix-partial.csv", "matrix-partial.html"
@@ -18,8 +25,8 @@ PARTIAL_CSV_FILE, PARTIAL_HTML_FILE = "matrix-partial.csv", "matrix-partial.html
 def claimed(folder: Path) -> Iterator[None]:
     """Make the folder, and keep it for one matrix: of several that try at the same time, all but one are refused.
 
-    A claim that nothing was written into is given back. Raises `UsageError` where there is a matrix already, or no
-    folder can be made.
+    A claim that nothing was written into is given back; one that a killed campaign has left is taken over. Raises
+    `UsageError` where there is a matrix already, or no folder can be made.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -27,18 +34,14 @@ def claimed(folder: Path) -> Iterator[None]:
         raise UsageError(f"--out {folder}: is no folder and cannot become one: {error.strerror}") from None
     if any((folder / name).exists() for name in (HTML_FILE, PARTIAL_CSV_FILE, PARTIAL_HTML_FILE)):
         raise _taken(folder)
-    try:
-        os.close(os.open(folder / CSV_FILE, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-    except FileExistsError:
-        raise _taken(folder) from None
-    except OSError as error:
-        raise UsageError(f"--out {folder}: {CSV_FILE} cannot be written: {error.strerror}") from None
+    held = _claim(folder)
     try:
         yield
     finally:
         with contextlib.suppress(OSError):
             if not (folder / CSV_FILE).stat().st_size:
                 (folder / CSV_FILE).unlink()
+        os.close(held)
 
 
 def write(folder: Path, matrix: Matrix) -> list[Path]:
@@ -54,6 +57,35 @@ def write(folder: Path, matrix: Matrix) -> list[Path]:
         except OSError as error:
             raise UsageError(f"--out {folder}: {path.name} cannot be written: {error.strerror}") from None
     return paths
+
+
+def _claim(folder: Path) -> int:
+    """The descriptor of the table's file, still empty, which is ours as long as it is open. Raises `UsageError`."""
+    path = folder / CSV_FILE
+    try:
+        try:
+            held = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
+        except FileExistsError:
+            if fcntl is None:
+                raise
+            held = os.open(path, os.O_RDWR)
+    except FileExistsError:
+        raise _taken(folder) from None
+    except OSError as error:
+        raise UsageError(f"--out {folder}: {CSV_FILE} cannot be written: {error.strerror}") from None
+    if fcntl is not None and not _is_ours(fcntl, held, path):
+        os.close(held)
+        raise _taken(folder)
+    return held
+
+
+def _is_ours(fcntl: ModuleType, held: int, path: Path) -> bool:
+    """Whether nobody else holds the file, nothing is in it, and it is the one that is there."""
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return not os.fstat(held).st_size and os.path.samestat(os.fstat(held), path.stat())
+    except OSError:
+        return False
 
 
 def _taken(folder: Path) -> UsageError:

@@ -74,6 +74,17 @@ def run_foreign(
         return _evidence(cell, motion, folder / CAN_LOG_FILE, end, injected_cycle)
 
 
+def words_of(command: str) -> list[str]:
+    """The words of a command line, as a shell takes them. Raises `UsageError` for none, and for what is no line."""
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise UsageError(f"--controller {command}: cannot be read as a shell does: {error}") from None
+    if not words:
+        raise UsageError(f"--controller {shlex.quote(command)}: is empty; write a command")
+    return words
+
+
 def require_whole(twin: Evidence, cell: Cell, command: str) -> None:
     """Refuse a controller whose fault-free run is over before the observation is: its end would look like a reaction.
 
@@ -115,7 +126,7 @@ def _script(fault: MatrixCell, cycle: int) -> FaultScript:
 @contextlib.contextmanager
 def _started(command: str, port: str, said: Path) -> Iterator[subprocess.Popen[bytes]]:
     """The controller as a process group of its own, ended at the end."""
-    words = [word.replace("{host}", DEFAULT_HOST).replace("{port}", port) for word in shlex.split(command)]
+    words = [word.replace("{host}", DEFAULT_HOST).replace("{port}", port) for word in words_of(command)]
     environment = {**os.environ, "CANARM_CONNECT": f"{DEFAULT_HOST}:{port}"}
     with said.open("wb") as output:
         try:
@@ -127,7 +138,7 @@ def _started(command: str, port: str, said: Path) -> Iterator[subprocess.Popen[b
                 start_new_session=True,
                 env=environment,
             )
-        except (OSError, IndexError) as error:
+        except OSError as error:
             raise UsageError(f"--controller {command}: cannot be started: {error}") from None
     try:
         yield process

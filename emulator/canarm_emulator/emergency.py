@@ -36,12 +36,15 @@ class EmergencyProducer:
         self.due_ns = NEVER
         """When `run` has something to send."""
         self._store, self._node_id, self._emit, self._may_send = store, node_id, emit, may_send
+        self._told: list[ErrorCode] = []
+        """What was present when the last message was sent."""
         self._waiting: deque[Emergency] = deque()
         self._free_ns = -NEVER
 
     def reset(self) -> None:
         """Forget everything, as a reset of the node does."""
         self.present.clear()
+        self._told.clear()
         self._waiting.clear()
         self._free_ns, self.due_ns = -NEVER, NEVER
 
@@ -62,6 +65,17 @@ class EmergencyProducer:
         """Report that an error is over; the register still shows the others."""
         if code in self.present:
             self.present.remove(code)
+            self._report(ErrorCode.NO_ERROR, now_ns)
+
+    def tell_held_back(self, now_ns: int) -> None:
+        """The NMT state permits EMCY again: report the latest of what began meanwhile, or that something is over.
+
+        So CiA 301, 7.3.2.2.4, has it for the state STOPPED.
+        """
+        begun = [code for code in self.present if code not in self._told]
+        if begun:
+            self._report(begun[-1], now_ns)
+        elif self.present != self._told:
             self._report(ErrorCode.NO_ERROR, now_ns)
 
     def clear_history(self) -> None:
@@ -93,8 +107,11 @@ class EmergencyProducer:
             self.due_ns = self._free_ns
 
     def _send(self, message: Emergency, now_ns: int) -> None:
+        if not self._may_send():
+            return
+        self._told = list(self.present)
         cob_id = self._store.optional(EMERGENCY_COB_ID, 0, Cob.EMERGENCY + self._node_id)
-        if cob_id & DISABLED or not self._may_send():
+        if cob_id & DISABLED:
             return
         self._emit(now_ns, Frame(cob_id & COB_ID_MASK, message.frame(self._node_id).data))
         self._free_ns = now_ns + self._store.optional(EMERGENCY_INHIBIT_TIME) * INHIBIT_UNIT

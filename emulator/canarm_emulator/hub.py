@@ -41,7 +41,7 @@ MAX_GARBAGE = 1 << 14
 """Bytes in a row without one well-formed command, after which a client is no client."""
 MAX_CLIENTS = 64
 TOO_MANY = b"< error too many clients >"
-"""What one more is told instead of `< hi >`."""
+"""What one more is told instead of `< hi >`, or the one that has to go for it."""
 
 _READ_SIZE = 1 << 12  # bounds the time that one client's input can take from a cycle
 _SELECT_LIMIT = 1024  # FD_SETSIZE where file descriptors are small integers (POSIX)
@@ -264,10 +264,11 @@ class Hub:
         if len(self._clients) >= MAX_CLIENTS:
             # Room is made by one that connected and never said what it wants.
             silent = next((client for client in self._clients.values() if client.channel is None), None)
+            refused = connection if silent is None else silent.socket
+            with contextlib.suppress(OSError):
+                refused.setblocking(False)
+                refused.send(TOO_MANY)
             if silent is None:
-                with contextlib.suppress(OSError):
-                    connection.setblocking(False)
-                    connection.send(TOO_MANY)
                 connection.close()
                 return
             self._drop(silent)

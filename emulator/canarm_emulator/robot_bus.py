@@ -72,6 +72,11 @@ class RobotBus:
         return self._timeline.cycle >= 0 and self._nodes.is_operational
 
     @property
+    def time_passes(self) -> bool:
+        """Whether what is to come later does come: always on the wall clock, in lockstep while SYNCs drive a run."""
+        return self._is_timed or self.is_cycling
+
+    @property
     def is_silent(self) -> bool:
         """Whether nobody has anything to send. Between two steps of the bench no frame is half sent."""
         return self.wire is None or not any(node.queue for node in self.wire.nodes.values())
@@ -124,7 +129,7 @@ class RobotBus:
     def intrude(self, time_ns: int, frame: Frame, origin: Hashable) -> None:
         """A frame of nobody that belongs to the cell gets on the bus. Its sender has room for one frame to wait."""
         wire = self.wire
-        if wire is None or not (self._is_timed or self.is_cycling):
+        if wire is None or not self.time_passes:
             self._arrive(Record(time_ns, frame, origin), self._off)
             return
         if origin not in wire.nodes:

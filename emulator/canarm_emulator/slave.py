@@ -27,7 +27,7 @@ from canarm_protocol.dictionary import (
 )
 from canarm_protocol.errors import DictionaryError
 from canarm_protocol.frames import ErrorCode, Frame, NmtCommand, NmtState, heartbeat_frame
-from canarm_protocol.pdo import COMMUNICATION, Kind, MappedObject, PdoLayout, read_layouts
+from canarm_protocol.pdo import COMMUNICATION, DISABLED, PDO_COUNT, Kind, MappedObject, PdoLayout, read_layouts
 from canarm_protocol.sdo import AbortCode
 
 from . import parameters
@@ -103,6 +103,7 @@ class Slave:
         self._sync_length = self._sync_overflow = 0
         self._window_ns = 0
         self._deadlines = RpdoDeadlines()
+        self._too_short: set[int] = set()
         self._last_sent: dict[int, bytes] = {}
         self._heartbeat_due_ns = NEVER
         self._watch = HeartbeatConsumer(self._store)
@@ -114,6 +115,8 @@ class Slave:
         for server, _ in self._sdo.values():
             server.reset()
         self._deactivate_pdos()
+        self._deadlines.reset()
+        self._too_short.clear()
         self.device.configure(self._store.number)
         self.device.take_error_values(self._store.number)
         self._emergency.reset()
@@ -138,7 +141,8 @@ class Slave:
         self._schedule()
 
     def on_nmt(self, command: NmtCommand, now_ns: int) -> None:
-        """Obey an NMT command addressed to this node."""
+        """Obey an NMT command addressed to this node. EMCY that STOPPED has held back is sent when it ends."""
+        was_stopped = self.state is NmtState.STOPPED
         if command is NmtCommand.START:
             if self.state is not NmtState.OPERATIONAL:
                 self._activate_pdos(now_ns)
@@ -150,6 +154,9 @@ class Slave:
             self._leave_operational(NmtState.PRE_OPERATIONAL)
         else:
             self.boot(now_ns, everything=command is NmtCommand.RESET_NODE)
+        if was_stopped and self.state is not NmtState.STOPPED:
+            self._emergency.tell_held_back(now_ns)
+            self._schedule()
 
     @property
     def sdo_cob_ids(self) -> list[int]:
@@ -193,14 +200,15 @@ class Slave:
         """
         if len(data) < layout.size:
             self.ignored_frames += 1
+            self._too_short.add(layout.number)
             self._emergency.begin(ErrorCode.PDO_LENGTH, now_ns)
             self._schedule()
             return
-        if self._deadlines.is_used and self._deadlines.received(layout.number, now_ns):
-            self._emergency.end(ErrorCode.RPDO_TIMEOUT, now_ns)
-            self._schedule()
+        is_monitored = self._deadlines.is_used and self._deadlines.received(layout.number, now_ns)
         if self._emergency.present:
-            self._emergency.end(ErrorCode.PDO_LENGTH, now_ns)
+            self._too_short.discard(layout.number)
+            self._end_rpdo_errors(now_ns)
+        if is_monitored or self._emergency.present:
             self._schedule()
         if layout.transmission_type in SYNCHRONOUS_TYPES:
             if self._window_ns and now_ns - self._last_sync_ns > self._window_ns:
@@ -352,6 +360,13 @@ class Slave:
         elif behaviour == 2:
             self._leave_operational(NmtState.STOPPED)
 
+    def _end_rpdo_errors(self, now_ns: int) -> None:
+        """Report the end of what no RPDO suffers from any more."""
+        if not self._deadlines.missed:
+            self._emergency.end(ErrorCode.RPDO_TIMEOUT, now_ns)
+        if not self._too_short:
+            self._emergency.end(ErrorCode.PDO_LENGTH, now_ns)
+
     def _apply(self, layout: PdoLayout, data: bytes) -> None:
         for setter, value in zip(self._setters[layout.number], layout.unpack(data[: layout.size]), strict=True):
             setter(value)
@@ -461,6 +476,14 @@ class Slave:
             self._watch.rewrite(subindex, value)
             if not self._watch.is_any_lost:
                 self._emergency.end(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, self._now_ns)
+            self._schedule()
+        elif 0 <= index - COMMUNICATION["rpdo"] < PDO_COUNT:
+            number, is_disabled = index - COMMUNICATION["rpdo"] + 1, subindex == 1 and value & DISABLED
+            if is_disabled:
+                self._too_short.discard(number)
+            if is_disabled or (subindex == EVENT_TIMER and not value):
+                self._deadlines.missed.discard(number)
+            self._end_rpdo_errors(self._now_ns)
             self._schedule()
         elif index == SYNC_COB_ID:
             check_sync_cob_id(value)

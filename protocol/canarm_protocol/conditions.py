@@ -46,8 +46,9 @@ class Condition:
         self._known = known
         if len(text) > LONGEST_CONDITION:
             raise FaultError(f"a condition of {len(text)} characters: must have at most {LONGEST_CONDITION}")
+        self._source = text.strip()
         try:
-            body = ast.parse(text.strip(), mode="eval").body
+            body = ast.parse(self._source, mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise FaultError(f"condition {text!r}: cannot be read; {_EXPECTED}") from None
         self._is_true = self._truth(body)
@@ -78,7 +79,7 @@ class Condition:
     def _number(self, node: ast.expr) -> Value:
         if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
             if abs(node.value) > LARGEST:
-                raise self._unreadable(node)
+                raise FaultError(f"condition {self.text!r}: {self._given(node)!r} is too large; at most {LARGEST:g}")
             constant = float(node.value)
             return lambda values: constant
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
@@ -87,7 +88,7 @@ class Condition:
         if isinstance(node, ast.BinOp) and type(node.op) in _OPERATIONS:
             combine, left, right = _OPERATIONS[type(node.op)], self._number(node.left), self._number(node.right)
             if isinstance(node.op, ast.Div) and _is_constant(node.right) and not right({}):
-                raise FaultError(f"condition {self.text!r}: {ast.unparse(node)!r} divides by zero, and has no value")
+                raise FaultError(f"condition {self.text!r}: {self._given(node)!r} divides by zero, and has no value")
             return lambda values: combine(left(values), right(values))
         if isinstance(node, ast.Call) and ast.unparse(node.func) == _ABS and len(node.args) == 1 and not node.keywords:
             inner = self._number(node.args[0])
@@ -105,14 +106,18 @@ class Condition:
         constant = [_is_constant(each) for each in sides]
         if any(pair == (True, True) for pair in itertools.pairwise(constant)):
             raise FaultError(
-                f"condition {self.text!r}: {ast.unparse(node)!r} compares numbers that never change; {_EXPECTED}"
+                f"condition {self.text!r}: {self._given(node)!r} compares numbers that never change; {_EXPECTED}"
             )
         for is_constant, side, number in zip(constant, sides, numbers, strict=True):
             if is_constant and not math.isfinite(number({})):
-                raise FaultError(f"condition {self.text!r}: {ast.unparse(side)!r} is no finite number")
+                raise FaultError(f"condition {self.text!r}: {self._given(side)!r} is no finite number")
 
     def _unreadable(self, node: ast.expr) -> FaultError:
-        return FaultError(f"condition {self.text!r}: {ast.unparse(node)!r} cannot be used; {_EXPECTED}")
+        return FaultError(f"condition {self.text!r}: {self._given(node)!r} cannot be used; {_EXPECTED}")
+
+    def _given(self, node: ast.expr) -> str:
+        """A part of the condition as it was written."""
+        return ast.get_source_segment(self._source, node) or ast.unparse(node)
 
 
 def _is_constant(node: ast.expr) -> bool:

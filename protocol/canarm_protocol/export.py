@@ -8,7 +8,7 @@ from .cell import Cell
 from .cell_dbc import BENCH_BUS, ROBOT_BUS, bench_database, robot_database
 from .configuration import card_settings, final_values
 from .dbc_file import dbc_text
-from .dictionary import IDENTITY, default_value, eds_text
+from .dictionary import IDENTITY, SYNC_OVERFLOW, default_value, eds_text
 from .eds_file import Commissioning, DeviceText, dcf_of, eds_of
 from .wiring import CardNode, card_nodes
 
@@ -23,7 +23,10 @@ def export_eds(cell: Cell) -> dict[str, str]:
 
 
 def export_dcf(cell: Cell) -> dict[str, str]:
-    """The DCF of every card: node-ID, bit rate, and all that our own master sets, PDOs with the wired channels only."""
+    """The DCF of every card: node-ID, bit rate, and all that our own master sets, PDOs with the wired channels only.
+
+    But for 0x1019: a DCF is loaded from the lowest index up, and a card refuses another 0x1019 once 0x1006 is set.
+    """
     return dict(_dcf(cell, node) for node in card_nodes(cell))
 
 
@@ -43,5 +46,5 @@ def _dcf(cell: Cell, node: CardNode) -> tuple[str, str]:
         network_name=cell.name,
         serial_number=default_value(node.dictionary, IDENTITY, 4),
     )
-    values = final_values(card_settings(node, cell.bus))
+    values = final_values(each for each in card_settings(node, cell.bus) if each.index != SYNC_OVERFLOW)
     return commissioning.file_name, dcf_of(eds_text(card.model), commissioning, values)

@@ -4,7 +4,6 @@ Modelled on the error configurations of ASAM XIL's EES port: an ordered list of 
 taps and faults there are is not known here; the emulator refuses what it does not support.
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Integral, Real
@@ -13,7 +12,7 @@ from typing import Any
 
 from .cell_messages import nearest
 from .errors import FaultError
-from .text_file import read_text
+from .text_file import parse_toml, read_text
 
 ParameterValue = float | int | str | bool
 
@@ -24,6 +23,8 @@ MOST_FAULTS = 100
 LONGEST_NAME = 80
 LONGEST_S = 1e6
 LARGEST_WHOLE = (1 << 31) - 1
+IDENTIFIER = "cob_id"
+"""Parameters of this name are shown as one writes identifiers."""
 _TRIGGERS = ("at", "cycle", "when", "manual")
 _SET_KEYS = ("name", *_TRIGGERS, "duration", "repeat", "period", "fault")
 _SCRIPT_KEYS = ("set", "parallel", "clear", "trigger")
@@ -97,9 +98,9 @@ def parse_faults(text: str, source: str = "fault file") -> FaultScript:
     if len(text) > LARGEST_TEXT:
         raise FaultError(f"{source}: {len(text)} characters; must have at most {LARGEST_TEXT}")
     try:
-        table = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise FaultError(f"{source}: not valid TOML: {' '.join(str(error).split())[:200]}") from None
+        table = parse_toml(text)
+    except ValueError as error:
+        raise FaultError(f"{source}: {' '.join(str(error).split())[:200]}") from None
     return script_of(table, source)
 
 
@@ -111,6 +112,12 @@ def read_faults(path: Path) -> FaultScript:
         why = f"cannot be read: {error.strerror}" if isinstance(error, OSError) else str(error)
         raise FaultError(f"fault file {path}: {why}") from None
     return parse_faults(text, str(path))
+
+
+def limits_text(name: str, minimum: float, maximum: float, unit: str = "") -> str:
+    """From where to where the parameter `name` may go: `0 to 5 V`; `0x0 to 0x7FF` for an identifier."""
+    low, high = (f"0x{int(each):X}" if name == IDENTIFIER else f"{each:g}" for each in (minimum, maximum))
+    return f"{low} to {high} {unit}".rstrip()
 
 
 def clearing(name: str | None = None) -> FaultScript:

@@ -53,7 +53,7 @@ class HubClientBus(can.BusABC):
         Raises `can.CanInitializationError` when nobody listens, the server is no socketcand or has no such channel.
         """
         self.channel = str(channel)
-        self.flags = f"-i canarm -c {self.channel} host={host} port={port}"
+        self.flags = f"-i canarm -c {self.channel} --bus-kwargs host={host} port={port}"
         self.channel_info = f"canarm {self.channel} on {host}:{port}"
         self.error_frames = 0
         self._send_timeout_s = send_timeout

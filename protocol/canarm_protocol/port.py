@@ -272,7 +272,8 @@ def _stamped_frame(message: can.Message) -> tuple[int, Frame]:
 
 def _flags(interface: str, channel: str | None, options: dict[str, Any]) -> str:
     named_channel = [] if channel is None else [f"-c {channel}"]
-    return " ".join([f"-i {interface}", *named_channel, *(f"{key}={value}" for key, value in options.items())])
+    words = [f"{key}={value}" for key, value in options.items()]
+    return " ".join([f"-i {interface}", *named_channel, *(["--bus-kwargs", *words] if words else [])])
 
 
 def _one_line(error: BaseException) -> str:

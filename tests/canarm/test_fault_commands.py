@@ -125,6 +125,10 @@ def test_list_shows_identifiers_as_one_writes_them(capsys):
         ("value=-010", -10),
         ("state=0xyz", "0xyz"),
         ("on=true", True),
+        ("value=\u0661", "\u0661"),
+        ("cob_id=1_0", "1_0"),
+        ("cob_id=0x1_0", "0x1_0"),
+        ("value=0x" + "f" * 5000, "0x" + "f" * 5000),
     ],
 )
 def test_values_have_the_type_that_they_look_like(word, value):
@@ -214,6 +218,19 @@ def test_a_fault_is_injected_triggered_shown_and_cleared(canarm, emulator, capsy
 def test_a_wrong_command_line_is_told_before_any_bench_is_looked_for(arguments, complaint, capsys):
     assert run(["fault", "inject", *arguments, "--connect", "127.0.0.1:1"]) == 2
     assert complaint in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", ["emulator --faults=", "demo --faults=", "fault inject --file="])
+def test_an_empty_name_of_a_file_is_told(words, capsys):
+    assert run(words.split()) == 2
+    assert "the name of the file is empty" in capsys.readouterr().err
+
+
+def test_a_name_that_is_no_text_is_told(emulator, bench_port, capsys):
+    assert run(["fault", "clear", "\udcff", "--connect", f"127.0.0.1:{emulator.port}"]) == 2
+    assert capsys.readouterr().err == "canarm: fault set: '\\udcff' is no text, and cannot be sent\n"
+    with BenchClient(bench_port, CELL) as client, pytest.raises(FaultError, match="is no text"):
+        client.inject('clear = "\ud800"')
 
 
 def test_two_processes_at_once_each_have_a_channel_and_do_not_disturb_each_other(canarm, emulator):
@@ -328,6 +345,7 @@ def test_a_bus_without_a_bench_is_told_with_the_node_that_was_asked(emulator):
         ("time_s > 0.8", "time > 0.8", "f.toml: set 'heavier': "),
         ("repeat = 2", "repeat = 0", "f.toml: set 1 ('noise'): repeat = 0: must be a whole number, at least 1"),
         (FAULTS, 'clear = ""', "f.toml: injects nothing; a fault file for a new run has at least one [[set]]"),
+        (FAULTS, "[[set]]", "f.toml: injects nothing; a fault file for a new run has at least one [[set]]"),
     ],
 )
 def test_a_wrong_fault_file_is_told_before_anything_starts(canarm, command, old, new, complaint, capsys, monkeypatch):
@@ -339,6 +357,13 @@ def test_a_wrong_fault_file_is_told_before_anything_starts(canarm, command, old,
     assert said.err.count("\n") == 1
     assert said.out == ""
     assert not Path("run").exists()
+
+
+def test_a_demo_names_sets_that_have_never_begun(canarm):
+    (canarm.folder / "f.toml").write_text(FAULTS.replace("time_s > 0.8", "time_s > 50"))
+    demo = canarm("demo", "--clock", "sync", "--no-tui", "--seconds", "1", "--faults", "f.toml", "--out", "run")
+    assert demo.wait() == 0, demo
+    assert [line for line in demo.stderr if "never began" in line] == ["canarm: fault never began: heavier"]
 
 
 def test_a_fault_that_needs_the_wire_is_refused_without_it(canarm, capsys):

@@ -303,3 +303,36 @@ def test_it_does_not_touch_the_bus_of_another_controller(frame):
     with pytest.raises(BringUpError, match="another controller"):
         work.send(frame)
     assert (table.jog.end(), table.jog.outbox, table.sent) == ([], [], [])
+
+
+def test_state_before_the_first_step_says_that_there_was_none(lockstep):
+    assert lockstep.do("state")[0] == "clock sync, no cycle yet"
+    lockstep.do("step 1")
+    assert lockstep.do("state")[0] == "clock sync, cycle 0"
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        [("dac", "0x1016 1 0"), ("dac", "0x1016 2 0x10064")],
+        [("dac", "0x1006 0 0"), ("dac", "0x1019 0 0")],
+        [("dac", "0x1401 5 1")],
+        [("adc", "0x1007 0 1")],
+        [("adc", "0x1801 2 4"), ("adc", "0x1802 2 254")],
+        [("adc", f"0x180{pdo} {setting}") for pdo in (1, 2) for setting in ("1 0x80000294", "3 400", "6 5")],
+        [("adc", "0x1014 0 0x80000094"), ("adc", "0x1014 0 0x1f0"), ("adc", "0x1015 0 1000")],
+        [("latch", "0x6208 1 0")],
+    ],
+    ids=["watches-twice", "no-counter", "rpdo-timer", "window", "types", "inhibit-and-start", "emcy", "filter-mask"],
+)
+def test_what_a_card_has_stored_does_not_get_in_the_way_of_our_masters(lockstep, settings):
+    """CiA 301, 0x1010: stored values outlast every reset."""
+    lockstep.do("preop")
+    for card, words in settings:
+        lockstep.do(f"sdo write {card} {words}")
+    for card in {card for card, _ in settings}:
+        lockstep.do(f"sdo write {card} 0x1010 1 0x65766173")
+    lockstep.do("reset; start; current joint2 0.57; step 10")
+    assert "cycles without all inputs" not in lockstep.do("step 10")[0]
+    assert lockstep.commands_a()[0] == pytest.approx(97 * CODE_A, abs=CODE_A / 2)
+    assert [line.split()[-1] for line in lockstep.do("state")[1:4]] == ["0x00"] * 3

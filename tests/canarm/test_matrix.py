@@ -375,6 +375,23 @@ def test_a_folder_that_nothing_was_written_to_can_be_claimed_again(tmp_path: Pat
             pytest.fail("claimed twice")
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="flock is POSIX's")
+def test_an_empty_claim_that_a_killed_campaign_has_left_is_taken_over(tmp_path: Path) -> None:
+    (tmp_path / "matrix.csv").touch()
+    with claimed(tmp_path), pytest.raises(UsageError), claimed(tmp_path):
+        pytest.fail("claimed twice")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("command", "words"), [("", "'': is empty"), ('"', '": cannot be read as a shell does')])
+def test_a_command_that_is_none_is_refused_before_anything_runs(
+    command: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["fault", "matrix", "--only", "sdo-abort", "--controller", command]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"canarm: --controller {words}")
+
+
 def test_a_partial_matrix_says_so_in_name_and_text(tmp_path: Path) -> None:
     partial = Matrix("title", (ROW,), 0, (), runs_left=3)
     with claimed(tmp_path):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from canarm import entry, serving
+from canarm import serving
 from canarm.options import NamedBus
 from canarm_protocol.hub_client import HubClientBus
 from canarm_protocol.port import open_port
@@ -86,6 +86,7 @@ def test_a_run_with_the_wire_model_ends_with_a_line_about_it(canarm):
     ("arguments", "said"),
     [
         (["--slcan", "socket://127.0.0.1"], "--slcan socket://127.0.0.1: write socket://HOST:PORT with"),
+        (["--slcan", ""], "--slcan: the path is empty"),
         (["--slcan", "COM3"], "--slcan COM3: that is a serial port of Windows"),
         (["-i", "slcan"], "-i slcan: on which serial line? add its channel"),
     ],
@@ -112,18 +113,60 @@ def test_one_client_too_many_is_told_so(canarm):
             client.shutdown()
 
 
-def test_ctrl_c_while_the_program_is_imported_is_a_line_and_status_1(monkeypatch, capsys):
-    class Interrupted:
-        def find_spec(self, name, path=None, target=None):
-            if name == "canarm.cli":
-                raise KeyboardInterrupt
+SIGNALLED = """
+import os, sys
+from canarm import entry
 
-    monkeypatch.delitem(sys.modules, "canarm.cli", raising=False)
-    monkeypatch.setattr(sys, "meta_path", [Interrupted(), *sys.meta_path])
-    with pytest.raises(SystemExit) as left:
-        entry.main()
-    assert left.value.code == 1
-    assert capsys.readouterr().err == "canarm: interrupted\n"
+class Signalled:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            try:
+                os.kill(os.getpid(), {number})
+                for _ in range(1000):
+                    pass
+            except BaseException:
+                raise ImportError("as extension modules do") from None
+
+sys.meta_path.insert(0, Signalled())
+sys.argv = ["canarm", {command!r}, "--seconds", "60"]
+entry.main()
+"""
+LOST = """
+import os, signal
+from canarm import cli, entry
+
+class Finalized:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(1000):
+            pass
+
+def run(*arguments, **options):
+    Finalized()
+    return 0
+
+cli.app = run
+entry.main()
+"""
+
+
+def python(script: str) -> tuple[int, str]:
+    done = subprocess.run([sys.executable, "-c", script], stderr=subprocess.PIPE, text=True, timeout=60.0, check=False)
+    return done.returncode, done.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("command", "module"),
+    [("demo", "canarm.cli"), ("emulator", "canarm.commands.emulator"), ("controller", "canarm_controller.loop")],
+)
+def test_a_signal_while_the_program_is_imported_is_a_line_and_status_1(command, module, number):
+    script = SIGNALLED.format(module=module, number=int(number), command=command)
+    assert python(script) == (1, "canarm: interrupted\n")
+
+
+def test_a_signal_that_falls_into_a_finalizer_ends_the_program_all_the_same():
+    assert python(LOST) == (1, "canarm: interrupted\n")
 
 
 def test_the_example_says_what_is_missing_in_a_wrong_folder(tmp_path):

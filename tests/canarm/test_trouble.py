@@ -69,8 +69,14 @@ def test_without_a_server_the_controller_says_how_to_start_one(canarm, run_folde
     assert process.wait() == 1
     assert process.json["state"] == "failed"
     assert "nobody listens there; start one with: canarm emulator" in process.complaint
-    folder = run_folder(canarm.folder / "run").check()
-    assert folder.run["summary"]["reason"] == process.json["reason"]
+    assert process.json["out"] is None
+    assert not [path for path in (canarm.folder / "run").rglob("*") if path.is_file()]
+    emulator = canarm.emulator(clock, "--out", "run")  # in the right order, and into the same folder
+    controller = canarm.controller(emulator, clock, "--seconds", "0.1", "--out", "run")
+    assert controller.wait() == 0, controller
+    emulator.send(signal.SIGTERM)
+    assert emulator.wait() == 0
+    run_folder(canarm.folder / "run").check()
 
 
 @pytest.mark.parametrize("clock", ["sync", "wall"])

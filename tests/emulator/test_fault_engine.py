@@ -341,7 +341,15 @@ def test_a_cleared_name_can_be_used_again() -> None:
             "set 'a', fault 1: fault 'missing-code' is not supported at joint2.latch (direction bits); acts at: "
             "code of a DAC, code of an ADC channel; supported here are",
         ),
-        (fault_set("a", fault="melted"), "set 'a', fault 1: fault 'melted' is not supported at joint2.latch"),
+        (
+            fault_set("a", fault="burnt"),
+            "set 'a', fault 1: fault 'burnt' is not supported at joint2.latch (direction bits); known are ",
+        ),
+        (fault_set("a", fault="drpout"), "at joint2.latch (direction bits); did you mean 'dropout'?"),
+        (
+            fault_set("a", tap="can0.tx", fault="lost") + "cob_id = 2048",
+            "lost at can0.tx: cob_id = 2048: must be a number from 0x0 to 0x7FF",
+        ),
         (
             fault_set("a") + "valeu = 1",
             "set 'a', fault 1: dropout at joint2.latch: no parameter 'valeu'; did you mean 'value'?",
@@ -704,6 +712,8 @@ def test_faults_of_other_packages_are_found_by_their_entry_point(tmp_path: Path)
         ).stdout.strip()
 
     assert declared("blind_faults") == "['SENSOR']"
+    (tmp_path / "leaving.py").write_text("raise SystemExit(0)\n")
+    assert declared("leaving") == "faults of entry point 'blind' (leaving): SystemExit: 0"
     complaint = declared("no_such_module")
     assert complaint == (
         "faults of entry point 'blind' (no_such_module): ModuleNotFoundError: No module named 'no_such_module'"

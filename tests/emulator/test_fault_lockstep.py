@@ -12,7 +12,7 @@ import pytest
 
 from canarm import Rig
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import NmtCommand, nmt_frame
+from canarm_protocol.frames import Frame, NmtCommand, nmt_frame
 
 CARDS = ("node.0x12", "node.0x13", "node.0x14")
 SILENCES = {
@@ -169,16 +169,43 @@ def test_the_first_of_a_pair_in_one_run_does_not_become_that_of_a_pair_in_the_ne
 
 
 def test_frames_sent_behind_a_delayed_nmt_start_come_behind_it(drive: Drive, fault_text: FaultText) -> None:
-    """All that cards receive comes 10 ms late, the start of the run with it.
+    """All that cards receive comes 10 ms late on the wall clock, the start of the run with it.
 
-    The outputs of the first cycle come with the fifth SYNC; those of the last three are on their way.
+    The outputs of the first cycle come in the fifth; those of the last four are on their way.
     """
-    run = drive(fault_text("can0.rx", "delayed", at=None, duration=None, delay=10.0), is_started=False)
+    run = drive(fault_text("can0.rx", "delayed", at=None, duration=None, delay=10.0), Clock.WALL, is_started=False)
     run.send(nmt_frame(NmtCommand.START))
     records = run.cycles(50)
+    assert run.bench.cycle == 46  # the fourth SYNC is the first of the run
     arrived = [record.frame.data for record in records if record.frame.can_id == 0x312]
-    assert len(arrived) == 47
+    assert len(arrived) == 46
     assert arrived[:2] == [(17 << 7).to_bytes(2, "little") + bytes(6), (34 << 7).to_bytes(2, "little") + bytes(6)]
+
+
+@pytest.mark.parametrize("with_wire", [False, True], ids=["", "wire"])
+def test_while_no_sync_drives_a_run_nothing_is_late(drive: Drive, fault_text: FaultText, with_wire: bool) -> None:
+    """Time stands still then: an answer to SDO, or the start of a run, that is to come later would never come."""
+    text = "parallel = true\n" + "".join(
+        fault_text(tap, "delayed", at=None, duration=None, delay=4.0) for tap in ("can0.rx", "can0.tx")
+    )
+    run = drive(text, with_wire=with_wire, is_started=False)
+    run.taken()
+    for _ in range(2):
+        answered = run.send(Frame(0x614, bytes.fromhex("4000100000000000")))
+        assert [record.frame.can_id for record in answered] == [0x614, 0x594]
+        run.start()
+        assert run.bench.is_operational
+        assert not any(record.frame.can_id == 0x294 for record in run.cycles(2))  # now it is 4 ms late
+        assert any(record.frame.can_id == 0x294 for record in run.cycles(1))
+        run.bench.run_on()  # the master is lost, and the cards leave the run
+        run.taken()
+
+
+@pytest.mark.parametrize("tap", ["can0.rx", "can0.tx"])
+def test_a_controller_gets_through_bring_up_whatever_is_late(fault_text: FaultText, tap: str) -> None:
+    with Rig("konkuk1", faults=fault_text(tap, "delayed", at=None, duration=None)) as rig:
+        rig.run(0.1)
+        assert rig.time_s > 0.02, rig.reason
 
 
 @pytest.mark.parametrize("line", ['when = "joint2.angle_deg < 1000"', 'when = "cycle < 50"', "cycle = 5"])

@@ -266,9 +266,13 @@ def test_silent_and_half_spoken_clients_may_vanish_at_any_time(hub, connect, sai
 
 def test_connections_that_never_open_a_channel_make_room_for_one_that_does(hub):
     with contextlib.ExitStack() as stack:
-        for _ in range(MAX_CLIENTS + 1):
+        first = stack.enter_context(socket.create_connection(hub.address))
+        hub.poll(DEADLINE_S)
+        for _ in range(MAX_CLIENTS):
             client = stack.enter_context(socket.create_connection(hub.address))
             hub.poll(DEADLINE_S)
+        first.settimeout(DEADLINE_S)
+        assert first.recv(100) == b"< hi >< error too many clients >"
         client.send(ATTACH)
         assert Attached("can0", MAX_CLIENTS + 1) in poll_until(hub, bool)
         assert len(hub.clients) == MAX_CLIENTS

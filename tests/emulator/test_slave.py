@@ -755,3 +755,76 @@ def test_error_passive_is_reported_once_and_changes_nothing_else(node: Node, beh
     assert node.outputs() == [9, 9, 9, 9]
     assert node.slave.state is NmtState.OPERATIONAL
     assert (node.read(0x1001), node.read(0x1003, 1)) == (0, 0x8120)
+
+
+def emergencies(node: Node) -> list[tuple[int, int]]:
+    """Error code and register of every EMCY since the last look."""
+    frames = [frame for _, frame in node.take() if frame.can_id == 0x80 + NODE_ID]
+    return [(int.from_bytes(frame.data[:2], "little"), frame.data[2]) for frame in frames]
+
+
+def miss_a_deadline(node: Node) -> None:
+    node.write(0x1401, 5, 5, 2)
+    node.slave.on_nmt(START, 0)
+    node.rpdo(bytes(8), 0)
+    node.slave.run_timers(5 * MILLISECOND)
+    assert emergencies(node) == [(0x8250, 0x11)]
+
+
+@pytest.mark.parametrize(("subindex", "value", "size"), [(5, 0, 2), (1, 0x8000_0312, 4)])
+def test_a_missed_rpdo_is_no_error_any_more_once_nobody_waits_for_it(
+    node: Node, subindex: int, value: int, size: int
+) -> None:
+    miss_a_deadline(node)
+    node.slave.on_nmt(NmtCommand.PRE_OPERATIONAL, 6 * MILLISECOND)
+    assert node.read(0x1001) == 0x11
+    request = next(download(0x1401, subindex, value.to_bytes(size, "little")))
+    node.slave.on_sdo(0x600 + NODE_ID, request, 7 * MILLISECOND)
+    assert emergencies(node) == [(0, 0)]
+    assert node.read(0x1001) == 0
+
+
+def test_a_missed_rpdo_stays_an_error_while_it_is_waited_for(node: Node) -> None:
+    miss_a_deadline(node)
+    node.slave.on_nmt(NmtCommand.PRE_OPERATIONAL, 6 * MILLISECOND)
+    node.write(0x1401, 5, 50, 2)
+    node.slave.on_nmt(START, 7 * MILLISECOND)
+    assert node.read(0x1001) == 0x11
+    node.rpdo(bytes(8), 8 * MILLISECOND)
+    assert emergencies(node) == [(0, 0)]
+
+
+def test_an_rpdo_that_was_too_short_is_no_error_any_more_once_it_is_disabled(node: Node) -> None:
+    node.slave.on_nmt(START, 0)
+    node.rpdo(bytes(3))
+    assert emergencies(node) == [(0x8210, 0x11)]
+    node.slave.on_nmt(NmtCommand.PRE_OPERATIONAL, 0)
+    node.slave.on_sdo(0x600 + NODE_ID, next(download(0x1401, 1, (0x8000_0312).to_bytes(4, "little"))), 0)
+    assert emergencies(node) == [(0, 0)]
+
+
+@pytest.mark.parametrize("command", [START, NmtCommand.PRE_OPERATIONAL])
+def test_an_error_that_ended_in_stopped_is_told_when_stopped_ends(node: Node, command: NmtCommand) -> None:
+    """CiA 301, 7.3.2.2.4: what comes up in STOPPED is pending."""
+    node.write(0x1029, 1, 2, 1)
+    node.write(0x1016, 1, MASTER << 16 | 100, 4)
+    node.slave.on_nmt(START, 0)
+    node.slave.on_heartbeat(MASTER, 0)
+    node.slave.run_timers(100 * MILLISECOND)
+    assert emergencies(node) == [(0x8130, 0x11)]
+    assert node.slave.state is NmtState.STOPPED
+    node.slave.on_heartbeat(MASTER, 110 * MILLISECOND)
+    assert emergencies(node) == []
+    node.slave.on_nmt(command, 120 * MILLISECOND)
+    assert emergencies(node) == [(0, 0)]
+    node.slave.on_nmt(STOP, 130 * MILLISECOND)
+    node.slave.on_nmt(command, 140 * MILLISECOND)
+    assert emergencies(node) == []
+
+
+def test_an_error_that_began_in_stopped_is_told_when_stopped_ends(node: Node) -> None:
+    node.slave.on_nmt(STOP, 0)
+    node.slave.on_error_state(ErrorState.PASSIVE, 0)
+    assert emergencies(node) == []
+    node.slave.on_nmt(NmtCommand.PRE_OPERATIONAL, MILLISECOND)
+    assert emergencies(node) == [(0x8120, 0x11)]

@@ -98,8 +98,6 @@ def test_a_text_that_is_no_expression_cannot_be_read(text: str) -> None:
         ("time_s > 'a'", "'a'"),
         ("time_s in (1, 2)", "(1, 2)"),
         ("time_s in cycle", "time_s in cycle"),
-        ("time_s > 1e999", "1e309"),
-        ("time_s > 1" + "0" * 310, "1" + "0" * 310),
         ("time_s is 3", "time_s is 3"),
         ("time_s ** 9 > 1", "time_s ** 9"),
         ("time_s % 2 > 1", "time_s % 2"),
@@ -142,8 +140,13 @@ def test_a_division_by_a_constant_zero_is_refused(text: str, part: str) -> None:
     assert f"{part!r} divides by zero, and has no value" in refusal(text)
 
 
+@pytest.mark.parametrize("number", ["1e400", "1" + "0" * 310])
+def test_a_number_beyond_all_floats_is_refused_as_it_was_written(number: str) -> None:
+    assert f"{number!r} is too large; at most 1e+300" in refusal(f"  time_s > {number}")
+
+
 def test_a_constant_beyond_all_numbers_is_refused() -> None:
-    assert "'1e+200 * 1e+200' is no finite number" in refusal("time_s < 1e200 * 1e200")
+    assert "'1e200 * 1e200' is no finite number" in refusal("time_s < 1e200 * 1e200")
 
 
 def test_an_attribute_of_something_else_is_no_signal() -> None:

@@ -214,7 +214,32 @@ def test_an_empty_name_clears_nothing() -> None:
 
 def test_text_that_is_not_toml_is_refused_in_one_line() -> None:
     assert refusal("[[set]\n").startswith("f.toml: not valid TOML: ")
-    assert refusal("a = " + "[" * 10_000).startswith("f.toml: not valid TOML: ")
+    assert refusal("a = " + "[" * 10_000) == "f.toml: brackets are nested too deep"
+
+
+@pytest.mark.parametrize("text", ["{}.a = 1", "[{}]", "[[{}]]", 'v = [ """"""", {{{} = 1}}]', "a.{} = 1 # {}"])
+def test_a_key_of_absurdly_many_parts_is_refused_before_it_is_parsed(
+    text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Parsing takes a time that grows with the square of the parts: seconds for 30,000."""
+    monkeypatch.setattr("tomllib.loads", lambda text: pytest.fail("parsed"))
+    for part in ("a", "'a.b'", '"a = b"'):
+        many = " . ".join([part] * 5000)
+        assert "parts between dots; must have at most 32" in refusal(text.replace("{}", many, 1).replace("{}", ""))
+
+
+def test_dots_that_make_no_key_longer_are_no_reason_to_refuse() -> None:
+    dots = "." * 200
+    texts = [f'"{dots}\\"{dots}"', f"'{dots}'", f'"""\n{dots}\n"" {dots}"""', f"'''{dots}'''", f'"" # " {dots}']
+    for text in texts:
+        assert isinstance(only_set(f'[[set.fault]]\ntap = "t"\nfault = "f"\nv = {text}').faults[0].parameters["v"], str)
+    assert "v = [0.5, 0.5" in refusal_of_set(f'[[set.fault]]\ntap = "t"\nfault = "f"\nv = [{"0.5, " * 100}]')
+    assert "unknown key 'a'" in refusal(".".join(["a"] * 32) + " = 1")
+
+
+@pytest.mark.parametrize("number", ["1" * 5000, "0x" + "f" * 5000])
+def test_a_whole_number_without_end_is_refused_in_our_words(number: str) -> None:
+    assert refusal_of_set(f"at = {number}") == "f.toml: a whole number is too long; must have at most 600 digits"
 
 
 def test_a_text_that_is_too_long_is_refused() -> None:

@@ -185,7 +185,6 @@ class JointWitness(SensorLess):
             return True
         if self._code in (0, HIGHEST_CODE) and (
             abs(off) < limits.step * UNREST_FACTOR
-            or (off > 0.0) == (self._code == 0)  # the model is beyond the tachometer's range as well
             or count < self._gap_at + BLURRED_CYCLES  # in which the current stayed what it was
         ):
             # As fast as that, and perhaps faster: nothing can be told from it.

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from canarm_protocol.cell import Cell
 from canarm_protocol.cell_messages import nearest
 from canarm_protocol.errors import FaultError
-from canarm_protocol.faults import FaultSpec, ParameterValue
+from canarm_protocol.faults import FaultSpec, ParameterValue, limits_text
 
 from .declaration import Fault, Parameter, Tap, declared_faults, parameters_at
 from .taps import taps_of
@@ -65,11 +65,9 @@ def resolve(taps: Mapping[str, Tap], spec: FaultSpec) -> tuple[Tap, type[Fault],
     if fault is None:
         here = [name for name, kind in faults if kind is tap.kind]
         elsewhere = sorted({kind.value for name, kind in faults if name == spec.fault})
-        why = f" acts at: {', '.join(elsewhere)};" if elsewhere else ""
-        raise FaultError(
-            f"fault {spec.fault!r} is not supported at {tap.name} ({tap.kind.value});{why} "
-            f"supported here are {', '.join(here) or 'none'}"
-        )
+        others = f"; acts at: {', '.join(elsewhere)}; supported here are {', '.join(here) or 'none'}"
+        hint = others if elsewhere else nearest(spec.fault, here)
+        raise FaultError(f"fault {spec.fault!r} is not supported at {tap.name} ({tap.kind.value}){hint}")
     parameters = {each.name: each for each in parameters_at(fault, tap)}
     for name in spec.parameters:
         if name not in parameters:
@@ -98,9 +96,8 @@ def _checked(spec: FaultSpec, parameter: Parameter, value: ParameterValue) -> Pa
             raise FaultError(f"{where}: must be one of {', '.join(parameter.choices)} ({parameter.about})")
         return value
     if isinstance(value, bool | str) or not parameter.minimum <= value <= parameter.maximum:
-        unit = f" {parameter.unit}" if parameter.unit else ""
-        bounds = f"from {parameter.minimum:g} to {parameter.maximum:g}{unit}"
-        raise FaultError(f"{where}: must be a number {bounds} ({parameter.about})")
+        bounds = limits_text(parameter.name, parameter.minimum, parameter.maximum, parameter.unit)
+        raise FaultError(f"{where}: must be a number from {bounds} ({parameter.about})")
     if parameter.is_whole and value != int(value):
         raise FaultError(f"{where}: must be a whole number ({parameter.about})")
     return int(value) if parameter.is_whole else float(value)

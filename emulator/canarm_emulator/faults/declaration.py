@@ -297,7 +297,10 @@ class MessageFault(Fault):
 
     @abstractmethod
     def pass_on(self, frame: Frame, now_ns: int) -> Iterable[tuple[int, Frame]]:
-        """What becomes of a frame: (time, frame) pairs, at `now_ns` or later; none where it is lost."""
+        """What becomes of a frame: (time, frame) pairs, at `now_ns` or later; none where it is lost.
+
+        In lockstep, while no run is on, later ones go on at `now_ns` too: time stands still.
+        """
 
     def due(self, until_ns: int) -> Iterable[tuple[int, Frame]]:
         """Frames that come by themselves before `until_ns`; asked again then, and again, a cycle at a time."""

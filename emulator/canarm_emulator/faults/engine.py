@@ -198,7 +198,8 @@ class FaultEngine:
         fault, tap = make_fault(self.taps, spec), self.taps[spec.tap]
         if fault.needs_wire and self._bench.wire is None:
             raise FaultError(
-                f"{spec.fault!r} at {tap.name} needs the model of the wire; start the emulator with --wire"
+                f"{spec.fault!r} at {tap.name} needs the model of the wire; start the emulator with --wire, a Rig with "
+                "wire=True"
             )
         if tap.kind is TapKind.CLOCK and self._bench.clock is Clock.WALL:
             raise FaultError(
@@ -247,6 +248,11 @@ class FaultEngine:
     def status(self) -> list[SetStatus]:
         """Every set that was accepted and not cleared, in order."""
         return [SetStatus(turn.declared.name, turn.state, turn.activations) for turn in self._turns()]
+
+    @property
+    def never_begun(self) -> list[str]:
+        """Sets with faults that were accepted, not cleared, and have never been active."""
+        return [turn.declared.name for turn in self._turns() if turn.declared.faults and not turn.activations]
 
     def update(self, now_ns: int, cycle: int) -> None:
         """Begin and end what is due. `cycle` is the number of the cycle that begins now, -1 before the first."""

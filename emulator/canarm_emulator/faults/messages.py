@@ -52,7 +52,8 @@ class MessagePoint(Point):
 
     A frame passes the faults that are there when it is sent, in the order in which they began; one that is held back
     meets none that begins later. It still comes when its fault has ended by itself, but not when the fault was cleared,
-    when the run is over in which it was sent, or when a new one has begun since.
+    when the run is over in which it was sent, or when a new one has begun since. In lockstep none is held back while no
+    SYNC drives a run: time stands still, and the frame would never come.
     """
 
     def __init__(self, bench: "Bench", tap: Tap) -> None:
@@ -112,13 +113,14 @@ class MessagePoint(Point):
     def take(self, time_ns: int, frame: Frame, origin: object) -> None:
         """A frame comes from `origin`: it goes on at once, later, changed, several times or never."""
         self._look_for_end_of_run(time_ns)
+        time_passes = self._bench.bus.time_passes
         self._senders[frame.can_id] = origin
         passing = [_Passing(time_ns, frame)]
         for fault, set_name in self._faults:
             passing = [gone_on for each in passing for gone_on in _passed(each, fault, set_name)]
         for each in passing:
             sender = self._senders.get(each.frame.can_id, origin)
-            if each.time_ns <= time_ns:
+            if each.time_ns <= time_ns or not time_passes:
                 self._let_go(time_ns, each.frame, sender)
             else:
                 self._hold(each, sender)

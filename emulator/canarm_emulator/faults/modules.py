@@ -34,7 +34,7 @@ def import_declared() -> None:
     for entry in entry_points(group=ENTRY_POINTS):
         try:
             entry.load()
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             where = f"faults of entry point {entry.name!r} ({entry.value})"
             text = str(error) if isinstance(error, FaultError) else f"{type(error).__name__}: {error}"
             raise FaultError(f"{where}: {' '.join(text.split())}") from None
