@@ -9,6 +9,7 @@ import json
 import secrets
 import struct
 import time
+import zlib
 from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -78,11 +79,11 @@ class BenchClient:
 
     def catalogue(self) -> list[dict[str, Any]]:
         """One object a tap: tap, about, unit, kind, and faults with their parameters."""
-        return list(json.loads(self._read(objects.FAULT_CATALOGUE)))
+        return list(json.loads(self._unpacked(objects.PACKED_CATALOGUE)))
 
     def events(self) -> list[dict[str, Any]]:
         """The last beginnings and ends of faults, oldest first, as in `events.jsonl`."""
-        return [json.loads(line) for line in _text(self._read(objects.FAULT_EVENTS)).splitlines() if line]
+        return [json.loads(line) for line in _text(self._unpacked(objects.PACKED_EVENTS)).splitlines() if line]
 
     @property
     def is_stopped(self) -> bool:
@@ -110,6 +111,9 @@ class BenchClient:
 
     def _read(self, index: int) -> bytes:
         return self._ask(lambda session: session.upload(index))
+
+    def _unpacked(self, index: int) -> bytes:
+        return zlib.decompress(self._read(index))
 
     def _ask(self, conversation: Callable[[SdoSession], T]) -> T:
         """Talk to the node on a channel that is surely ours. Raises `BusError`."""
