@@ -15,6 +15,7 @@ from canarm_controller.supervision.detection import Detection
 from canarm_emulator.faults.engine import FaultEvent
 from canarm_protocol.cell_file import load_cell
 from canarm_protocol.errors import BusError, FaultError
+from canarm_protocol.fault_toml import as_toml
 from canarm_protocol.faults import FaultScript
 from canarm_protocol.port import open_port
 
@@ -23,7 +24,7 @@ from .bus_choice import VIRTUAL_BUSES, BusChoice
 from .child import Child
 from .findings import Begun, Detected, Noticed, ask_detected, check_question
 from .recorded import RecordedHistory, fault_events, noticed, read_events, recorded_joints
-from .rig_faults import FaultControl, FaultSource, as_toml
+from .rig_faults import FaultControl, FaultSource
 from .rig_joint import Joints
 from .session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, tick_count
 from .summary import JointFigures, Summary

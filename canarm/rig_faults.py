@@ -4,18 +4,15 @@ What there is to inject, and whether it is supported, is not known here.
 """
 
 import itertools
-import json
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from canarm_protocol.errors import ProtocolError
 from canarm_protocol.faults import (
     FaultScript,
-    FaultSet,
-    FaultSpec,
     ParameterValue,
     clearing,
     parse_faults,
@@ -129,40 +126,3 @@ def read_script(source: FaultSource) -> FaultScript:
     if isinstance(source, str) and (not source.strip() or any(sign in source for sign in "=[\n")):
         return parse_faults(source, "faults")
     return read_faults(Path(source))
-
-
-def as_toml(script: FaultScript) -> str:
-    """The text that `parse_faults` reads as `script`."""
-    plain = {"parallel": script.is_parallel or None, "clear": script.clear, "trigger": script.trigger}
-    lines = [*_lines(plain), *(line for each in script.sets for line in _set_lines(each))]
-    return "\n".join([*lines, ""])
-
-
-def _set_lines(declared: FaultSet) -> Iterable[str]:
-    trigger = declared.trigger
-    yield "[[set]]"
-    yield from _lines(
-        {
-            "name": declared.name,
-            "at": trigger.at_s,
-            "cycle": trigger.cycle,
-            "when": trigger.when,
-            "manual": trigger.is_manual or None,
-            "duration": declared.duration_s,
-            "repeat": declared.repeat if declared.repeat > 1 else None,
-            "period": declared.period_s,
-        }
-    )
-    for spec in declared.faults:
-        yield "[[set.fault]]"
-        yield from _lines(_spec_table(spec))
-
-
-def _spec_table(spec: FaultSpec) -> dict[str, Any]:
-    return {"tap": spec.tap, "fault": spec.fault, **spec.parameters}
-
-
-def _lines(table: Mapping[str, Any]) -> Iterable[str]:
-    """JSON's texts, numbers and switches are TOML's as well; but DEL, which names cannot have."""
-    given = ((key, value) for key, value in table.items() if value is not None)
-    return [f"{json.dumps(key)} = {json.dumps(value, ensure_ascii=False)}" for key, value in given]

@@ -23,6 +23,7 @@ from canarm_emulator.wire import Wire as WireModel
 from canarm_protocol.cell import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError
+from canarm_protocol.fault_toml import as_toml
 from canarm_protocol.port import BusPort
 from canarm_protocol.run_folder import claim_run_folder, update_run_file
 
@@ -49,7 +50,6 @@ from ..options import (
     check_clock,
     parse_address,
 )
-from ..rig_faults import as_toml
 from ..serving import attach_flags, exposure_lines
 from ..session import make_bench, provenance, traffic_warning
 from ..stopping import StopRequest

@@ -20,9 +20,10 @@ def tui(
     ] = DEFAULT_ADDRESS,
     bus: BenchBusOptions = BenchBusOptions(),
 ) -> int:
-    """Watch a running bench in a dashboard: link, rate, late cycles, joints, error traces.
+    """Watch a running bench in a dashboard: link, rate, late cycles, joints, error traces, faults.
 
-    A bus that is missing or lost is shown, and tried again. q quits.
+    A bus that is missing or lost is shown, and tried again. f injects a fault, x clears faults, e is the emergency
+    stop, q quits.
     """
     nominal = cell.load()
     host, port = parse_address("--connect", connect)

@@ -19,13 +19,13 @@ import numpy as np
 from canarm_emulator.recording import SIGNALS_FILE
 from canarm_protocol.cell import Cell
 from canarm_protocol.errors import BusError
+from canarm_protocol.fault_toml import as_toml
 from canarm_protocol.faults import FaultScript, FaultSet, FaultSpec, Trigger
 from canarm_protocol.frames import Frame
 from canarm_protocol.run_folder import CAN_LOG_FILE, SIGNALS_FOLDER
 
 from ..child import END_S, Child
 from ..options import BENCH_BUS, DEFAULT_HOST
-from ..rig_faults import as_toml
 from ..usage import UsageError
 from .bus_reactions import END_OF_DRIVING, ENDED, SILENT, cycle_at, reactions
 from .evidence import Evidence, Motion, Notice, Received, motion_of, seen_by_controller

@@ -17,6 +17,7 @@ from canarm_emulator.faults.engine import FaultEvent
 from canarm_protocol.bench_objects import TRUE_ANGLE, TRUE_COMMAND, TRUE_SPEED, sdo_channel
 from canarm_protocol.cell import Cell
 from canarm_protocol.cell_file import load_cell
+from canarm_protocol.fault_toml import as_toml
 from canarm_protocol.faults import FaultScript
 from canarm_protocol.frames import NmtState
 from canarm_protocol.port import BusPort, open_port
@@ -27,7 +28,7 @@ from ..bus_rig import BENCH_BUS, HOST, port_of
 from ..child import Child
 from ..findings import Begun
 from ..recorded import RecordedHistory, fault_events, read_events, recorded_joints
-from ..rig_faults import FaultControl, FaultSource, as_toml, plainly
+from ..rig_faults import FaultControl, FaultSource, plainly
 from ..rig_joint import UnknownJoint
 from ..run_plot import plot_run
 from ..session import DEFAULT_CELL

@@ -147,10 +147,12 @@ _TRUTH: dict[int, Callable[[JointState], float]] = {
     objects.TRUE_CURRENT: lambda state: state.current_a,
     objects.TRUE_COMMAND: lambda state: state.command_a,
 }
-_FAULTS: dict[int, Callable[[BenchDevice], float | str]] = {
+_FAULTS: dict[int, Callable[[BenchDevice], float | str | bytes]] = {
     objects.FAULT_RESULT: lambda device: device.faults.result(device.channels.current),
     objects.FAULT_STATUS: lambda device: device.faults.status(),
     objects.FAULT_CATALOGUE: lambda device: device.faults.catalogue(),
+    objects.PACKED_CATALOGUE: lambda device: device.faults.packed_catalogue(),
+    objects.PACKED_EVENTS: lambda device: device.faults.packed_events(),
     objects.FAULT_EVENTS: lambda device: device.faults.events(),
     objects.ACTIVE_FAULTS: lambda device: device.faults.active,
     objects.BEGUN_FAULTS: lambda device: device.faults.begun,

@@ -28,8 +28,8 @@ from .cards.sc300 import Sc300Card
 from .signals import Distortion
 
 Setter = Callable[[Any], None]
-Getter = Callable[[], float | str]
-"""Writes and reads an object's value: an int, a float or a text, as its data type says."""
+Getter = Callable[[], float | str | bytes]
+"""Writes and reads an object's value: an int, a float, a text or bytes, as its data type says."""
 ReadObject = Callable[[int, int], int]
 
 NIBBLE = 4

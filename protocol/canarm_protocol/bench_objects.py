@@ -26,6 +26,8 @@ TRANSMIT_ERRORS, RECEIVE_ERRORS, ERROR_STATE = 0x2310, 0x2311, 0x2312
 DROPPED_FRAMES, ATTACHED_CLIENTS = 0x2320, 0x2321
 FAULT_SET, FAULT_RESULT, FAULT_STATUS, FAULT_CATALOGUE, FAULT_EVENTS = range(0x2400, 0x2405)
 ACTIVE_FAULTS, BEGUN_FAULTS = 0x2405, 0x2406
+PACKED_CATALOGUE, PACKED_EVENTS = 0x2407, 0x2408
+"""FAULT_CATALOGUE and FAULT_EVENTS packed with zlib: a tenth of the frames, for those who ask during a run."""
 EMERGENCY_STOP = 0x2410
 CHANNEL_OWNER = 0x2420
 """Sub-index n: the token of the client that has claimed SDO channel n, 0 for none."""
@@ -88,6 +90,8 @@ _FAULT_OBJECTS = (
     (FAULT_STATUS, "Fault sets and active faults, as JSON", "ro", _TEXT),
     (FAULT_CATALOGUE, "Taps and the faults that each supports, as JSON", "ro", _TEXT),
     (FAULT_EVENTS, f"Last {MOST_EVENTS} beginnings and ends of faults, a line of JSON each", "ro", _TEXT),
+    (PACKED_CATALOGUE, "0x2403 packed with zlib", "ro", datatypes.DOMAIN),
+    (PACKED_EVENTS, "0x2404 packed with zlib", "ro", datatypes.DOMAIN),
 )
 _CLIENT_OBJECTS = (
     (DROPPED_FRAMES, "Frames dropped for slow clients of a bus", _U32),

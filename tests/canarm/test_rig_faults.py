@@ -15,7 +15,7 @@ from canarm import Rig
 from canarm.findings import Begun, Noticed, ask_detected
 from canarm.recorded import RecordedHistory, fault_events, noticed, read_events, recorded_joints
 from canarm.rig import State
-from canarm.rig_faults import FaultControl, as_toml, read_script
+from canarm.rig_faults import FaultControl, read_script
 from canarm.rig_joint import SIGNALS, TRUE_SIGNALS, RigJoint, Span
 from canarm.run_plot import plot_run
 from canarm.usage import UsageError
@@ -25,6 +25,7 @@ from canarm_emulator.faults.declaration import declared_faults, parameters_at
 from canarm_emulator.faults.taps import taps_of
 from canarm_protocol.cell_file import load_cell
 from canarm_protocol.errors import FaultError
+from canarm_protocol.fault_toml import as_toml
 from canarm_protocol.faults import parse_faults
 
 CYCLE_S = 0.0025

@@ -3,6 +3,7 @@
 import io
 import json
 import struct
+import zlib
 from typing import Any
 
 import canopen
@@ -204,6 +205,22 @@ def test_100_kb_are_taken_and_more_than_there_is_room_for_is_refused_at_once(cli
     announcement = struct.pack("<BHBI", 0x21, objects.FAULT_SET, 0, 0xFFFF_FFFF)
     refusal = client.request(announcement)
     assert refusal == struct.pack("<BHBI", 0x80, objects.FAULT_SET, 0, AbortCode.OUT_OF_MEMORY)
+
+
+def test_the_packed_catalogue_says_the_same_in_a_tenth_of_the_bytes(client: Client) -> None:
+    plain, packed = client.read(objects.FAULT_CATALOGUE), client.read(objects.PACKED_CATALOGUE)
+    assert zlib.decompress(packed) == plain
+    assert 10 * len(packed) < len(plain)
+
+
+def test_packed_events_say_the_same_in_a_fifth_of_the_bytes(bench: Bench, client: Client) -> None:
+    assert zlib.decompress(client.read(objects.PACKED_EVENTS)) == client.read(objects.FAULT_EVENTS)
+    client.inject(STUCK.format(name="again").replace("duration = 0.01", "duration = 0.0025\nrepeat = 100"))
+    run_cycles(bench, 200)
+    plain, packed = client.read(objects.FAULT_EVENTS), client.read(objects.PACKED_EVENTS)
+    assert zlib.decompress(packed) == plain
+    assert len(plain.splitlines()) == objects.MOST_EVENTS
+    assert 5 * len(packed) < len(plain)
 
 
 def test_the_catalogue_has_every_tap_with_faults_parameters_and_limits(client: Client) -> None:

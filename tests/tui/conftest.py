@@ -1,9 +1,14 @@
-"""A clock that is set by hand, a port whose frames are put in by hand, and frames laid out as the cell's bench says."""
+"""A clock that is set by hand, a port whose frames are put in by hand, frames laid out as the cell's bench says, and a
+real bench to talk to.
+"""
 
 from collections.abc import Sequence
 
 import pytest
 
+from canarm_emulator.bench import Bench
+from canarm_emulator.truth import Truth
+from canarm_protocol import clock as clocks
 from canarm_protocol.bench_objects import bench_pdos
 from canarm_protocol.cell import Cell
 from canarm_protocol.cell_file import load_cell
@@ -99,3 +104,56 @@ def clock() -> Clock:
 @pytest.fixture
 def port() -> FakePort:
     return FakePort()
+
+
+class BenchOnABus(BusPort):
+    """The bench bus of a real bench, without a socket: what is sent is done at once, the answers are there to read.
+
+    Time stands still (lockstep without SYNC). `is_silent` makes the bench hear nothing, `is_broken` the bus be lost.
+    """
+
+    def __init__(self, cell: Cell) -> None:
+        self.description = "-i loop -c bench"
+        self.discarded = Discarded()
+        self.bench = Bench(cell, Truth.from_settings(cell, {}), clocks.Clock.SYNC, seed=0)
+        self.bench.start()
+        self.bench.bench_records.clear()
+        self.is_silent = self.is_broken = self.is_closed = False
+        self.requests: list[int] = []
+        """Objects whose transfers were begun by SDO."""
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        self._check()
+        for frame in frames:
+            if 0x600 < frame.can_id < 0x640 or frame.can_id == 0x670:
+                self._note(frame)
+            if not self.is_silent:
+                self.bench.receive_bench(frame, "dashboard")
+
+    def receive(self, timeout_s: float) -> list[tuple[int, Frame]]:
+        self._check()
+        records, self.bench.bench_records = self.bench.bench_records, []
+        return [(each.time_ns, each.frame) for each in records if each.origin != "dashboard"]
+
+    def telemetry(self) -> None:
+        """What a runner has the bench send while somebody listens."""
+        self.bench.send_telemetry()
+
+    def fileno(self) -> int | None:
+        return None
+
+    def close(self) -> None:
+        self.is_closed = True
+
+    def _note(self, frame: Frame) -> None:
+        if frame.data[0] in (0x21, 0x40):
+            self.requests.append(int.from_bytes(frame.data[1:3], "little"))
+
+    def _check(self) -> None:
+        if self.is_broken:
+            raise BusError(f"{self.description}: the server closed the connection")
+
+
+@pytest.fixture
+def loop(cell: Cell) -> BenchOnABus:
+    return BenchOnABus(cell)

@@ -168,7 +168,10 @@ async def test_help_opens_and_closes_and_q_quits_from_it(app):
 @drives
 async def test_the_palette_offers_commands_by_area(app):
     commands = [command.title for command in app.get_system_commands(None)]
-    assert commands == ["View: pause", "View: theme", "View: picture", "Dashboard: help", "Dashboard: quit"]
+    assert commands == [
+        "View: pause", "View: theme", "View: picture", "Fault: inject", "Fault: clear", "Bench: emergency stop",
+        "Dashboard: help", "Dashboard: quit",
+    ]  # fmt: skip
     async with running(app) as pilot:
         await pilot.press("ctrl+p")
         await pilot.press("q")

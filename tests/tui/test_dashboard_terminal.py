@@ -1,8 +1,10 @@
-"""The dashboard in a real terminal (tmux), over a real socket: a hub in the test sends what a bench would send.
+"""The dashboard in a real terminal (tmux), over a real socket: a hub in the test sends what a bench would send, or a
+real emulator does.
 
 Nothing sleeps: between two looks at the screen the test does the hub's work.
 """
 
+import re
 import shlex
 import shutil
 import subprocess
@@ -38,6 +40,9 @@ class Terminal:
 
     def press(self, key: str) -> None:
         self._run("send-keys", key)
+
+    def type(self, text: str) -> None:
+        self._run("send-keys", "-l", text)
 
     def close(self) -> None:
         self._run("kill-server")
@@ -95,6 +100,14 @@ def wait_for(terminal, work, *texts):
         work()
 
 
+def wait_until_gone(terminal, work, text):
+    """Work until the screen no longer shows `text`."""
+    deadline_s = time.monotonic() + DEADLINE_S
+    while text in (screen := terminal.screen()):
+        assert time.monotonic() < deadline_s, f"{text!r} still there after {DEADLINE_S} s; the screen:\n{screen}"
+        work()
+
+
 @pytest.fixture
 def idle():
     """Work that lets time pass and sends nothing."""
@@ -127,3 +140,50 @@ def test_without_a_bench_the_dashboard_says_what_to_start_and_still_quits(bench,
     wait_for(terminal, idle, "✖ not connected", "start one with: canarm emulator")
     terminal.press("q")
     assert wait_for(terminal, idle, "exit status").strip() == "exit status 0"
+
+
+@pytest.fixture
+def emulator_port(tmp_path):
+    """The port of an emulator, a process of its own; without a controller its time stands still."""
+    command = [sys.executable, "-m", "canarm", "emulator", "--clock", "sync", "--serve", "127.0.0.1:0"]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as run:
+        yield int(re.search(r"port=(\d+)", run.stdout.readline())[1])
+        run.terminate()
+
+
+def test_a_fault_is_injected_with_keys_into_a_real_emulator_and_acts_until_it_is_cleared(emulator_port, tmp_path, idle):
+    terminal = Terminal(tmp_path / "tmux", 80, 24, [sys.executable, str(PROGRAM), str(emulator_port)])
+    try:
+        wait_for(terminal, idle, "● connected")
+        terminal.press("f")
+        wait_for(terminal, idle, "where?", "joint2.dac.code")
+        terminal.type("2 tacho")
+        # The name of the first tap is gone as soon as what was typed counts.
+        wait_until_gone(terminal, idle, "joint2.dac.code")
+        terminal.press("Enter")
+        wait_for(terminal, idle, "joint2.tachometer: which fault?")
+        terminal.type("stuck")
+        wait_until_gone(terminal, idle, "noise")
+        terminal.press("Enter")
+        wait_for(terminal, idle, "enter injects", "0 to 5 V")
+        terminal.type("99")
+        terminal.press("Enter")
+        wait_for(terminal, idle, "99: must be a number from 0 to 5 V")
+        terminal.press("BSpace")
+        terminal.press("BSpace")
+        terminal.type("2.5")
+        terminal.press("Enter")
+        wait_for(terminal, idle, "accepted 'joint2.tachometer stuck'")
+        wait_for(terminal, idle, "▲ 1 fault acts", "▲ joint2.tachometer stuck, since", "begun so far 1")
+        terminal.press("x")
+        wait_for(terminal, idle, "enter clears")
+        terminal.press("Enter")
+        wait_for(terminal, idle, "no fault acts", "ended", "joint2.tachometer stuck")
+        terminal.press("e")
+        wait_for(terminal, idle, "Open the supply of all amplifiers?")
+        terminal.press("Enter")
+        wait_for(terminal, idle, "■ EMERGENCY STOP")
+        terminal.press("q")
+        assert wait_for(terminal, idle, "exit status").strip() == "exit status 0"
+    finally:
+        terminal.close()

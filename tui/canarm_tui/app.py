@@ -18,13 +18,19 @@ from canarm_protocol.port import BusPort, open_port
 
 from . import texts
 from .errors import TerminalError
+from .fault_desk import FaultDesk, Refusal
+from .fault_screens import ClearScreen, StopScreen
+from .fault_texts import answer_word, panel_lines
 from .feed import Feed
 from .help import HelpScreen
+from .inject_screen import InjectScreen
 from .link import InBackground, Link, in_thread
-from .widgets import JointsPane, WordLine
+from .widgets import FaultPanel, JointsPane, WordLine
 
 DRAIN_HZ = 20
 REDRAW_HZ = 10
+ANSWER_NS = 6_000_000_000
+"""What the bench says of something done stands so long below the header."""
 
 
 class DashboardApp(App[None]):
@@ -45,6 +51,9 @@ class DashboardApp(App[None]):
         Binding("q", "quit", "Quit", id="app.quit", tooltip="Leave the dashboard; the bench and the controller go on"),
         Binding("question_mark", "help", "Help", key_display="?", id="app.help", tooltip="What the screen means"),
         Binding("space", "pause", "Pause", id="view.pause", tooltip="Hold the panes; data are still received"),
+        Binding("f", "inject", "Inject", id="fault.inject", tooltip="Inject a fault, chosen in a dialog"),
+        Binding("x", "clear", "Clear", id="fault.clear", tooltip="End faults, all or those of one set"),
+        Binding("e", "stop", "Stop", id="bench.stop", tooltip="Emergency stop: asks first, then opens all supplies"),
     ]
 
     def __init__(
@@ -62,17 +71,21 @@ class DashboardApp(App[None]):
         self.cell = cell
         self.feed = Feed(cell)
         self.link = Link(open_feed_port, where, in_background=in_background)
+        self.desk = FaultDesk(cell, self.link, in_background)
         self.is_paused = False
         self._clock_ns = clock_ns
         self._on_start, self._until = on_start, until
         self._connections = 0
+        self._answer: texts.Word | None = None
+        self._answer_until_ns = 0
 
     def compose(self) -> ComposeResult:
-        """Header, notice, panes, counters, keys."""
+        """Header, notice, panes, faults, counters, keys."""
         yield WordLine(id="header")
         yield WordLine(id="notice", may_wrap=True)
         with ContentSwitcher(initial="pane-joints", id="panes"):
             yield JointsPane(self.cell)
+        yield FaultPanel()
         yield WordLine(id="counters")
         yield Footer()
 
@@ -99,12 +112,14 @@ class DashboardApp(App[None]):
         if self.link.connections != self._connections:
             self._connections = self.link.connections
             self.feed.reconnected()
+            self.desk.reconnected()
         self.feed.receive(frames, now_ns)
+        self.desk.poll(self.feed.faults, now_ns)
         if self._until is not None and self._until():
             self.exit()
 
     def redraw(self) -> None:
-        """Draw one snapshot: the header always, the panes unless they are paused."""
+        """Draw one snapshot: header and faults always, the panes unless they are paused."""
         snapshot = self.feed.snapshot(self._clock_ns())
         screen = self.screen_stack[0]
         if not screen.query("#header"):
@@ -112,10 +127,13 @@ class DashboardApp(App[None]):
         header, notice = screen.query_one("#header", WordLine), screen.query_one("#notice", WordLine)
         header.show(texts.header_words(self.link, snapshot, self.is_paused, self.size.width - 2))
         said = texts.notice(self.link, snapshot)
+        if said is None and self._clock_ns() < self._answer_until_ns:
+            said = self._answer
         notice.set_class(said is not None, "-shown")
         notice.show(() if said is None else (said,))
         counted = texts.counter_words(snapshot.counters, self.link.discarded, self.size.width - 2)
         screen.query_one("#counters", WordLine).show(counted)
+        screen.query_one(FaultPanel).show(panel_lines(snapshot.faults, self.desk.faults, self.desk.refusal))
         if not self.is_paused:
             screen.query_one(JointsPane).show(snapshot)
 
@@ -128,11 +146,42 @@ class DashboardApp(App[None]):
         """Say what the screen means."""
         self.push_screen(HelpScreen())
 
+    def action_inject(self) -> None:
+        """Inject a fault, chosen in a dialog."""
+        self.push_screen(InjectScreen(self.desk), self._tell)
+
+    def action_clear(self) -> None:
+        """Ask which faults are to end, and end them."""
+
+        def clear(chosen: tuple[str | None] | None) -> None:
+            if chosen is not None:
+                self.desk.clear(chosen[0], self._tell)
+
+        faults = self.desk.faults
+        self.push_screen(ClearScreen(() if faults is None else faults.set_names), clear)
+
+    def action_stop(self) -> None:
+        """Ask whether the supply of the amplifiers is to be opened, or closed again, and do it."""
+        is_on = self.feed.faults is not None and self.feed.faults.is_stopped
+
+        def switch(is_wanted: bool | None) -> None:
+            if is_wanted:
+                self.desk.stop(not is_on, self._tell)
+
+        self.push_screen(StopScreen(is_on), switch)
+
+    def _tell(self, answer: str | Refusal | None) -> None:
+        if answer is not None:
+            self._answer, self._answer_until_ns = answer_word(answer), self._clock_ns() + ANSWER_NS
+
     def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:
         """The commands of the palette, as "area: action"."""
         yield SystemCommand("View: pause", "Hold the panes, or let them go on", self.action_pause)
         yield SystemCommand("View: theme", "Choose other colours", self.action_change_theme)
         yield SystemCommand("View: picture", "Save the screen as an SVG file", self._save_picture)
+        yield SystemCommand("Fault: inject", "Inject a fault, chosen in a dialog", self.action_inject)
+        yield SystemCommand("Fault: clear", "End faults, all or those of one set", self.action_clear)
+        yield SystemCommand("Bench: emergency stop", "Open all supplies, or close them again", self.action_stop)
         yield SystemCommand("Dashboard: help", "What the screen means, and its keys", self.action_help)
         yield SystemCommand("Dashboard: quit", "Leave; the bench and the controller go on", self.action_quit)
 

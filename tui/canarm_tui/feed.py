@@ -16,6 +16,7 @@ from canarm_protocol.frames import Cob, Frame
 from canarm_protocol.pdo import PdoLayout
 from canarm_protocol.wiring import sensor_scale
 
+from .faults import FaultSignal
 from .rings import FIELDS, ReferenceRing, SampleRing
 from .snapshot import Counters, JointNow, Rates, Report, Snapshot
 
@@ -62,6 +63,8 @@ class Feed:
         self._marks: deque[_Mark] = deque()
         self._report: tuple[int, int, int] | None = None
         self._report_wall_ns = 0
+        self.faults: FaultSignal | None = None
+        """What the bench last said of its faults, since the bus was opened."""
         self._received = self._unknown = self._malformed = 0
         self._dropped_samples = self._dropped_references = 0
         self._reported = np.full((len(joints), 4), np.nan)
@@ -74,6 +77,7 @@ class Feed:
         handlers: dict[int, tuple[PdoLayout, Callable[..., None]]] = {
             pdos.status.cob_id: (pdos.status, self._on_status),
             pdos.controller.cob_id: (pdos.controller, self._on_controller),
+            pdos.faults.cob_id: (pdos.faults, self._on_faults),
         }
         for joint in range(len(cell.joints)):
             place = FIELDS * joint
@@ -110,7 +114,7 @@ class Feed:
 
     def reconnected(self) -> None:
         """The bus was away: what went by meanwhile was not dropped, and says nothing about rates."""
-        self._cycle = None
+        self._cycle = self.faults = None
         self._previous_ticks = [None] * len(self._previous_ticks)
         self._marks.clear()
 
@@ -136,6 +140,7 @@ class Feed:
             counters=Counters(
                 self._received, self._unknown, self._malformed, self._dropped_samples, self._dropped_references
             ),
+            faults=self.faults,
             cycles=cycles,
             error_lsb=error_lsb,
             window_cycles=self._window,
@@ -234,6 +239,9 @@ class Feed:
         self._report = tick, late, state
         self._report_wall_ns = self._wall_ns
 
+    def _on_faults(self, active: int, stop: int, begun: int) -> None:
+        self.faults = FaultSignal(active, bool(stop), begun)
+
     def _mark(self, wall_ns: int) -> None:
         marks = self._marks
         if self._sample is not None and self._cycle is not None and (not marks or marks[-1].cycle != self._sample[0]):
@@ -265,10 +273,9 @@ def _store_pair(array: NDArray[np.float64], joint: int, place: int) -> Callable[
 
 def _other_services(cell: Cell) -> frozenset[int]:
     """COB-IDs of the bench bus that are neither shown nor unknown: NMT, heartbeats, the bench's EMCY and SDO, figures
-    of the wire and of faults.
+    of the wire.
     """
     node_id, pdos = cell.bus.bench_node_id, bench_pdos(cell)
     channels = [cob_id for channel in range(SDO_CHANNELS + 1) for cob_id in sdo_channel(node_id, channel)]
     heartbeats = range(Cob.HEARTBEAT + 1, Cob.HEARTBEAT + 128)
-    figures = pdos.bus.cob_id, pdos.faults.cob_id
-    return frozenset([Cob.NMT, Cob.EMERGENCY + node_id, *figures, *channels, *heartbeats])
+    return frozenset([Cob.NMT, Cob.EMERGENCY + node_id, pdos.bus.cob_id, *channels, *heartbeats])

@@ -11,6 +11,7 @@ from textual.widgets import Static
 HELP = """\
 [b]Keys[/b]
   q  quit      space  pause and go on      ctrl+p  all commands      ?  this help
+  f  inject a fault      x  clear faults      e  emergency stop, on and off; it asks first
   Paused, the panes stand still; data are still received, and the header stays live.
 
 [b]Header[/b]
@@ -21,6 +22,12 @@ HELP = """\
   late           cycles that the controller began too late
   cycles/s       cycles a second of the bus's time, and of wall time where that differs
   × real time    how many seconds of the run pass in a second
+
+[b]Faults[/b]
+  Under the joints as soon as there are some: which act and since when, which sets wait, the last three events.
+  Times are seconds since power-on, cycles count from NMT start. Without any fault there is no such part.
+  f asks the bench what it can inject where: type a part of a name, choose with ↑ and ↓, go on with enter.
+  A field that is left as it is keeps its default. What the bench refuses, it says in the dialog.
 
 [b]Joints[/b]
   Angle, reference and error belong to the same cycle: the newest whose reference has arrived.

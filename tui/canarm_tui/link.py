@@ -1,17 +1,21 @@
 """The dashboard's connection: opens the port, announces a listener, drains, notices a loss and tries again.
 
-Opening may take seconds (a host that does not answer, a serial adapter), so it happens in the background; everything
-else is called from one place with the time handed in. What the frames mean is the feed's business.
+Opening may take seconds (a host that does not answer, a serial adapter), so it happens in the background, as do
+conversations over the bus; everything else is called from one place with the time handed in. What the frames mean is
+the feed's business.
 """
 
 import contextlib
 import threading
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from enum import Enum
 
 from canarm_protocol.errors import BusError
 from canarm_protocol.frames import Frame, NmtState, heartbeat_frame
 from canarm_protocol.port import BusPort
+
+from .shared_port import SharedPort
 
 LISTENER_NODE_ID = 0x31
 """Node-ID under which the dashboard announces itself on the bench bus."""
@@ -34,7 +38,7 @@ class LinkState(Enum):
 
 def in_thread(job: Callable[[], None]) -> None:
     """Run `job` in a thread that does not hold up the end of the program."""
-    threading.Thread(target=job, name="canarm-tui-open", daemon=True).start()
+    threading.Thread(target=job, name="canarm-tui", daemon=True).start()
 
 
 class Link:
@@ -59,7 +63,7 @@ class Link:
         self._heartbeat = heartbeat_frame(node_id, NmtState.OPERATIONAL)
         self._lock = threading.Lock()
         self._opened: BusPort | str | None = None
-        self._port: BusPort | None = None
+        self._port: SharedPort | None = None
         self._is_opening = self._is_closed = False
         self._due_ns: int | None = None
         self._discarded_before = 0
@@ -84,7 +88,7 @@ class Link:
                 self._due_ns = now_ns + HEARTBEAT_NS
                 self._port.send([self._heartbeat])
             for _ in range(MAX_READS):
-                arrived = self._port.receive(0.0)
+                arrived = self._port.receive()
                 if not arrived:
                     break
                 frames += arrived
@@ -92,15 +96,25 @@ class Link:
             self._lose(str(error), now_ns)
         return frames
 
+    def lend(self) -> AbstractContextManager[BusPort]:
+        """The bus for a conversation, on another thread; `poll` still gets every frame. Raises `BusError` without
+        one.
+        """
+        port = self._port
+        if port is None:
+            raise BusError(f"not connected: {self.reason or self.where}")
+        return port.lend()
+
     def close(self) -> None:
         """Give the bus back; one that is still being opened is closed as soon as it is open. May be called again."""
         with self._lock:
             self._is_closed = True
             opened, self._opened = self._opened, None
-        for port in (opened, self._port):
-            if isinstance(port, BusPort):
-                _close(port)
-        self._port = None
+        if isinstance(opened, BusPort):
+            _close(opened)
+        port, self._port = self._port, None
+        if port is not None:
+            port.close()
 
     def _connect(self, now_ns: int) -> None:
         if not self._is_opening and not self._is_closed and (self._due_ns is None or now_ns >= self._due_ns):
@@ -110,7 +124,7 @@ class Link:
             opened, self._opened = self._opened, None
         if isinstance(opened, BusPort):
             self._is_opening = False
-            self._port, self.where = opened, opened.description
+            self._port, self.where = SharedPort(opened), opened.description
             self.state, self.reason, self._due_ns = LinkState.CONNECTED, None, None
             self.connections += 1
         elif opened is not None:
@@ -137,7 +151,7 @@ class Link:
         port, self._port = self._port, None
         self._discarded_before += _discarded_by(port)
         if port is not None:
-            _close(port)
+            port.close()
         self.state, self.reason, self._due_ns = LinkState.LOST, reason, now_ns + RETRY_NS
 
 
@@ -146,7 +160,7 @@ def _close(port: BusPort) -> None:
         port.close()
 
 
-def _discarded_by(port: BusPort | None) -> int:
+def _discarded_by(port: SharedPort | None) -> int:
     if port is None:
         return 0
     discarded = port.discarded

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from .faults import FaultSignal
+
 
 @dataclass(frozen=True, slots=True)
 class JointNow:
@@ -79,7 +81,7 @@ class Snapshot:
     `error_lsb` (n, joints) are the samples of the window, oldest first; NaN where the reference is not known.
     `reported` (joints, 4) is what the controller last said of each joint: measured angle (rad) and speed (rad/s),
     current asked for (A), feed-forward torque (N m); `internals` (joints, 4) are the law's own quantities.
-    The arrays are read-only.
+    `faults` is what the telemetry says of them, None before it does. The arrays are read-only.
     """
 
     joints: tuple[JointNow, ...]
@@ -88,6 +90,7 @@ class Snapshot:
     rates: Rates | None = None
     report: Report | None = None
     counters: Counters = Counters()
+    faults: FaultSignal | None = None
     cycles: NDArray[np.int64] = field(default_factory=_no_cycles)
     error_lsb: NDArray[np.float64] = field(default_factory=_no_values)
     window_cycles: int = 1

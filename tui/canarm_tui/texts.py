@@ -119,6 +119,8 @@ def header_words(link: Link, snapshot: Snapshot, is_paused: bool, width: int) ->
     ]
     if is_paused:
         words.insert(1, Word("⏸ paused", Tone.WARNING))
+    if snapshot.faults is not None and snapshot.faults.is_stopped:
+        words.insert(1, Word("■ EMERGENCY STOP", Tone.BAD))
     while len(words) > 2 and _length(words) > width:
         words.pop()
     room = width - _length(words) - len(SEPARATOR)

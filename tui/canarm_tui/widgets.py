@@ -1,4 +1,4 @@
-"""The parts of the screen that are text: one-line texts, the joints table, and the pane that holds it with the traces.
+"""The parts of the screen that are text: lines of words, the joints table, and the pane that holds it with the traces.
 
 Each is handed a snapshot (or words) and draws it; none keeps data of its own, reads a clock or knows the bus.
 """
@@ -38,6 +38,30 @@ class WordLine(Static):
         if words != self.words:
             self.words = words
             self.update(line_of(words), layout=self._may_wrap)
+
+
+class FaultPanel(Static):
+    """Lines about faults; redrawn only when they change, and gone where there are none."""
+
+    DEFAULT_CSS = """
+    FaultPanel {
+        display: none; height: auto; max-height: 9; text-wrap: nowrap; text-overflow: ellipsis; padding: 0 1;
+        background: $surface;
+    }
+    FaultPanel.-shown { display: block; }
+    """
+
+    def __init__(self) -> None:
+        super().__init__(id="faults")
+        self.lines: tuple[tuple[Word, ...], ...] = ()
+
+    def show(self, lines: tuple[tuple[Word, ...], ...]) -> None:
+        """Show `lines`."""
+        if lines != self.lines:
+            has_resized = len(lines) != len(self.lines)
+            self.lines = lines
+            self.set_class(bool(lines), "-shown")
+            self.update(Content("\n").join(line_of(words) for words in lines), layout=has_resized)
 
 
 class JointsTable(DataTable[Content]):

@@ -1,0 +1,206 @@
+"""Faults as values and as words: JSON as docs/faults.md describes it in, lines of the panel out."""
+
+import pytest
+
+from canarm_protocol.errors import FaultError
+from canarm_protocol.faults import parse_faults
+from canarm_tui.fault_catalogue import FaultKind, Parameter, catalogue_of, injection, matching
+from canarm_tui.fault_desk import Refusal
+from canarm_tui.fault_texts import answer_word, panel_lines
+from canarm_tui.faults import ActingFault, Faults, FaultSignal, faults_of
+from canarm_tui.texts import SEPARATOR, Tone
+
+DIES = {"set": "dies", "tap": "joint2.tachometer", "fault": "stuck"}
+PLAIN = [
+    {
+        "tap": "joint2.tachometer",
+        "about": "tachometer's voltage at the ADC's pin",
+        "unit": "V",
+        "kind": "voltage of a sensor",
+        "faults": [
+            {
+                "fault": "stuck",
+                "family": "signal",
+                "about": "The signal stays at one value.",
+                "needs_wire": False,
+                "parameters": [
+                    {"name": "value", "about": "where", "default": None, "unit": "V", "minimum": 0.0, "maximum": 5.0},
+                    {"name": "side", "about": "which", "default": "low", "choices": ["low", "high"]},
+                ],
+            }
+        ],
+    },
+    {
+        "tap": "can0.tx",
+        "about": "frames that the cards send",
+        "unit": "",
+        "kind": "messages on the bus",
+        "faults": [
+            {
+                "fault": "lost",
+                "family": "bus",
+                "about": "The frame never comes.",
+                "needs_wire": True,
+                "parameters": [
+                    {"name": "cob_id", "about": "which", "default": 0, "unit": "", "minimum": 0, "maximum": 0x7FF}
+                ],
+            }
+        ],
+    },
+]
+STUCK = FaultKind("stuck", "stays", False, (Parameter("value", "where", "", "0 to 5 V"), Parameter("n", "", "4", "")))
+
+
+def event(name, time_s, cycle=-1, **of):
+    return {"time_ns": round(time_s * 1e9), "event": f"fault-{name}", **DIES, **of, "cycle": cycle}
+
+
+def status(active=(), sets=()):
+    return {"active": list(active), "sets": [{"set": name, "state": state, "activations": 1} for name, state in sets]}
+
+
+def text_of(lines):
+    return [SEPARATOR.join(word.text for word in line) for line in lines]
+
+
+# What the bench says
+
+
+def test_a_fault_acts_since_its_last_beginning():
+    events = [event("begins", 1.0, 300), event("ends", 1.5, 500), event("begins", 2.0, 700)]
+    (acting,) = faults_of(status([DIES]), events).acting
+    assert (acting.began.time_s, acting.began.cycle) == (2.0, 700)
+
+
+def test_a_fault_whose_beginning_the_bench_has_forgotten_acts_since_nobody_knows_when():
+    assert faults_of(status([DIES]), []).acting == (ActingFault("dies", "joint2.tachometer", "stuck"),)
+
+
+def test_sets_that_wait_are_told_from_those_that_act_and_those_that_are_over():
+    faults = faults_of(status([DIES], [("over", "ended"), ("dies", "active"), ("later", "waiting")]), [])
+    assert faults.waiting == ("later",)
+    assert faults.set_names == ("dies", "later")
+
+
+def test_events_are_newest_first_and_few():
+    faults = faults_of(status(), [event("begins", float(second)) for second in range(30)])
+    assert [round(each.time_s) for each in faults.events[:2]] == [29, 28]
+    assert len(faults.events) == 10
+
+
+# What the panel says
+
+
+@pytest.mark.parametrize("signal", [None, FaultSignal(0, False, 0)])
+def test_without_any_fault_there_is_no_panel(signal):
+    assert panel_lines(signal, Faults(), None) == ()
+
+
+def test_when_all_is_over_one_line_is_left_with_the_last_event():
+    faults = faults_of(status(), [event("begins", 1.0, 300), event("ends", 1.5, 500)])
+    assert text_of(panel_lines(FaultSignal(0, False, 1), faults, None)) == [
+        "no fault acts │ begun so far 1 │   ended 1.500 s (cycle 500): joint2.tachometer stuck (dies)"
+    ]
+
+
+def test_faults_that_act_and_sets_that_wait_are_listed_with_the_last_three_events():
+    events = [event("begins", 0.5), event("ends", 0.75), event("begins", 1.0, 300), event("ends", 1.25, 400)]
+    faults = faults_of(status([DIES], [("dies", "active"), ("later", "waiting")]), [*events, event("begins", 1.5, 500)])
+    lines = panel_lines(FaultSignal(1, False, 3), faults, None)
+    assert text_of(lines) == [
+        "▲ 1 fault acts │ ○ 1 set waits │ begun so far 3",
+        "  ▲ joint2.tachometer stuck (dies), since 1.500 s (cycle 500)",
+        "  ○ waiting: later",
+        "  began 1.500 s (cycle 500): joint2.tachometer stuck (dies)",
+        "  ended 1.250 s (cycle 400): joint2.tachometer stuck (dies)",
+        "  began 1.000 s (cycle 300): joint2.tachometer stuck (dies)",
+    ]
+    assert lines[1][0].tone is Tone.WARNING
+
+
+def test_the_panel_stays_small_however_many_faults_act():
+    acting = tuple(ActingFault(f"set {number}", "can0.tx", "lost") for number in range(300))
+    waiting = tuple(f"later {number}" for number in range(30))
+    faults = Faults(acting, waiting, (), faults_of(status(), [event("begins", 1.0)] * 20).events)
+    lines = text_of(panel_lines(FaultSignal(255, False, 300), faults, None))
+    assert lines[0].startswith("▲ 255 or more faults act │ ○ 30 sets wait")
+    assert "  ▲ and 297 more" in lines
+    assert "  ○ waiting: later 0, later 1, later 2, later 3 and 26 more" in lines
+    assert len(lines) == 9
+
+
+def test_the_count_is_the_telemetrys_while_the_rest_is_not_known_and_why_is_said():
+    lines = text_of(panel_lines(FaultSignal(2, False, 2), None, Refusal("no answer")))
+    assert lines == ["▲ 2 faults act │ begun so far 2 │ ▲ not up to date: no answer"]
+
+
+def test_a_fault_that_failed_is_not_like_one_that_ended():
+    faults = faults_of(status(), [event("ends", 1.0, 5, failure="failed: ZeroDivisionError")])
+    ((*_, word),) = panel_lines(FaultSignal(0, False, 1), faults, None)
+    assert word.text.endswith("failed: ZeroDivisionError")
+    assert word.tone is Tone.BAD
+
+
+def test_what_was_done_and_what_was_refused_differ_in_a_sign():
+    assert answer_word("accepted 'x'").text == "✓ accepted 'x'"
+    assert answer_word(Refusal("no tap 'y'")).text == "✖ no tap 'y'"
+
+
+# What can be injected
+
+
+def test_parameters_come_with_default_bounds_and_unit():
+    tachometer, bus = catalogue_of(PLAIN)
+    value, side = tachometer.faults[0].parameters
+    assert (value.default, value.bounds) == ("", "0 to 5 V")
+    assert (side.default, side.bounds) == ("low", "low | high")
+    assert bus.faults[0].parameters[0].bounds == "0x0 to 0x7FF"
+    assert bus.faults[0].needs_wire
+
+
+@pytest.mark.parametrize(
+    ("typed", "names"),
+    [
+        ("", ["joint2.tachometer", "can0.tx"]),
+        ("TACHO", ["joint2.tachometer"]),
+        ("2 tacho", ["joint2.tachometer"]),
+        ("joint2 stuck", ["joint2.tachometer"]),
+        ("cards", ["can0.tx"]),
+        ("xyz", []),
+    ],
+)
+def test_a_tap_is_found_by_words_of_its_name_its_description_and_its_faults(typed, names):
+    assert [tap.name for tap in matching(catalogue_of(PLAIN), typed)] == names
+
+
+def test_what_a_name_holds_comes_before_what_a_description_holds():
+    adc, tachometer = (
+        FaultKind("adc.channel3", "code of the tachometer", False, ()),
+        FaultKind("tachometer", "", False, ()),
+    )
+    assert matching([adc, tachometer], "tacho") == (tachometer, adc)
+
+
+def test_only_what_differs_from_the_default_is_said_and_names_are_free():
+    typed = {"value": " 2.5 ", "n": "4"}
+    text = injection("joint2.tachometer", STUCK, typed, "0.5", {"joint2.tachometer stuck"})
+    (declared,) = parse_faults(text).sets
+    assert (declared.name, declared.duration_s) == ("joint2.tachometer stuck #2", 0.5)
+    (spec,) = declared.faults
+    assert (spec.tap, spec.fault, spec.parameters) == ("joint2.tachometer", "stuck", {"value": 2.5})
+
+
+@pytest.mark.parametrize(
+    ("typed", "value"), [("0x294", 0x294), ("7", 7), ("-1e-3", -0.001), ("high", "high"), ('a"\\b', 'a"\\b')]
+)
+def test_numbers_are_numbers_and_words_are_words(typed, value):
+    (declared,) = parse_faults(injection("t", STUCK, {"value": typed, "n": ""}, "", ())).sets
+    assert dict(declared.faults[0].parameters) == {"value": value}
+    assert declared.duration_s is None
+
+
+@pytest.mark.parametrize("duration", ["soon", "0", "-1", "nan"])
+def test_a_duration_that_is_none_is_refused_in_one_line(duration):
+    with pytest.raises(FaultError, match=r"^duration = .*must be a number of seconds, greater than 0") as raised:
+        injection("t", STUCK, {"value": "", "n": "4"}, duration, ())
+    assert "\n" not in str(raised.value)

@@ -1,0 +1,140 @@
+"""What can be injected where, as the bench serves it; finding a tap or a fault by a few letters; and the text of a set.
+
+Values and functions. Whether a value is allowed is the bench's to say: what was typed is passed on.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
+
+from canarm_protocol.errors import FaultError
+from canarm_protocol.fault_toml import as_toml
+from canarm_protocol.faults import ParameterValue, script_of
+
+IDENTIFIER = "cob_id"
+"""Parameters of this name are shown as one writes identifiers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter of a fault at a tap: its default as one types it, "" where the fault finds one; bounds in words."""
+
+    name: str
+    about: str
+    default: str
+    bounds: str
+
+
+@dataclass(frozen=True, slots=True)
+class FaultKind:
+    """A fault that a tap supports."""
+
+    name: str
+    about: str
+    needs_wire: bool
+    parameters: tuple[Parameter, ...]
+
+    @property
+    def sought(self) -> str:
+        """Where words are looked for beside the name."""
+        return self.about
+
+
+@dataclass(frozen=True, slots=True)
+class Tap:
+    """A place on the signal path."""
+
+    name: str
+    about: str
+    faults: tuple[FaultKind, ...]
+
+    @property
+    def sought(self) -> str:
+        """Where words are looked for beside the name."""
+        return " ".join([self.about, *(each.name for each in self.faults)])
+
+
+class Named(Protocol):
+    """Something to be found."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def sought(self) -> str:
+        """Where words are looked for beside the name."""
+
+
+N = TypeVar("N", bound=Named)
+
+
+def catalogue_of(plain: Iterable[Mapping[str, Any]]) -> tuple[Tap, ...]:
+    """The bench's FAULT_CATALOGUE as values. Raises `KeyError`, `TypeError` where it is none."""
+    return tuple(Tap(tap["tap"], tap["about"], tuple(_kind(each) for each in tap["faults"])) for tap in plain)
+
+
+def matching(entries: Iterable[N], typed: str) -> tuple[N, ...]:
+    """Those whose name holds every word that was typed, in any order; after them those whose
+    description helps, of a tap the names of its faults too.
+    """
+    words = typed.lower().split()
+    entries = tuple(entries)
+    by_name = [each for each in entries if all(word in each.name.lower() for word in words)]
+    by_both = [each for each in entries if all(word in f"{each.name} {each.sought}".lower() for word in words)]
+    return *by_name, *(each for each in by_both if each not in by_name)
+
+
+def injection(tap: str, fault: FaultKind, typed: Mapping[str, str], duration: str, taken: Collection[str]) -> str:
+    """The text of a set with one fault; a field that is empty, or holds the default, is left out.
+
+    `taken` are names of sets that there are. Raises `FaultError` where no fault set can say what was typed.
+    """
+    usual = {each.name: each.default for each in fault.parameters}
+    given = {name: text.strip() for name, text in typed.items()}
+    spec = {name: _value(text) for name, text in given.items() if text not in ("", usual[name])}
+    entry: dict[str, Any] = {"name": _free_name(f"{tap} {fault.name}", taken)}
+    if duration.strip():
+        entry["duration"] = _value(duration.strip())
+    table = {"set": [{**entry, "fault": [{**spec, "tap": tap, "fault": fault.name}]}]}
+    try:
+        return as_toml(script_of(table, "inject"))
+    except FaultError as error:
+        raise FaultError(str(error).partition("): ")[2] or str(error)) from None
+
+
+def _kind(plain: Mapping[str, Any]) -> FaultKind:
+    parameters = tuple(_parameter(each) for each in plain["parameters"])
+    return FaultKind(plain["fault"], plain["about"], plain["needs_wire"], parameters)
+
+
+def _parameter(plain: Mapping[str, Any]) -> Parameter:
+    name, about, default = plain["name"], plain["about"], plain["default"]
+    if "choices" in plain:
+        return Parameter(name, about, _number(default), " | ".join(plain["choices"]))
+    low, high = plain["minimum"], plain["maximum"]
+    if name == IDENTIFIER:
+        return Parameter(name, about, "0" if not default else f"0x{default:03X}", f"0x{low:X} to 0x{high:X}")
+    unit = f" {plain['unit']}" if plain["unit"] else ""
+    return Parameter(name, about, _number(default), f"{_number(low)} to {_number(high)}{unit}")
+
+
+def _number(value: float | str | None) -> str:
+    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _value(text: str) -> ParameterValue:
+    """A number where it is one; otherwise text, which is right for a choice, and for which the bench has an answer."""
+    try:
+        return int(text, 16 if text.lower().startswith("0x") else 10)
+    except ValueError:
+        pass
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _free_name(wanted: str, taken: Collection[str]) -> str:
+    names: Sequence[str] = [wanted, *(f"{wanted} #{number}" for number in range(2, len(taken) + 3))]
+    return next(name for name in names if name not in taken)

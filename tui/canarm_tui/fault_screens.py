@@ -1,0 +1,77 @@
+"""The small dialogs about faults: which sets to clear, and the emergency stop. What is chosen is done elsewhere."""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.content import Content
+from textual.screen import ModalScreen
+from textual.widgets import OptionList, Static
+from textual.widgets.option_list import Option
+
+ALL = "all faults and all sets that wait"
+
+
+class ClearScreen(ModalScreen[tuple[str | None] | None]):
+    """Ends with (name of a set, None for all,), or None where the user does not want to."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,q", "dismiss", "Close")]
+    DEFAULT_CSS = """
+    ClearScreen { align: center middle; }
+    ClearScreen Vertical {
+        width: 76; max-width: 100%; height: auto; max-height: 100%;
+        border: round $primary; padding: 0 1; background: $surface;
+    }
+    ClearScreen OptionList, ClearScreen OptionList:focus {
+        height: auto; max-height: 16; border: none; padding: 0; text-wrap: nowrap; text-overflow: ellipsis;
+    }
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        super().__init__()
+        self._choices: tuple[str | None, ...] = (None, *names)
+
+    def compose(self) -> ComposeResult:
+        """All, and a line a set."""
+        with Vertical() as box:
+            box.border_title, box.border_subtitle = "Clear", "enter clears │ escape closes"
+            yield OptionList(*(Option(Content(ALL if name is None else name)) for name in self._choices))
+
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+        """It is to be cleared."""
+        self.dismiss((self._choices[event.option_index],))
+
+
+class StopScreen(ModalScreen[bool]):
+    """Ends with whether the emergency stop is to be switched."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("enter,y,e", "answer(True)", "Yes"),
+        Binding("escape,n,q", "answer(False)", "No"),
+    ]
+    DEFAULT_CSS = """
+    StopScreen { align: center middle; }
+    StopScreen Static {
+        width: 60; max-width: 100%; height: auto; border: heavy $error; padding: 1 2; background: $surface;
+    }
+    """
+
+    def __init__(self, is_on: bool) -> None:
+        super().__init__()
+        self._is_on = is_on
+
+    def compose(self) -> ComposeResult:
+        """The question."""
+        question = Static(
+            "Close the supply of all amplifiers again?\nThe robot may move at once."
+            if self._is_on
+            else "Open the supply of all amplifiers?\nThe arm is without torque then."
+        )
+        question.border_title, question.border_subtitle = "Emergency stop", "enter, y or e: yes │ escape, n: no"
+        yield question
+
+    def action_answer(self, is_wanted: bool) -> None:
+        """The user has decided."""
+        self.dismiss(is_wanted)

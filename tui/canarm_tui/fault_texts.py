@@ -1,0 +1,89 @@
+"""What the dashboard says of faults: the lines of the panel, in words with a tone. Pure functions."""
+
+from collections.abc import Iterator
+
+from .fault_desk import Refusal
+from .faults import ActingFault, FaultEvent, Faults, FaultSignal
+from .texts import Tone, Word
+
+Line = tuple[Word, ...]
+
+MOST_ACTING = 4
+MOST_EVENTS = 3
+MOST_NAMES = 4
+MORE_THAN_A_BYTE = 255
+
+
+def panel_lines(signal: FaultSignal | None, faults: Faults | None, refusal: Refusal | None) -> tuple[Line, ...]:
+    """The panel: nothing as long as there was no fault, one line while none acts or waits, otherwise all of it."""
+    if signal is None:
+        return ()
+    faults = faults or Faults()
+    if not signal.active and not faults.waiting:
+        return (_quiet_line(signal, faults, refusal),) if signal.begun else ()
+    return (
+        _summary(signal, faults, refusal),
+        *_acting_lines(faults.acting),
+        *_waiting_lines(faults.waiting),
+        *((_event_word(event),) for event in faults.events[:MOST_EVENTS]),
+    )
+
+
+def answer_word(answer: str | Refusal) -> Word:
+    """What the bench, or the bus, says of something that was to be done."""
+    return Word(f"✖ {answer.reason}", Tone.BAD) if isinstance(answer, Refusal) else Word(f"✓ {answer}", Tone.GOOD)
+
+
+def _summary(signal: FaultSignal, faults: Faults, refusal: Refusal | None) -> Line:
+    count = "255 or more" if signal.active == MORE_THAN_A_BYTE else str(signal.active)
+    acting = Word("no fault acts", Tone.DIM)
+    if signal.active:
+        acting = Word(f"▲ {count} {'fault acts' if signal.active == 1 else 'faults act'}", Tone.WARNING)
+    words = [acting]
+    if faults.waiting:
+        words.append(Word(f"○ {len(faults.waiting)} {'set waits' if len(faults.waiting) == 1 else 'sets wait'}"))
+    return *words, Word(f"begun so far {signal.begun}", Tone.DIM), *_refusal_words(refusal)
+
+
+def _quiet_line(signal: FaultSignal, faults: Faults, refusal: Refusal | None) -> Line:
+    last = tuple(_event_word(event) for event in faults.events[:1])
+    return (
+        Word("no fault acts", Tone.DIM),
+        Word(f"begun so far {signal.begun}", Tone.DIM),
+        *_refusal_words(refusal),
+        *last,
+    )
+
+
+def _refusal_words(refusal: Refusal | None) -> Line:
+    return () if refusal is None else (Word(f"▲ not up to date: {refusal.reason}", Tone.WARNING),)
+
+
+def _acting_lines(acting: tuple[ActingFault, ...]) -> Iterator[Line]:
+    shown = acting if len(acting) <= MOST_ACTING else acting[: MOST_ACTING - 1]
+    for each in shown:
+        since = "" if each.began is None else f", since {_when(each.began)}"
+        yield (Word(f"  ▲ {_what(each)}{since}", Tone.WARNING),)
+    if len(shown) < len(acting):
+        yield (Word(f"  ▲ and {len(acting) - len(shown)} more", Tone.WARNING),)
+
+
+def _waiting_lines(waiting: tuple[str, ...]) -> Iterator[Line]:
+    if waiting:
+        more = f" and {len(waiting) - MOST_NAMES} more" if len(waiting) > MOST_NAMES else ""
+        yield (Word(f"  ○ waiting: {', '.join(waiting[:MOST_NAMES])}{more}"),)
+
+
+def _event_word(event: FaultEvent) -> Word:
+    verb = "began" if event.is_begin else "ended"
+    failure = f", {event.failure}" if event.failure else ""
+    return Word(f"  {verb} {_when(event)}: {_what(event)}{failure}", Tone.BAD if event.failure else Tone.DIM)
+
+
+def _what(each: ActingFault | FaultEvent) -> str:
+    what = f"{each.tap} {each.fault}"
+    return what if each.set_name == what else f"{what} ({each.set_name})"
+
+
+def _when(event: FaultEvent) -> str:
+    return f"{event.time_s:.3f} s" + (f" (cycle {event.cycle})" if event.cycle >= 0 else "")

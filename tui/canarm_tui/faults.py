@@ -1,0 +1,84 @@
+"""What the bench says of its faults, as values: those that act, sets that wait, the last beginnings and ends.
+
+Plain values of the bench's JSON in, frozen values out. No bus, no clock, no words.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+EVENTS_KEPT = 10
+
+
+@dataclass(frozen=True, slots=True)
+class FaultSignal:
+    """What goes over the bench bus with the telemetry: 0x2405, 0x2410, 0x2406."""
+
+    active: int
+    """255 for more."""
+    is_stopped: bool
+    begun: int
+
+
+@dataclass(frozen=True, slots=True)
+class FaultEvent:
+    """A fault has begun or ended. `time_s` is since power-on, `cycle` since NMT start, -1 before."""
+
+    time_s: float
+    cycle: int
+    is_begin: bool
+    set_name: str
+    tap: str
+    fault: str
+    failure: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ActingFault:
+    """A fault that acts. `began` is None where the bench no longer knows."""
+
+    set_name: str
+    tap: str
+    fault: str
+    began: FaultEvent | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """All of it at one time. `waiting` and `set_names` name sets, `events` are newest first."""
+
+    acting: tuple[ActingFault, ...] = ()
+    waiting: tuple[str, ...] = ()
+    set_names: tuple[str, ...] = ()
+    """Sets that can be cleared: they act or wait."""
+    events: tuple[FaultEvent, ...] = ()
+
+
+def faults_of(status: Mapping[str, Any], events: Iterable[Mapping[str, Any]]) -> Faults:
+    """The bench's FAULT_STATUS and FAULT_EVENTS as values. Raises `KeyError`, `TypeError` where they are neither."""
+    happened = [_event(each) for each in events]
+    begun: dict[tuple[str, str, str], list[FaultEvent]] = {}
+    for event in happened:
+        where = event.set_name, event.tap, event.fault
+        if event.is_begin:
+            begun.setdefault(where, []).append(event)
+        elif begun.get(where):
+            begun[where].pop(0)
+    acting = []
+    for each in status["active"]:
+        set_name, tap, fault = each["set"], each["tap"], each["fault"]
+        beginnings = begun.get((set_name, tap, fault))
+        acting.append(ActingFault(set_name, tap, fault, beginnings.pop(0) if beginnings else None))
+    states = [(each["set"], each["state"]) for each in status["sets"]]
+    return Faults(
+        tuple(acting),
+        tuple(name for name, state in states if state == "waiting"),
+        tuple(dict.fromkeys(name for name, state in states if state != "ended")),
+        tuple(reversed(happened[-EVENTS_KEPT:])),
+    )
+
+
+def _event(plain: Mapping[str, Any]) -> FaultEvent:
+    is_begin = plain["event"] == "fault-begins"
+    where = plain["set"], plain["tap"], plain["fault"]
+    return FaultEvent(1e-9 * plain["time_ns"], plain["cycle"], is_begin, *where, plain.get("failure", ""))
