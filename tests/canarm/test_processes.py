@@ -198,6 +198,15 @@ def test_controllers_come_one_after_the_other_while_the_arm_falls_in_between(can
     assert second.json["joints"]["joint2"]["rms_lsb"] is not None
 
 
+def test_an_arm_that_still_falls_from_the_last_run_is_no_broken_sensor(canarm):
+    """In lockstep the arm hangs in the air between two runs, at the speed at which the last one left it."""
+    emulator = canarm.emulator("sync")
+    for seconds in ("1.1", "1.2", "1.3"):
+        controller = canarm.controller(emulator, "sync", "--trajectory", "sine", "--seconds", seconds)
+        assert controller.wait() == 0, controller
+        assert controller.json["detections"] == []
+
+
 def test_stock_python_can_and_our_plugin_listen_during_a_run(canarm, run_folder):
     emulator = canarm.emulator("sync", "--out", "run")
     listeners = [

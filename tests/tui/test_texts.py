@@ -57,12 +57,24 @@ def test_both_rates_are_shown_where_they_differ():
     assert texts.rate_word(Rates(math.nan, 399.0, 1.0)).text == "399 cycles/s"
 
 
-def test_a_long_place_of_the_bus_is_cut(link):
-    link.where = "-i canarm -c bench host=127.0.0.1 port=29536"
-    words = texts.header_words(link, Snapshot(joints=()), is_paused=False, width=116)
+@pytest.mark.parametrize(
+    ("where", "shown"),
+    [
+        ("-i canarm -c bench --bus-kwargs host=127.0.0.1 port=29536", "127.0.0.1:29536"),  # as --connect takes it
+        (
+            "-i udp_multicast -c 239.74.163.2 --bus-kwargs port=43113 hop_limit=1",
+            "-i udp_multicast -c 239.74.163.2 --bus…",
+        ),
+    ],
+)
+def test_a_place_of_the_bus_that_is_too_long_is_shortened(link, where: str, shown: str):
+    link.where = where
+    words = texts.header_words(link, Snapshot(joints=()), is_paused=False, width=112)
     text = SEPARATOR.join(word.text for word in words)
-    assert len(text) == 116
-    assert text.endswith("-i canarm -c bench host=127.0.0.1 port=295…")
+    assert text.endswith(SEPARATOR + shown)
+    assert len(text) <= 112
+    wide = texts.header_words(link, Snapshot(joints=()), is_paused=False, width=200)
+    assert wide[-1].text == where
 
 
 def test_the_header_leaves_out_the_end_where_it_does_not_fit(link):

@@ -4,6 +4,7 @@ Pure functions. A tone becomes a colour elsewhere, and is never the only bearer 
 """
 
 import math
+import re
 from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
@@ -22,6 +23,7 @@ LIMIT_LSB = 1.0
 SEPARATOR = " │ "
 LEAST_PLACE = 18
 """Fewer characters of a bus than "-i canarm -c bench" has say nothing."""
+_HOST_AND_PORT = re.compile(r"\bhost=(\S+) port=(\d+)")
 ABSENT = "–"
 
 
@@ -124,9 +126,16 @@ def header_words(link: Link, snapshot: Snapshot, is_paused: bool, width: int) ->
     while len(words) > 2 and _length(words) > width:
         words.pop()
     room = width - _length(words) - len(SEPARATOR)
-    if room >= min(len(link.where), LEAST_PLACE):
-        words.append(Word(link.where if len(link.where) <= room else f"{link.where[: room - 1]}…", Tone.DIM))
+    where = link.where if len(link.where) <= room else _address(link.where)
+    if room >= min(len(where), LEAST_PLACE):
+        words.append(Word(where if len(where) <= room else f"{where[: room - 1]}…", Tone.DIM))
     return tuple(words)
+
+
+def _address(where: str) -> str:
+    """HOST:PORT of a bus that is reached by them, as `--connect` takes it; other buses as they are."""
+    found = _HOST_AND_PORT.search(where)
+    return f"{found[1]}:{found[2]}" if found else where
 
 
 def _length(words: Sequence[Word]) -> int:
