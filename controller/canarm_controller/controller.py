@@ -289,7 +289,7 @@ class Controller:
                     code = yield from read_input(node, channel.number)
                     codes[self.cell.joint_names.index(channel.joint)] = code
         self.loop.begin(codes)
-        self._watch.start(self.loop.cycle.position_rad, self.loop.cycle.velocity_rad_s)
+        self._watch.start(self.loop.cycle.position_rad)
 
     def _converse(self, answer: Frame | None, now_ns: int, silent: bool = False) -> None:
         conversation = self._conversation
@@ -339,7 +339,7 @@ class Controller:
         if not self._has_measured:
             self._has_measured = True
             if not self._stands_still():  # it still falls from the last run
-                watch.start(loop.cycle.position_rad, loop.cycle.velocity_rad_s)
+                self._unclear_answers = UNCLEAR_ANSWERS
         is_on_time = not self._excess_s if self.clock is Clock.SYNC else self._is_on_time()
         is_unclear = self._unclear_answers > 0
         if self.state is State.RUNNING:

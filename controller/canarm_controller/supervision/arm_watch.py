@@ -55,11 +55,11 @@ class ArmWatch:
         self._cycle = 0
         self._last_nm: Sequence[float] = (0.0,) * len(self.joints)
 
-    def start(self, position_rad: Sequence[float], speed_rad_s: Sequence[float]) -> None:
-        """What was measured first; no torque acts yet."""
-        for joint, position, speed in zip(self.joints, position_rad, speed_rad_s, strict=True):
-            joint.start(position, speed)
-        self._refresh(position_rad, speed_rad_s)
+    def start(self, position_rad: Sequence[float]) -> None:
+        """The arm rests at this pose; no torque acts yet."""
+        for joint, position in zip(self.joints, position_rad, strict=True):
+            joint.start(position)
+        self._refresh(position_rad, (0.0,) * len(self.joints))
 
     def step(
         self, cycle: Cycle, angle_codes: Sequence[int], speed_codes: Sequence[int], current_codes: Sequence[int]

@@ -56,15 +56,14 @@ class JointState:
         self._accel_gain = BANDWIDTH_RAD_S**2 * period_s
         self._learning_cycles = round(DRIFT_S / period_s)
 
-    def start(self, position_rad: float, speed_rad_s: float) -> None:
-        """Begin at a measured angle and speed."""
+    def start(self, position_rad: float) -> None:
+        """At rest at a measured angle."""
         self.mode = Mode.SOUND
         self._limits.start()
         self.cycles = self._learn_from = 0
-        self.bias = self.model_rad_s = 0.0
-        self.speed = self._last_rad_s = speed_rad_s
+        self.speed = self.bias = self.model_rad_s = self._last_rad_s = 0.0
         self._travel = self._mismatch = self._swing = self._offset = self._last_off = 0.0
-        self._base = position_rad - self._half_s * speed_rad_s
+        self._base = position_rad
         self._code = -1
         self._code_cycles = self._astray_cycles = 0
         self._calm_at = CALM_CYCLES
@@ -73,7 +72,7 @@ class JointState:
         self._set_rate()
         self.is_agitated = False
         """Whether the speed went where the model did not expect it; whoever looks into it sets it back."""
-        self.position_rad, self.velocity_rad_s = position_rad, speed_rad_s
+        self.position_rad, self.velocity_rad_s = position_rad, 0.0
         """What to believe where `step` says so."""
 
     @property

@@ -37,9 +37,9 @@ class SensorLess(JointState):
         self._told_speed = TOLD_SPEED_LSB * speed_lsb
         self._blind = BlindObserver(period_s)
 
-    def start(self, position_rad: float, speed_rad_s: float) -> None:
-        """Begin at a measured angle and speed, with all sensors."""
-        super().start(position_rad, speed_rad_s)
+    def start(self, position_rad: float) -> None:
+        """At rest at a measured angle, with all sensors."""
+        super().start(position_rad)
         self._fastest = 0.0, 0.0
         self._stepped = self._agreed = 0
 

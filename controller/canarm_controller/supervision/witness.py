@@ -65,11 +65,11 @@ class JointWitness(SensorLess):
         super().__init__(limits, position_lsb, speed_lsb, tachometer_skew_s, period_s, report)
         self._stuck_limit = STUCK_SPEED_LSB * speed_lsb
         self._trial = StepTrial(position_lsb, period_s)
-        self.start(0.0, 0.0)
+        self.start(0.0)
 
-    def start(self, position_rad: float, speed_rad_s: float) -> None:
-        """Begin at a measured angle and speed."""
-        super().start(position_rad, speed_rad_s)
+    def start(self, position_rad: float) -> None:
+        """At rest at a measured angle."""
+        super().start(position_rad)
         self._spikes, self._turns = {"potentiometer": SpikeCount(), "tachometer": SpikeCount()}, TurnCount()
         self._old_mismatch = self._new_mismatch = 0.0
         self._x_code, self._code_at = -1, 0
