@@ -35,7 +35,7 @@ enum { ADC_INPUTS = 0x294, DAC_OUTPUTS = 0x312, LATCH_OUTPUTS = 0x213 }; /* TPDO
 enum { START = 1, STOP = 2, PRE_OPERATIONAL = 0x80, RESET = 0x81 };
 enum { OK = 0, FAILED = 1, WRONG_USAGE = 2 };
 
-static const int64_t SECOND_NS = 1000000000, CYCLE_NS = 2500000, ANSWER_NS = 2000000000;
+static const int64_t SECOND_NS = 1000000000, CYCLE_NS = 2500000, ANSWER_NS = 10000000000;
 static const unsigned HEARTBEAT_MS = 100, HEARTBEAT_CYCLES = 8; /* watched for 100 ms, sent every 20 ms */
 static const double PI = 3.14159265358979323846;
 static const double GOAL_DEG[JOINTS] = {40.0, 0.0}, TOLERANCE_DEG = 5.0;
@@ -97,7 +97,7 @@ static int await_frame(canid_t id, struct can_frame *frame)
         if (frame->can_id == id)
             return OK;
     if (came == 0)
-        fprintf(stderr, "master: no frame 0x%03X within 2 s; is an emulator with konkuk1 on this bus?\n", id);
+        fprintf(stderr, "master: no frame 0x%03X within 10 s; is an emulator with konkuk1 on this bus?\n", id);
     return FAILED;
 }
 
@@ -161,7 +161,7 @@ static int get_inputs(int is_lockstep, int64_t deadline_ns, int *codes)
             return OK;
     }
     if (came == 0 && is_lockstep)
-        fprintf(stderr, "master: no TIME within 2 s of SYNC\n");
+        fprintf(stderr, "master: no TIME within 10 s of SYNC\n");
     return came < 0 || is_lockstep ? FAILED : OK;
 }
 
