@@ -2,6 +2,8 @@
 real bench to talk to.
 """
 
+import asyncio
+import inspect
 from collections.abc import Sequence
 
 import pytest
@@ -17,6 +19,16 @@ from canarm_protocol.frames import Frame
 from canarm_protocol.port import BusPort, Discarded
 
 CYCLE_NS = 2_500_000
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run a test that is a coroutine, in an event loop of its own."""
+    if not inspect.iscoroutinefunction(pyfuncitem.obj):
+        return None
+    arguments = inspect.signature(pyfuncitem.obj).parameters
+    asyncio.run(pyfuncitem.obj(**{name: pyfuncitem.funcargs[name] for name in arguments}))
+    return True
 
 
 class Clock:

@@ -1,6 +1,5 @@
 """The dashboard as its user meets it, on a fake bus and a clock set by hand: keys, states, sizes."""
 
-import asyncio
 import contextlib
 import math
 
@@ -47,18 +46,6 @@ def screen_text(app):
     return ["".join(segment.text for segment in strip) for strip in app.screen._compositor.render_strips()]
 
 
-def drives(scenario):
-    """Run an asynchronous test."""
-
-    def run(*args, **kwargs):
-        asyncio.run(scenario(*args, **kwargs))
-
-    run.__name__, run.__doc__ = scenario.__name__, scenario.__doc__
-    run.__wrapped__ = scenario
-    return run
-
-
-@drives
 async def test_a_sample_is_shown_in_the_table_and_the_header(app, port, wire):
     async with running(app) as pilot:
         port.arriving = [*wire.report(8, 0, 2), *wire.reference(8, 0.5), *wire.telemetry(8, 0.5 + LSB_RAD / 2, 1.5)]
@@ -72,14 +59,12 @@ async def test_a_sample_is_shown_in_the_table_and_the_header(app, port, wire):
         assert any("joint3 error +0.50 LSB" in text for text in screen_text(app))
 
 
-@drives
 async def test_a_connection_without_telemetry_says_so(app):
     async with running(app):
         assert line(app, "header").startswith("○ no data")
         assert line(app, "notice") == "-i fake -c bench: no telemetry yet; is this the bench bus of a running emulator?"
 
 
-@drives
 async def test_data_that_stop_are_called_stale_and_stay(app, port, wire, clock):
     async with running(app) as pilot:
         port.arriving = wire.telemetry(8, 0.5)
@@ -91,7 +76,6 @@ async def test_data_that_stop_are_called_stale_and_stay(app, port, wire, clock):
         assert row(app, 0) == before
 
 
-@drives
 async def test_a_lost_bus_is_named_the_data_stay_and_it_comes_back(cell, port, wire, clock):
     ports = [port, type(port)()]
     app = DashboardApp(cell, lambda: ports.pop(0), clock_ns=clock, in_background=lambda job: job())
@@ -113,7 +97,6 @@ async def test_a_lost_bus_is_named_the_data_stay_and_it_comes_back(cell, port, w
         assert "dropped samples 0" in line(app, "counters")
 
 
-@drives
 async def test_a_bus_that_cannot_be_opened_is_not_called_lost(cell, clock):
     def refuse():
         raise BusError("-i canarm -c bench: nobody listens there; start one with: canarm emulator")
@@ -126,7 +109,6 @@ async def test_a_bus_that_cannot_be_opened_is_not_called_lost(cell, clock):
     assert app.return_code == 0
 
 
-@drives
 async def test_a_paused_dashboard_holds_its_panes_but_not_its_header(app, port, wire):
     async with running(app) as pilot:
         port.arriving = wire.telemetry(8, 0.5)
@@ -143,7 +125,6 @@ async def test_a_paused_dashboard_holds_its_panes_but_not_its_header(app, port, 
         assert "paused" not in line(app, "header")
 
 
-@drives
 async def test_the_traces_go_below_100_columns_and_come_back(app):
     async with running(app, NARROW) as pilot:
         assert not any(trace.region for trace in app.query(ErrorTrace))
@@ -152,7 +133,6 @@ async def test_the_traces_go_below_100_columns_and_come_back(app):
         assert all(trace.region for trace in app.query(ErrorTrace))
 
 
-@drives
 async def test_help_opens_and_closes_and_q_quits_from_it(app):
     async with running(app) as pilot:
         await pilot.press("question_mark")
@@ -165,7 +145,6 @@ async def test_help_opens_and_closes_and_q_quits_from_it(app):
     assert app.return_code == 0
 
 
-@drives
 async def test_the_palette_offers_commands_by_area(app):
     commands = [command.title for command in app.get_system_commands(None)]
     assert commands == [
@@ -180,7 +159,6 @@ async def test_the_palette_offers_commands_by_area(app):
     assert app.return_code == 0
 
 
-@drives
 async def test_the_caller_is_told_once_that_the_dashboard_stands(cell, port, clock):
     calls = []
     app = DashboardApp(
@@ -196,7 +174,6 @@ async def test_the_caller_is_told_once_that_the_dashboard_stands(cell, port, clo
     assert port.is_closed
 
 
-@drives
 async def test_a_constant_error_is_drawn_where_the_scale_says(app, port, wire):
     # 2 s of an error of exactly +1 LSB: the line lies on the upper limit.
     async with running(app) as pilot:

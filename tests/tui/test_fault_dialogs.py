@@ -1,6 +1,5 @@
 """Faults as the dashboard's user meets them: keys in, a real bench in this process, the screen out."""
 
-import asyncio
 import contextlib
 
 import pytest
@@ -46,17 +45,6 @@ async def running(app, loop, clock, size=SMALL):
         yield pilot
 
 
-def drives(scenario):
-    """Run an asynchronous test."""
-
-    def run(*args, **kwargs):
-        asyncio.run(scenario(*args, **kwargs))
-
-    run.__name__, run.__doc__ = scenario.__name__, scenario.__doc__
-    run.__wrapped__ = scenario
-    return run
-
-
 def panel(app):
     return [" │ ".join(word.text for word in line) for line in app.screen_stack[0].query_one(FaultPanel).lines]
 
@@ -86,14 +74,12 @@ async def to_the_form(pilot):
     await pilot.keys("enter")
 
 
-@drives
 async def test_without_faults_the_panel_takes_no_line(app, loop, clock):
     async with running(app, loop, clock):
         assert panel(app) == []
         assert not app.query_one(FaultPanel).region
 
 
-@drives
 async def test_a_fault_is_chosen_by_a_few_letters_and_injected_and_the_panel_shows_it(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         await pilot.keys("f")
@@ -120,7 +106,6 @@ async def test_a_fault_is_chosen_by_a_few_letters_and_injected_and_the_panel_sho
         assert line(app, "notice") == ""
 
 
-@drives
 async def test_what_the_bench_refuses_stands_in_the_dialog_and_can_be_mended(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         await to_the_form(pilot)
@@ -132,7 +117,6 @@ async def test_what_the_bench_refuses_stands_in_the_dialog_and_can_be_mended(app
         assert loop.bench.device.faults.active == 1
 
 
-@drives
 async def test_a_duration_is_typed_in_the_last_field(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         await to_the_form(pilot)
@@ -146,7 +130,6 @@ async def test_a_duration_is_typed_in_the_last_field(app, loop, clock):
         assert loop.bench.device.faults.active == 0
 
 
-@drives
 async def test_defaults_stand_in_the_fields_and_other_faults_have_other_fields(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         await to_the_form(pilot)
@@ -159,7 +142,6 @@ async def test_defaults_stand_in_the_fields_and_other_faults_have_other_fields(a
         assert all(fields[name] for name in set(fields) - {"duration"})
 
 
-@drives
 async def test_escape_goes_back_step_by_step(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         await to_the_form(pilot)
@@ -171,7 +153,6 @@ async def test_escape_goes_back_step_by_step(app, loop, clock):
         assert len(app.screen_stack) == 1
 
 
-@drives
 async def test_the_arrows_choose_from_the_list_while_one_types(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         await pilot.keys("f")
@@ -186,7 +167,6 @@ async def test_the_arrows_choose_from_the_list_while_one_types(app, loop, clock)
         assert app.screen.query_one("#search", Input).has_focus
 
 
-@drives
 async def test_keys_typed_into_a_field_are_no_commands(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         await pilot.keys("f")
@@ -195,7 +175,6 @@ async def test_keys_typed_into_a_field_are_no_commands(app, loop, clock):
         assert app.screen.query_one("#search", Input).value == "qxef"
 
 
-@drives
 async def test_without_a_bus_the_dialog_says_so(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         loop.is_broken = True
@@ -207,7 +186,6 @@ async def test_without_a_bus_the_dialog_says_so(app, loop, clock):
         assert said(app) == "not connected: -i loop -c bench: the server closed the connection"
 
 
-@drives
 async def test_a_dialog_that_is_left_before_the_bench_answers_is_left(cell, loop, clock):
     jobs = []
     app = DashboardApp(cell, lambda: loop, clock_ns=clock, in_background=lambda job: job())
@@ -222,7 +200,6 @@ async def test_a_dialog_that_is_left_before_the_bench_answers_is_left(cell, loop
         assert len(app.screen_stack) == 1
 
 
-@drives
 async def test_one_set_is_cleared_from_a_list_or_all_of_them(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         for name in "abc":
@@ -245,7 +222,6 @@ async def test_one_set_is_cleared_from_a_list_or_all_of_them(app, loop, clock):
         assert len(app.screen_stack) == 1
 
 
-@drives
 async def test_the_emergency_stop_asks_first_and_stands_in_the_header(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         await pilot.keys("e")
@@ -265,7 +241,6 @@ async def test_the_emergency_stop_asks_first_and_stands_in_the_header(app, loop,
         assert "EMERGENCY" not in line(app, "header")
 
 
-@drives
 async def test_the_dialog_fits_a_small_terminal_and_the_largest_form(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         await pilot.keys("f")
@@ -283,7 +258,6 @@ async def test_the_dialog_fits_a_small_terminal_and_the_largest_form(app, loop, 
         assert dialog.contains_region(last.region), "the last field cannot be seen"
 
 
-@drives
 async def test_the_traces_give_way_to_the_panel_and_all_of_it_is_seen(app, loop, clock):
     async with running(app, loop, clock, WIDE) as pilot:
         for number in range(6):
