@@ -12,9 +12,9 @@ from typing import Any, Self
 
 from canarm_controller.controller import State
 from canarm_controller.supervision.detection import Detection
-from canarm_emulator.faults.engine import FaultEvent
 from canarm_protocol.cell_file import load_cell
 from canarm_protocol.errors import BusError, FaultError
+from canarm_protocol.fault_events import FaultEvent
 from canarm_protocol.fault_toml import as_toml
 from canarm_protocol.faults import FaultScript
 from canarm_protocol.port import open_port
@@ -22,7 +22,7 @@ from canarm_protocol.port import open_port
 from .bench_client import BenchClient
 from .bus_choice import VIRTUAL_BUSES, BusChoice
 from .child import Child
-from .findings import Begun, Detected, Noticed, ask_detected, check_question
+from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question
 from .recorded import RecordedHistory, fault_events, noticed, read_events, recorded_joints
 from .rig_faults import FaultControl, FaultSource
 from .rig_joint import Joints
@@ -102,7 +102,7 @@ class BusRig(FaultControl):
     @property
     def begun(self) -> list[Begun]:
         """Faults that have begun; oldest first."""
-        return [Begun(each.time_ns * 1e-9, each.tap, each.fault) for each in self.fault_events if each.is_begin]
+        return begun_of(self.fault_events)
 
     @property
     def detections(self) -> list[Detection]:

@@ -1,6 +1,6 @@
 """Answers that read well in an assertion: true or false, and in words what was found. No run and no bus enters here."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Literal, NamedTuple
@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 from canarm_controller.supervision.detection import DETECTORS, Detection
 from canarm_protocol.cell import Cell
 from canarm_protocol.cell_messages import nearest
+from canarm_protocol.fault_events import FaultEvent
 
 from .usage import UsageError
 
@@ -50,6 +51,11 @@ class Begun(NamedTuple):
     def text(self) -> str:
         """Tap, fault and time."""
         return f"{self.tap} {self.fault} at {self.time_s:.4f} s"
+
+
+def begun_of(events: Iterable[FaultEvent]) -> list[Begun]:
+    """The beginnings among `events`."""
+    return [Begun(each.time_s, each.tap, each.fault) for each in events if each.is_begin]
 
 
 class Start(Enum):

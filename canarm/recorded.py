@@ -12,9 +12,9 @@ import numpy as np
 
 from canarm_controller.recording import SIGNALS_FILE as CONTROLLER_FILE
 from canarm_controller.supervision.detection import Detection, Reaction
-from canarm_emulator.faults.engine import FaultEvent
 from canarm_emulator.recording import SIGNALS_FILE as ROBOT_FILE
 from canarm_protocol.cell import Cell, Quantity
+from canarm_protocol.fault_events import FAULT_BEGINS, FAULT_ENDS, FaultEvent, event_from_plain
 from canarm_protocol.run_folder import EVENTS_FILE, SIGNALS_FOLDER
 from canarm_protocol.wiring import sensor_scale
 
@@ -22,7 +22,7 @@ from .findings import Noticed
 from .rig_joint import SIGNALS, TRUE_SIGNALS, Floats, Joints, RigJoint, Span
 from .summary import JointFigures
 
-FAULT_BEGINS, FAULT_ENDS, DETECTION = "fault-begins", "fault-ends", "detection"
+DETECTION = "detection"
 """Events of faults and detections in events.jsonl."""
 _COLUMNS = {"current_a": "motor_current_a"}
 """Names in the files where they differ from those of the histories."""
@@ -81,19 +81,7 @@ def read_events(folder: Path) -> list[dict[str, Any]]:
 
 def fault_events(events: list[dict[str, Any]]) -> list[FaultEvent]:
     """Beginnings and ends of faults among `events`."""
-    return [
-        FaultEvent(
-            event["time_ns"],
-            event["cycle"],
-            event["event"] == FAULT_BEGINS,
-            event["set"],
-            event["tap"],
-            event["fault"],
-            event.get("failure", ""),
-        )
-        for event in events
-        if event["event"] in (FAULT_BEGINS, FAULT_ENDS)
-    ]
+    return [event_from_plain(event) for event in events if event["event"] in (FAULT_BEGINS, FAULT_ENDS)]
 
 
 def noticed(events: list[dict[str, Any]], cycle_ns: int) -> list[Noticed]:

@@ -16,19 +16,19 @@ from canarm_controller.supervision.detection import Detection
 from canarm_emulator.assessor import Assessor
 from canarm_emulator.bench import CycleTruth, Record
 from canarm_emulator.errors import TruthError
-from canarm_emulator.fault_objects import event_details, event_name
-from canarm_emulator.faults.engine import FaultEvent, SetStatus
+from canarm_emulator.faults.engine import SetStatus
 from canarm_emulator.recording import Recorder
 from canarm_emulator.truth import Truth
 from canarm_protocol.cell import Cell
 from canarm_protocol.cell_file import load_cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FaultError
+from canarm_protocol.fault_events import FaultEvent, event_details, event_name
 from canarm_protocol.faults import FaultScript
 from canarm_protocol.frames import ERROR_FLAG, Frame
 from canarm_protocol.run_folder import create_run_folder, update_run_file
 
-from .findings import Begun, Detected, Noticed, ask_detected, check_question
+from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question
 from .rig_faults import FaultControl, FaultSource
 from .rig_history import History
 from .rig_joint import TRUE_SIGNALS, Joints, RigJoint
@@ -178,7 +178,7 @@ class Rig(FaultControl):
     @property
     def begun(self) -> list[Begun]:
         """Faults that have begun; oldest first."""
-        return [Begun(each.time_ns * 1e-9, each.tap, each.fault) for each in self.fault_events if each.is_begin]
+        return begun_of(self.fault_events)
 
     @property
     def torque_is_off(self) -> bool:
@@ -361,11 +361,10 @@ class Rig(FaultControl):
     def _note_fault(self, event: FaultEvent) -> None:
         self.fault_events.append(event)
         what = "fault begins" if event.is_begin else "fault ends"
-        of_set = "" if event.set_name == f"{event.tap} {event.fault}" else f" ({event.set_name})"
         failure = f": {event.failure}" if event.failure else ""
-        self.events.append(Event(event.time_ns * 1e-9, what, f"{event.tap} {event.fault}{of_set}{failure}"))
+        self.events.append(Event(event.time_s, what, f"{event.label}{failure}"))
         if event.failure:
-            self._faulty = FaultError(f"{event.tap} {event.fault}{of_set} {event.failure}")
+            self._faulty = FaultError(f"{event.label} {event.failure}")
         if self._recorders is not None:
             self._recorders[0].event(event.time_ns, event_name(event), **event_details(event))
 

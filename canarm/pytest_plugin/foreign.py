@@ -13,10 +13,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from canarm_emulator.faults.engine import FaultEvent
 from canarm_protocol.bench_objects import TRUE_ANGLE, TRUE_COMMAND, TRUE_SPEED, sdo_channel
 from canarm_protocol.cell import Cell
 from canarm_protocol.cell_file import load_cell
+from canarm_protocol.fault_events import FaultEvent
 from canarm_protocol.fault_toml import as_toml
 from canarm_protocol.faults import FaultScript
 from canarm_protocol.frames import NmtState
@@ -26,7 +26,7 @@ from canarm_protocol.sdo_session import SdoSession
 from ..bench_client import BenchClient
 from ..bus_rig import BENCH_BUS, HOST, port_of
 from ..child import Child
-from ..findings import Begun
+from ..findings import begun_of
 from ..recorded import RecordedHistory, fault_events, read_events, recorded_joints
 from ..rig_faults import FaultControl, FaultSource, plainly
 from ..rig_joint import UnknownJoint
@@ -219,8 +219,7 @@ class CanarmBench(FaultControl):
     def plot(self, title: str) -> str:
         """Its joints as they truly moved."""
         joints = recorded_joints(self.cell, RecordedHistory(self.cell, self.folder, {}))
-        begun = [each for each in self._fault_events() if each.is_begin]
-        return plot_run(title, joints, [Begun(each.time_ns * 1e-9, each.tap, each.fault) for each in begun])
+        return plot_run(title, joints, begun_of(self._fault_events()))
 
     def story(self) -> str:
         """The controllers, and what was seen of their reactions."""

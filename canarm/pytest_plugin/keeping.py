@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Protocol
 
-from canarm_emulator.faults.engine import FaultEvent
+from canarm_protocol.fault_events import FaultEvent
 
 PLOT_FILE = "joints.svg"
 LONGEST_NAME = 80
@@ -47,10 +47,8 @@ def fault_lines(events: Iterable[FaultEvent]) -> list[tuple[float, str]]:
     """Beginnings and ends of faults for a story: time in s and text."""
     lines = []
     for each in events:
-        fault = f"{each.tap} {each.fault}"
-        of_set = "" if each.set_name == fault else f" ({each.set_name})"
         failure = f": {each.failure}" if each.failure else ""
-        lines.append((each.time_ns * 1e-9, f"fault {'begins' if each.is_begin else 'ends'}: {fault}{of_set}{failure}"))
+        lines.append((each.time_s, f"fault {'begins' if each.is_begin else 'ends'}: {each.label}{failure}"))
     return lines
 
 

@@ -8,18 +8,19 @@ import json
 import zlib
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from canarm_protocol import bench_objects as objects
 from canarm_protocol.cell import Cell
 from canarm_protocol.errors import FaultError
+from canarm_protocol.fault_events import FaultEvent, event_as_plain
 from canarm_protocol.faults import FaultScript, parse_faults
 from canarm_protocol.sdo import AbortCode
 
 from .store import SdoRefused
 
 if TYPE_CHECKING:
-    from .faults.engine import FaultEngine, FaultEvent
+    from .faults.engine import FaultEngine
 
 NOTHING_YET = "nothing was written on this channel yet"
 NO_LINES = "\n"
@@ -58,7 +59,7 @@ class FaultObjects:
         self._engine = engine
         engine.on_event = self.note
 
-    def note(self, event: "FaultEvent") -> None:
+    def note(self, event: FaultEvent) -> None:
         """A fault has begun or ended."""
         self._events.append(event)
         where = event.set_name, event.tap, event.fault
@@ -134,29 +135,12 @@ class FaultObjects:
         return self._packed
 
 
-def event_name(event: "FaultEvent") -> str:
-    """What a run folder calls it."""
-    return "fault-begins" if event.is_begin else "fault-ends"
-
-
-def event_details(event: "FaultEvent") -> dict[str, Any]:
-    """Which fault, where, and in which cycle."""
-    details = {"set": event.set_name, "tap": event.tap, "fault": event.fault, "cycle": event.cycle}
-    return {**details, "failure": event.failure} if event.failure else details
-
-
-def event_as_plain(event: "FaultEvent") -> dict[str, Any]:
-    """The event as plain values, with the keys of `events.jsonl`."""
-    return {"time_ns": event.time_ns, "event": event_name(event), **event_details(event)}
-
-
-def event_text(event: "FaultEvent") -> str:
+def event_text(event: FaultEvent) -> str:
     """The event in a line for people."""
     verb = "begins" if event.is_begin else "ends"
-    of_set = "" if event.set_name == f"{event.tap} {event.fault}" else f" ({event.set_name})"
     when = f"cycle {event.cycle}" if event.cycle >= 0 else "before the first cycle"
     failure = f", {event.failure}" if event.failure else ""
-    return f"fault {verb}: {event.tap} {event.fault}{of_set}, {when}, {event.time_ns * 1e-9:.4f} s{failure}"
+    return f"fault {verb}: {event.label}, {when}, {event.time_s:.4f} s{failure}"
 
 
 def _json(value: object) -> str:

@@ -5,20 +5,16 @@ Times are virtual, since power-on; the cycle beside them counts from the first S
 
 from collections.abc import Hashable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from canarm_protocol.cell import Cell
+from canarm_protocol.fault_events import FaultEvent, event_details, event_name
 from canarm_protocol.frames import ERROR_FLAG, Cob, Emergency
 from canarm_protocol.run_folder import CAN_LOG_FILE, EVENTS_FILE, SIGNALS_FOLDER, CanLog, EventLog, SignalLog
 
 from .bench import CycleTruth, Record
 from .bus_trouble import origin_of
 from .error_frames import ErrorClass
-from .fault_objects import event_details, event_name
 from .wire import ErrorFrame, StateChange
-
-if TYPE_CHECKING:
-    from .faults.engine import FaultEvent
 
 SIGNALS_FILE = "robot.csv"
 _COLUMNS = (
@@ -78,7 +74,7 @@ class Recorder:
         """Append an event; `cycle` is the last one begun, unless given: -1 before the first."""
         self._events.write(time_ns, event, **{"cycle": self._cycle, **details})
 
-    def fault(self, event: "FaultEvent") -> None:
+    def fault(self, event: FaultEvent) -> None:
         """Append the beginning or end of a fault."""
         self.event(event.time_ns, event_name(event), **event_details(event))
 

@@ -2,10 +2,11 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from canarm_protocol.bench_objects import DIVIDER
 from canarm_protocol.clock import Clock
+from canarm_protocol.fault_events import FaultEvent
 from canarm_protocol.faults import FaultScript
 from canarm_protocol.frames import ERROR_FLAG, Cob, Frame, NmtState
 from canarm_protocol.port import BusPort
@@ -19,9 +20,6 @@ from .hub import Attached, Detached, Event, Hub, Ready, Received
 from .recording import Recorder
 from .robot_bus import is_sync
 from .slave import NEVER
-
-if TYPE_CHECKING:
-    from .faults.engine import FaultEvent
 
 ROBOT_BUS, BENCH_BUS = "can0", "bench"
 LISTENER_NS = 1_500_000_000
@@ -301,7 +299,7 @@ class EmulatorRunner:
     def _count_clients(self, bus: str) -> ClientCounts:
         return ClientCounts(self._hub.attached_to(bus), self._hub.dropped_on(bus))
 
-    def _fault_event(self, event: "FaultEvent") -> None:
+    def _fault_event(self, event: FaultEvent) -> None:
         if self._recorder is not None:
             self._recorder.fault(event)
         self._on_event(event_text(event))

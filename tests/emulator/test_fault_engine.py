@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from canarm_emulator.bench import Bench
-from canarm_emulator.fault_objects import event_details, event_text
+from canarm_emulator.fault_objects import event_text
 from canarm_emulator.faults import declaration
 from canarm_emulator.faults.declaration import (
     Context,
@@ -34,6 +34,7 @@ from canarm_emulator.truth import JointTruth, Truth
 from canarm_protocol.cell_file import load_cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FaultError
+from canarm_protocol.fault_events import event_details
 from canarm_protocol.faults import parse_faults
 from canarm_protocol.frames import Frame, NmtCommand, nmt_frame, sync_frame
 from canarm_protocol.wiring import OutputFrames, card_nodes

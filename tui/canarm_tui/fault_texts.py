@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator
 
+from canarm_protocol.fault_events import FaultEvent, fault_label
+
 from .fault_desk import Refusal
-from .faults import ActingFault, FaultEvent, Faults, FaultSignal
+from .faults import ActingFault, Faults, FaultSignal
 from .texts import Tone, Word
 
 Line = tuple[Word, ...]
@@ -81,8 +83,7 @@ def _event_word(event: FaultEvent) -> Word:
 
 
 def _what(each: ActingFault | FaultEvent) -> str:
-    what = f"{each.tap} {each.fault}"
-    return what if each.set_name == what else f"{what} ({each.set_name})"
+    return fault_label(each.set_name, each.tap, each.fault)
 
 
 def _when(event: FaultEvent) -> str:

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from canarm_protocol.fault_events import FaultEvent, event_from_plain
+
 EVENTS_KEPT = 10
 
 
@@ -18,19 +20,6 @@ class FaultSignal:
     """255 for more."""
     is_stopped: bool
     begun: int
-
-
-@dataclass(frozen=True, slots=True)
-class FaultEvent:
-    """A fault has begun or ended. `time_s` is since power-on, `cycle` since NMT start, -1 before."""
-
-    time_s: float
-    cycle: int
-    is_begin: bool
-    set_name: str
-    tap: str
-    fault: str
-    failure: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +45,7 @@ class Faults:
 
 def faults_of(status: Mapping[str, Any], events: Iterable[Mapping[str, Any]]) -> Faults:
     """The bench's FAULT_STATUS and FAULT_EVENTS as values. Raises `KeyError`, `TypeError` where they are neither."""
-    happened = [_event(each) for each in events]
+    happened = [event_from_plain(each) for each in events]
     begun: dict[tuple[str, str, str], list[FaultEvent]] = {}
     for event in happened:
         where = event.set_name, event.tap, event.fault
@@ -76,9 +65,3 @@ def faults_of(status: Mapping[str, Any], events: Iterable[Mapping[str, Any]]) ->
         tuple(dict.fromkeys(name for name, state in states if state != "ended")),
         tuple(reversed(happened[-EVENTS_KEPT:])),
     )
-
-
-def _event(plain: Mapping[str, Any]) -> FaultEvent:
-    is_begin = plain["event"] == "fault-begins"
-    where = plain["set"], plain["tap"], plain["fault"]
-    return FaultEvent(1e-9 * plain["time_ns"], plain["cycle"], is_begin, *where, plain.get("failure", ""))

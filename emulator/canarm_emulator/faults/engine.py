@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from canarm_protocol.clock import Clock
 from canarm_protocol.conditions import Condition
 from canarm_protocol.errors import FaultError
+from canarm_protocol.fault_events import FaultEvent
 from canarm_protocol.faults import FaultScript, FaultSet, FaultSpec, Trigger
 
 from ..world import JointState
@@ -49,21 +50,6 @@ class SetState(Enum):
     WAITING = "waiting"
     ACTIVE = "active"
     ENDED = "ended"
-
-
-class FaultEvent(NamedTuple):
-    """A fault has begun or ended: virtual time, cycle since NMT start (-1 before), set, tap and fault.
-
-    `failure` says what went wrong where it has ended because the fault itself is faulty.
-    """
-
-    time_ns: int
-    cycle: int
-    is_begin: bool
-    set_name: str
-    tap: str
-    fault: str
-    failure: str = ""
 
 
 class SetStatus(NamedTuple):

@@ -1,0 +1,69 @@
+"""Beginnings and ends of faults: as values, and as plain ones with the keys of `events.jsonl` and of the bench node.
+
+What a fault is belongs to `faults`; why it begins, to the emulator.
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+FAULT_BEGINS, FAULT_ENDS = "fault-begins", "fault-ends"
+
+
+class FaultEvent(NamedTuple):
+    """A fault has begun or ended: virtual time, cycle since NMT start (-1 before), set, tap and fault.
+
+    `failure` says what went wrong where it has ended because the fault itself is faulty.
+    """
+
+    time_ns: int
+    cycle: int
+    is_begin: bool
+    set_name: str
+    tap: str
+    fault: str
+    failure: str = ""
+
+    @property
+    def time_s(self) -> float:
+        """Virtual time in seconds."""
+        return self.time_ns * 1e-9
+
+    @property
+    def label(self) -> str:
+        """Which fault it was, for people."""
+        return fault_label(self.set_name, self.tap, self.fault)
+
+
+def fault_label(set_name: str, tap: str, fault: str) -> str:
+    """A fault at its tap for people, with its set where that has a name of its own."""
+    what = f"{tap} {fault}"
+    return what if set_name == what else f"{what} ({set_name})"
+
+
+def event_name(event: FaultEvent) -> str:
+    """What a run folder calls it."""
+    return FAULT_BEGINS if event.is_begin else FAULT_ENDS
+
+
+def event_details(event: FaultEvent) -> dict[str, Any]:
+    """Which fault, where, and in which cycle."""
+    details = {"set": event.set_name, "tap": event.tap, "fault": event.fault, "cycle": event.cycle}
+    return {**details, "failure": event.failure} if event.failure else details
+
+
+def event_as_plain(event: FaultEvent) -> dict[str, Any]:
+    """The event as plain values, with the keys of `events.jsonl`."""
+    return {"time_ns": event.time_ns, "event": event_name(event), **event_details(event)}
+
+
+def event_from_plain(plain: Mapping[str, Any]) -> FaultEvent:
+    """What `event_as_plain` made of an event. Raises `KeyError` where a key is missing."""
+    return FaultEvent(
+        plain["time_ns"],
+        plain["cycle"],
+        plain["event"] == FAULT_BEGINS,
+        plain["set"],
+        plain["tap"],
+        plain["fault"],
+        plain.get("failure", ""),
+    )
