@@ -1,7 +1,7 @@
 """Drives the emulated bench over real buses: the edge that owns hub, ports, wall clock and files."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from canarm_protocol.bench_objects import DIVIDER
@@ -37,7 +37,7 @@ SHORTEST_FRAME_BITS = 47
 """Of a frame without data, intermission included (ISO 11898-1): nothing carries more frames than that in a time."""
 
 
-class _Waiting(NamedTuple):
+class _Arrived(NamedTuple):
     """A frame that has come and is not taken yet."""
 
     bus: str
@@ -123,7 +123,7 @@ class EmulatorRunner:
             if self._is_behind:
                 self._catch_up(events, now_ns)
             else:
-                self._take_events(events, now_ns)
+                self._take_all(self._arrivals(events), now_ns)
             if lockstep and self._sync_sender is not None and now_ns - self._last_heard_ns > self._sync_timeout_ns:
                 self._run_on(f"no SYNC for {self._sync_timeout_ns / 1e9:g} s")
             self._telemetry(now_ns)
@@ -133,31 +133,28 @@ class EmulatorRunner:
                 collector.cycle_done(NEVER)
         self._deliver()
 
-    def _take_events(self, events: Sequence[Event], now_ns: int) -> None:
+    def _arrivals(self, events: Sequence[Event]) -> Iterator[Event | _Arrived]:
+        """What has come, in order: events of clients, frames of clients and ports. A port is read when it is due."""
         for event in events:
             if type(event) is Received:
-                self._take(event.channel, event.frame, event.client_id, now_ns)
+                yield _Arrived(event.channel, event.frame, event.client_id)
             elif type(event) is Ready:
-                self._drain(event.fileobj, now_ns)  # type: ignore[arg-type]
+                yield from self._read(event.fileobj)  # type: ignore[arg-type]
             else:
-                self._client_event(event)
+                yield event
         for port in self._polled:
-            self._drain(port, now_ns)
+            yield from self._read(port)
 
-    def _gather(self, events: Sequence[Event]) -> list[Event | _Waiting]:
-        """As `_take_events`, but nothing is taken yet."""
-        gathered: list[Event | _Waiting] = []
-        ports = list(self._polled)
-        for event in events:
-            if type(event) is Received:
-                gathered.append(_Waiting(event.channel, event.frame, event.client_id))
-            elif type(event) is Ready:
-                ports.append(event.fileobj)  # type: ignore[arg-type]
+    def _read(self, port: BusPort) -> Iterator[_Arrived]:
+        bus = self._bus_of[id(port)]
+        return (_Arrived(bus, frame, port) for _, frame in port.receive(0.0))
+
+    def _take_all(self, arrivals: Iterable[Event | _Arrived], now_ns: int) -> None:
+        for each in arrivals:
+            if isinstance(each, _Arrived):
+                self._take(*each, now_ns)
             else:
-                gathered.append(event)
-        for port in ports:
-            gathered += [_Waiting(self._bus_of[id(port)], frame, port) for _, frame in port.receive(0.0)]
-        return gathered
+                self._client_event(each)
 
     def _timeout_s(self) -> float:
         limit = PORT_POLL_S if self._polled else IDLE_S
@@ -183,16 +180,12 @@ class EmulatorRunner:
         That is no more than a bus could have carried; who sends faster must not keep the emulator from its work.
         """
         most = self._gap_ns * self._bench.cell.bus.bitrate // (SHORTEST_FRAME_BITS * 1_000_000_000)
-        gathered = self._gather(events)
-        while len(gathered) <= most and (events := self._hub.poll(0.0)):
-            gathered += self._gather(events)
-        waiting = [each for each in gathered if isinstance(each, _Waiting)]
-        self._queued_syncs = sum(each.bus == ROBOT_BUS and is_sync(each.frame) for each in waiting)
-        for each in gathered:
-            if isinstance(each, _Waiting):
-                self._take(*each, now_ns)
-            else:
-                self._client_event(each)
+        arrivals = list(self._arrivals(events))
+        while len(arrivals) <= most and (events := self._hub.poll(0.0)):
+            arrivals += self._arrivals(events)
+        frames = [each for each in arrivals if isinstance(each, _Arrived)]
+        self._queued_syncs = sum(each.bus == ROBOT_BUS and is_sync(each.frame) for each in frames)
+        self._take_all(arrivals, now_ns)
         self._is_behind = False
         self._last_look_ns = time.monotonic_ns()
         self._bench.advance(self._last_look_ns - self._start_ns)
@@ -226,11 +219,6 @@ class EmulatorRunner:
             came_ns = now_ns - (left - 1) * cycle_ns
         self._queued_syncs = left - 1
         self._bench.advance(min(came_ns, now_ns))
-
-    def _drain(self, port: BusPort, now_ns: int) -> None:
-        bus = self._bus_of[id(port)]
-        for _, frame in port.receive(0.0):
-            self._take(bus, frame, port, now_ns)
 
     def _client_event(self, event: Event) -> None:
         if isinstance(event, Attached):
