@@ -16,8 +16,8 @@ from canarm_controller.dynamics import chain_of
 from canarm_controller.dynamics.batch import BatchProgram
 from canarm_controller.dynamics.newton_euler import torque_program
 from canarm_controller.dynamics.scalar import compile_scalar
-from canarm_protocol.cell import Robot
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Robot
 
 try:
     import roboticstoolbox

@@ -18,13 +18,13 @@ from measure import Ratio, Row
 
 from canarm import Rig
 from canarm.session import make_bench, make_controller
-from canarm_controller.runner import Runner
-from canarm_emulator.hub import Hub, Received
-from canarm_emulator.runner import EmulatorRunner
-from canarm_protocol.cell_file import load_cell
+from canarm_controller.run.runner import Runner
+from canarm_emulator.serving.hub import Hub, Received
+from canarm_emulator.serving.runner import EmulatorRunner
+from canarm_protocol.canopen.frames import Cob, Frame, sync_frame, time_frame
+from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Cob, Frame, sync_frame, time_frame
-from canarm_protocol.port import open_port
+from canarm_protocol.transport.port import open_port
 
 CYCLES = 1500
 BLOCKS = 9

@@ -14,11 +14,11 @@ import canopen
 from measure import Ratio, Row
 
 from canarm_emulator.cards.adc0809 import Adc0809Card
-from canarm_emulator.device import AdcDevice
-from canarm_emulator.slave import Slave
-from canarm_protocol.cell import CardModel
-from canarm_protocol.dictionary import eds_text, load_dictionary
-from canarm_protocol.frames import Frame, NmtCommand
+from canarm_emulator.cards.device import AdcDevice
+from canarm_emulator.node.slave import Slave
+from canarm_protocol.canopen.dictionary import eds_text, load_dictionary
+from canarm_protocol.canopen.frames import Frame, NmtCommand
+from canarm_protocol.cell.model import CardModel
 
 NODE_ID = 0x14
 CYCLES = 5000

@@ -18,17 +18,17 @@ from typing import Any
 from measure import Ratio, Row
 
 from canarm.session import make_bench, make_controller
-from canarm_controller.controller import State
-from canarm_controller.runner import Runner, RunResult
-from canarm_emulator.arrival import SyncArrival
-from canarm_emulator.hub import Detached, Event, Hub, Received
-from canarm_emulator.runner import EmulatorRunner
-from canarm_protocol.cell import Cell
-from canarm_protocol.cell_file import load_cell
+from canarm_controller.run.controller import State
+from canarm_controller.run.runner import Runner, RunResult
+from canarm_emulator.serving.arrival import SyncArrival
+from canarm_emulator.serving.hub import Detached, Event, Hub, Received
+from canarm_emulator.serving.runner import EmulatorRunner
+from canarm_protocol.canopen.frames import Cob, sync_frame
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Cob, sync_frame
-from canarm_protocol.port import open_port
-from canarm_protocol.realtime import PRIORITY
+from canarm_protocol.transport.port import open_port
+from canarm_protocol.transport.realtime import PRIORITY
 
 BLOCKS = 10
 CYCLES = 600

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .rig import Rig
+    from .rig.rig import Rig
 
 __all__ = ["Rig"]
 
@@ -13,7 +13,7 @@ def __getattr__(name: str) -> Any:
     it.
     """
     if name == "Rig":
-        from .rig import Rig
+        from .rig.rig import Rig
 
         return Rig
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -3,10 +3,10 @@
 from dataclasses import replace
 from pathlib import Path
 
-from canarm_emulator.bench import Bench
+from canarm_emulator.bench.bench import Bench
 from canarm_emulator.faults.engine import FaultEngine
 from canarm_protocol.errors import FaultError
-from canarm_protocol.faults import FaultScript, read_faults
+from canarm_protocol.faults.script import FaultScript, read_faults
 
 
 def load_faults(path: Path, bench: Bench) -> FaultScript:

@@ -5,8 +5,8 @@ import fnmatch
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from canarm_protocol.cell_messages import nearest
-from canarm_protocol.faults import IDENTIFIER, ParameterValue, limits_text
+from canarm_protocol.cell.cell_messages import nearest
+from canarm_protocol.faults.script import IDENTIFIER, ParameterValue, limits_text
 
 from .usage import UsageError, key_values
 

@@ -10,11 +10,11 @@ from typing import Annotated, Any, Literal
 import can
 from cyclopts import Parameter, Token
 
-from canarm_protocol.cell import Cell
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import BusError
-from canarm_protocol.port import BusPort, open_port, parse_bus_options
-from canarm_protocol.socketcand import DEFAULT_PORT
+from canarm_protocol.transport.port import BusPort, open_port, parse_bus_options
+from canarm_protocol.transport.socketcand import DEFAULT_PORT
 
 from .usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError, parse_settings
 

@@ -7,16 +7,16 @@ import sys
 from collections.abc import Mapping
 from typing import Any
 
-from canarm_controller.controller import Controller
 from canarm_controller.laws.loading import load_law
-from canarm_controller.loop import ControlLoop
-from canarm_controller.trajectory import make_trajectory
-from canarm_emulator.bench import Bench
-from canarm_emulator.truth import Truth
-from canarm_protocol.cell import Cell
+from canarm_controller.reference.trajectory import make_trajectory
+from canarm_controller.run.controller import Controller
+from canarm_controller.run.loop import ControlLoop
+from canarm_emulator.bench.bench import Bench
+from canarm_emulator.robot.truth import Truth
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.schedulability import cell_verdict
+from canarm_protocol.cell.wiring import card_nodes, input_slots
 from canarm_protocol.clock import Clock
-from canarm_protocol.schedulability import cell_verdict
-from canarm_protocol.wiring import card_nodes, input_slots
 
 from .usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError
 

@@ -6,9 +6,9 @@ A synthetic run and a clock that stands still feed it, so that the picture chang
 import asyncio
 from pathlib import Path
 
-from canarm_protocol.cell_file import load_cell
-from canarm_protocol.frames import Frame
-from canarm_protocol.port import BusPort, Discarded
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.transport.port import BusPort, Discarded
 from canarm_tui import DashboardApp
 from canarm_tui.synthetic import SyntheticBench
 

@@ -6,11 +6,11 @@ from cyclopts import Parameter
 
 from canarm_controller.dynamics import NominalArm
 from canarm_controller.errors import ControllerError
-from canarm_emulator.truth import truth_keys
-from canarm_protocol.cell import Cell
-from canarm_protocol.cell_file import setting_keys
-from canarm_protocol.schedulability import cell_verdict
-from canarm_protocol.wiring import card_nodes
+from canarm_emulator.robot.truth import truth_keys
+from canarm_protocol.cell.cell_file import setting_keys
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.schedulability import cell_verdict
+from canarm_protocol.cell.wiring import card_nodes
 
 from ..options import CellOptions, Flag
 from ..usage import UsageError

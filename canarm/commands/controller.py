@@ -9,15 +9,15 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from canarm_controller.controller import Controller, State
 from canarm_controller.errors import ClockMismatchError, ControllerError
-from canarm_controller.recording import SIGNALS_FILE, ControllerRecorder
-from canarm_controller.runner import LISTEN_NS, Runner, RunResult
-from canarm_protocol.cell import Cell
+from canarm_controller.run.controller import Controller, State
+from canarm_controller.run.recording import SIGNALS_FILE, ControllerRecorder
+from canarm_controller.run.runner import LISTEN_NS, Runner, RunResult
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError
-from canarm_protocol.realtime import ask_for_realtime
-from canarm_protocol.run_folder import SIGNALS_FOLDER, create_run_folder, update_run_file
+from canarm_protocol.runs.run_folder import SIGNALS_FOLDER, create_run_folder, update_run_file
+from canarm_protocol.transport.realtime import ask_for_realtime
 
 from ..options import (
     BENCH_BUS,

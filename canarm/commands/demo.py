@@ -12,11 +12,11 @@ from cyclopts import Parameter
 
 from canarm_controller.errors import ControllerError
 from canarm_emulator.errors import TruthError
-from canarm_emulator.truth import Truth as TrueRobot
-from canarm_protocol.cell import Cell
+from canarm_emulator.robot.truth import Truth as TrueRobot
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError
-from canarm_protocol.run_folder import create_run_folder, new_run_folder, update_run_file
+from canarm_protocol.runs.run_folder import create_run_folder, new_run_folder, update_run_file
 
 from ..child import Child
 from ..fault_file import load_faults

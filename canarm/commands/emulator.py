@@ -12,20 +12,20 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from canarm_emulator.bench import Bench
-from canarm_emulator.bus_trouble import BusTrouble
+from canarm_emulator.bench.bench import Bench
 from canarm_emulator.errors import EmulatorError, TruthError
-from canarm_emulator.hub import Hub
-from canarm_emulator.recording import Recorder
-from canarm_emulator.runner import EmulatorRunner
-from canarm_emulator.slcan_port import SOCKET_URL, SlcanPort, SlcanSocket, SlcanTerminal
-from canarm_emulator.wire import Wire as WireModel
-from canarm_protocol.cell import Cell
+from canarm_emulator.serving.hub import Hub
+from canarm_emulator.serving.recording import Recorder
+from canarm_emulator.serving.runner import EmulatorRunner
+from canarm_emulator.serving.slcan_port import SOCKET_URL, SlcanPort, SlcanSocket, SlcanTerminal
+from canarm_emulator.wire.bus_trouble import BusTrouble
+from canarm_emulator.wire.wire import Wire as WireModel
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError
-from canarm_protocol.fault_toml import as_toml
-from canarm_protocol.port import BusPort
-from canarm_protocol.run_folder import claim_run_folder, update_run_file
+from canarm_protocol.faults.fault_toml import as_toml
+from canarm_protocol.runs.run_folder import claim_run_folder, update_run_file
+from canarm_protocol.transport.port import BusPort
 
 from ..fault_file import load_faults
 from ..options import (

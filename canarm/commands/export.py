@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from canarm_protocol.export import BUSES, export_dbc, export_dcf, export_eds
+from canarm_protocol.cell.export import BUSES, export_dbc, export_dcf, export_eds
 
 from ..options import CellOptions
 from ..usage import UsageError

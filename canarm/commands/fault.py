@@ -9,13 +9,13 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 
 from canarm_protocol.errors import FaultError
-from canarm_protocol.fault_toml import as_toml
-from canarm_protocol.faults import FaultScript, script_of
+from canarm_protocol.faults.fault_toml import as_toml
+from canarm_protocol.faults.script import FaultScript, script_of
 
 from ..bench_client import BenchClient
 from ..fault_text import catalogue_lines, parse_parameters, select_taps, status_lines
 from ..options import BenchAttachOptions, CellOptions, Flag, Seconds, named_file
-from ..rig_faults import read_script
+from ..rig.rig_faults import read_script
 from ..usage import UsageError
 
 NAMED = "tap and fault"

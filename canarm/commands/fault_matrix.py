@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from canarm_controller.errors import ControllerError
-from canarm_protocol.cell import Cell
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 
 from ..options import CellOptions, Flag, Seed

@@ -11,9 +11,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from canarm_controller.errors import ClockMismatchError, ControllerError
-from canarm_controller.runner import LISTEN_NS
+from canarm_controller.run.runner import LISTEN_NS
+from canarm_protocol.cell.wiring import card_nodes
 from canarm_protocol.clock import Clock
-from canarm_protocol.wiring import card_nodes
 
 from ..jogging.driver import Driver
 from ..jogging.jog import Jog

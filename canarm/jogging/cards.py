@@ -4,13 +4,13 @@ import contextlib
 import math
 from collections.abc import Generator
 
+from canarm_controller.bus.master import Ask, Silence
 from canarm_controller.errors import ControllerError
-from canarm_controller.master import Ask, Silence
-from canarm_protocol.cell import Cell, Joint, Quantity
-from canarm_protocol.dictionary import ANALOGUE_OUTPUT, CODE_SHIFT, DIGITAL_OUTPUT, ERROR_REGISTER, variable_at
-from canarm_protocol.frames import Cob, Frame
-from canarm_protocol.sdo import SdoAborted, Transfer, abort_request, download, upload
-from canarm_protocol.wiring import BITS_A_JOINT, CardNode, DirectionBits, InputSlot, current_scale, sensor_scale
+from canarm_protocol.canopen.dictionary import ANALOGUE_OUTPUT, CODE_SHIFT, DIGITAL_OUTPUT, ERROR_REGISTER, variable_at
+from canarm_protocol.canopen.frames import Cob, Frame
+from canarm_protocol.canopen.sdo import SdoAborted, Transfer, abort_request, download, upload
+from canarm_protocol.cell.model import Cell, Joint, Quantity
+from canarm_protocol.cell.wiring import BITS_A_JOINT, CardNode, DirectionBits, InputSlot, current_scale, sensor_scale
 
 from .parsing import DIRECTION_NAMES, SdoRead, SdoWrite
 

@@ -8,11 +8,11 @@ import time
 from collections.abc import Callable
 from types import FrameType
 
-from canarm_controller.master import Ask, Silence
+from canarm_controller.bus.master import Ask, Silence
+from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError
-from canarm_protocol.frames import Frame
-from canarm_protocol.port import BusPort
+from canarm_protocol.transport.port import BusPort
 
 from .jog import Jog, Work
 

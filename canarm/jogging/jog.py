@@ -8,15 +8,15 @@ import contextlib
 import math
 from collections.abc import Generator
 
-from canarm_controller.master import Ask, Silence, bring_up, read_input, start_frames, stop_frames
-from canarm_controller.pacing import Pacer
-from canarm_controller.supervisor import Supervisor, Verdict
-from canarm_protocol.cell import Cell, Quantity
+from canarm_controller.bus.master import Ask, Silence, bring_up, read_input, start_frames, stop_frames
+from canarm_controller.run.pacing import Pacer
+from canarm_controller.supervision.supervisor import Supervisor, Verdict
+from canarm_protocol.canopen.dictionary import CODE_SHIFT, SYNC_OVERFLOW, default_value
+from canarm_protocol.canopen.frames import Cob, ErrorCode, Frame, NmtState, heartbeat_frame, sync_frame
+from canarm_protocol.canopen.pdo import PdoLayout
+from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.wiring import CardNode, DirectionBits, InputSlot, OutputFrames, input_slots, sensor_scale
 from canarm_protocol.clock import Clock
-from canarm_protocol.dictionary import CODE_SHIFT, SYNC_OVERFLOW, default_value
-from canarm_protocol.frames import Cob, ErrorCode, Frame, NmtState, heartbeat_frame, sync_frame
-from canarm_protocol.pdo import PdoLayout
-from canarm_protocol.wiring import CardNode, DirectionBits, InputSlot, OutputFrames, input_slots, sensor_scale
 
 from .cards import JogError, access_object, error_register, input_text, output_text, read_outputs
 from .parsing import (

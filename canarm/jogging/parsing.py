@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from canopen.objectdictionary import INTEGER_TYPES
 from canopen.objectdictionary.datatypes import SIGNED_TYPES
 
-from canarm_protocol.cell import Cell
-from canarm_protocol.dictionary import variable_at
-from canarm_protocol.wiring import FULL_SCALE_CODE, CardNode, DirectionBits
+from canarm_protocol.canopen.dictionary import variable_at
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.wiring import FULL_SCALE_CODE, CardNode, DirectionBits
 
 from ..usage import UsageError
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from canarm_protocol.cell import Cell
-from canarm_protocol.dictionary import ANALOGUE_OUTPUT, CODE_SHIFT
+from canarm_protocol.canopen.dictionary import ANALOGUE_OUTPUT, CODE_SHIFT
+from canarm_protocol.canopen.frames import Cob, Emergency, NmtCommand, NmtState, parse_nmt
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.wiring import card_nodes
 from canarm_protocol.errors import FrameError
-from canarm_protocol.frames import Cob, Emergency, NmtCommand, NmtState, parse_nmt
-from canarm_protocol.wiring import card_nodes
 
 from .evidence import Evidence, Floats, Ints, Notice, Received
 

@@ -5,7 +5,7 @@ import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from canarm_protocol.cell import Cell
+from canarm_protocol.cell.model import Cell
 
 from .bus_reactions import beside_twin
 from .evidence import Evidence

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from canarm_protocol.cell import Cell, Quantity
-from canarm_protocol.dictionary import CODE_SHIFT
-from canarm_protocol.frames import Frame
-from canarm_protocol.wiring import InputSlot, card_nodes, input_slots, sensor_scale
+from canarm_protocol.canopen.dictionary import CODE_SHIFT
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.wiring import InputSlot, card_nodes, input_slots, sensor_scale
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -40,7 +40,7 @@ class Motion:
 
 
 def motion_of(cycle: Ints, time_s: Floats, joints: Floats, reference_rad: Floats) -> Motion:
-    """`joints` has the values of `canarm_emulator.world.JointState` in their order, shape (n, joints, 6)."""
+    """`joints` has the values of `canarm_emulator.robot.world.JointState` in their order, shape (n, joints, 6)."""
     angle_rad, speed_rad_s, current_a, command_a, _, motor_speed_rad_s = np.moveaxis(joints, 2, 0)
     return Motion(cycle, time_s, angle_rad, speed_rad_s, current_a, command_a, motor_speed_rad_s, reference_rad)
 

@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from canarm_emulator.recording import SIGNALS_FILE
-from canarm_protocol.cell import Cell
+from canarm_emulator.serving.recording import SIGNALS_FILE
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import BusError
-from canarm_protocol.fault_toml import as_toml
-from canarm_protocol.faults import FaultScript, FaultSet, FaultSpec, Trigger
-from canarm_protocol.frames import Frame
-from canarm_protocol.run_folder import CAN_LOG_FILE, SIGNALS_FOLDER
+from canarm_protocol.faults.fault_toml import as_toml
+from canarm_protocol.faults.script import FaultScript, FaultSet, FaultSpec, Trigger
+from canarm_protocol.runs.run_folder import CAN_LOG_FILE, SIGNALS_FOLDER
 
 from ..child import END_S, Child
 from ..options import BENCH_BUS, DEFAULT_HOST

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from canarm_controller.supervision.detection import Reaction
-from canarm_protocol.cell import Cell, Quantity
-from canarm_protocol.wiring import sensor_scale
+from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.wiring import sensor_scale
 
 from .evidence import SENSORS, Evidence, Floats, Motion, Notice
 

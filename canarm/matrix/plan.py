@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from canarm_emulator.faults.catalogue import catalogue
-from canarm_protocol.cell import Cell
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell
 
 from ..usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY
 

@@ -4,11 +4,11 @@ from collections import deque
 
 import numpy as np
 
-from canarm_controller.controller import State
-from canarm_emulator.bench import CycleTruth, Record
-from canarm_protocol.cell import Cell
+from canarm_controller.run.controller import State
+from canarm_emulator.bench.bench import CycleTruth, Record
+from canarm_protocol.cell.model import Cell
 
-from ..rig import Rig
+from ..rig.rig import Rig
 from .evidence import Evidence, Motion, Notice, Received, motion_of, seen_by_controller
 from .plan import INJECTED_S, OBSERVED_S, MatrixCell, Scenario
 

@@ -13,24 +13,24 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from canarm_protocol.bench_objects import TRUE_ANGLE, TRUE_COMMAND, TRUE_SPEED, sdo_channel
-from canarm_protocol.cell import Cell
-from canarm_protocol.cell_file import load_cell
-from canarm_protocol.fault_events import FaultEvent
-from canarm_protocol.fault_toml import as_toml
-from canarm_protocol.faults import FaultScript
-from canarm_protocol.frames import NmtState
-from canarm_protocol.port import BusPort, open_port
-from canarm_protocol.sdo_session import SdoSession
+from canarm_protocol.canopen.frames import NmtState
+from canarm_protocol.cell.bench_objects import TRUE_ANGLE, TRUE_COMMAND, TRUE_SPEED, sdo_channel
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.faults.fault_events import FaultEvent
+from canarm_protocol.faults.fault_toml import as_toml
+from canarm_protocol.faults.script import FaultScript
+from canarm_protocol.transport.port import BusPort, open_port
+from canarm_protocol.transport.sdo_session import SdoSession
 
 from ..bench_client import BenchClient
-from ..bus_rig import BENCH_BUS, HOST, port_of
 from ..child import Child
-from ..findings import begun_of
-from ..recorded import RecordedHistory, fault_events, read_events, recorded_joints
-from ..rig_faults import FaultControl, FaultSource, plainly
-from ..rig_joint import UnknownJoint
-from ..run_plot import plot_run
+from ..reports.run_plot import plot_run
+from ..rig.bus_rig import BENCH_BUS, HOST, port_of
+from ..rig.findings import begun_of
+from ..rig.recorded import RecordedHistory, fault_events, read_events, recorded_joints
+from ..rig.rig_faults import FaultControl, FaultSource, plainly
+from ..rig.rig_joint import UnknownJoint
 from ..session import DEFAULT_CELL
 from ..usage import UsageError
 from .keeping import fault_complaints, fault_lines

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Protocol
 
-from canarm_protocol.fault_events import FaultEvent
+from canarm_protocol.faults.fault_events import FaultEvent
 
 PLOT_FILE = "joints.svg"
 LONGEST_NAME = 80

@@ -7,11 +7,11 @@ from typing import Any, Self
 import pytest
 
 from ..bus_choice import BusChoice
-from ..bus_rig import BusRig
-from ..recorded import RecordedHistory, recorded_joints
-from ..rig import Rig
-from ..rig_faults import plainly
-from ..run_plot import plot_run
+from ..reports.run_plot import plot_run
+from ..rig.bus_rig import BusRig
+from ..rig.recorded import RecordedHistory, recorded_joints
+from ..rig.rig import Rig
+from ..rig.rig_faults import plainly
 from ..session import DEFAULT_CELL
 from .keeping import Keeper, fault_complaints, fault_lines
 
@@ -22,7 +22,7 @@ MOST_EVENTS = 20
 class RigFactory:
     """What the fixture `canarm_rig` is: called with the arguments of `canarm.Rig`, it returns a rig of this test.
 
-    With --canarm-bus it is a `canarm.bus_rig.BusRig`.
+    With --canarm-bus it is a `canarm.rig.bus_rig.BusRig`.
     """
 
     def __init__(self, keeper: Keeper, config: pytest.Config) -> None:

@@ -9,9 +9,9 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
+from canarm_protocol.canopen.frames import Cob, Emergency, Frame, NmtCommand, NmtState, parse_nmt
 from canarm_protocol.errors import BusError, FrameError
-from canarm_protocol.frames import Cob, Emergency, Frame, NmtCommand, NmtState, parse_nmt
-from canarm_protocol.port import BusPort
+from canarm_protocol.transport.port import BusPort
 
 FRAMES_KEPT = 100_000
 READ_S = 0.1

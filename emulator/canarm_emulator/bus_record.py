@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from canarm_protocol.frames import Frame
+from canarm_protocol.canopen.frames import Frame
 
 
 class Record(NamedTuple):

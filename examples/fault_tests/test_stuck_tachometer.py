@@ -1,8 +1,7 @@
 """A tachometer that is stuck is noticed within 25 ms, by name, and the run goes on without it."""
 
 import pytest
-
-from canarm.rig import State
+from canarm.rig.rig import State
 
 FLOOR_RAD_S = 0.125
 """5 % of the tachometer's full scale: a fault that changes less cannot be told from noise."""

@@ -4,7 +4,7 @@ import pytest
 
 from canarm_emulator.faults.catalogue import catalogue
 from canarm_emulator.faults.declaration import Family
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell
 
 TAPS = ("joint2.potentiometer", "joint2.tachometer")
 WIRING = [

@@ -21,7 +21,7 @@ import can
 import numpy as np
 import pytest
 
-from canarm_protocol.cell_file import shipped_cells
+from canarm_protocol.cell.cell_file import shipped_cells
 
 DEADLINE_S = 60.0 * float(os.environ.get("PATIENCE", "1"))
 """Far longer than anything takes: a busy machine must not fail a test. PATIENCE=10 is for emulated machines."""

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from canarm import Rig
-from canarm_protocol.run_folder import CAN_LOG_FILE
+from canarm_protocol.runs.run_folder import CAN_LOG_FILE
 
 SIGNALS = ("signals/robot.csv", "signals/controller.csv", "memory.bin")
 

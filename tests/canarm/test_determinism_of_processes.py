@@ -7,7 +7,7 @@ import can
 import pytest
 
 from canarm import Rig
-from canarm_protocol.frames import NmtState, heartbeat_frame
+from canarm_protocol.canopen.frames import NmtState, heartbeat_frame
 
 LISTENER_NODE_ID = 0x32
 BUSY = "while True: pass"

@@ -13,12 +13,12 @@ from canarm.bench_client import BenchClient
 from canarm.cli import run
 from canarm.fault_text import parse_parameters, status_lines
 from canarm_emulator.faults.declaration import declared_faults
-from canarm_protocol import bench_objects as objects
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell import bench_objects as objects
+from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.errors import BusError, FaultError
-from canarm_protocol.faults import parse_faults
-from canarm_protocol.port import open_port
-from canarm_protocol.sdo_session import SdoSession
+from canarm_protocol.faults.script import parse_faults
+from canarm_protocol.transport.port import open_port
+from canarm_protocol.transport.sdo_session import SdoSession
 
 CELL = load_cell("konkuk1")
 PAGE = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
@@ -45,9 +45,9 @@ fault = "payload-change"
 HAMMER = """
 import sys
 from canarm.bench_client import BenchClient
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.errors import FaultError
-from canarm_protocol.port import open_port
+from canarm_protocol.transport.port import open_port
 
 port, name = int(sys.argv[1]), sys.argv[2]
 SET = '''[[set]]

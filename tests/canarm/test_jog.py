@@ -12,9 +12,9 @@ import time
 
 import pytest
 
-from canarm_protocol.bench_objects import CYCLE, PEAK_CURRENT, TRUE_ANGLE, sdo_channel
-from canarm_protocol.port import open_port
-from canarm_protocol.sdo_session import SdoSession
+from canarm_protocol.cell.bench_objects import CYCLE, PEAK_CURRENT, TRUE_ANGLE, sdo_channel
+from canarm_protocol.transport.port import open_port
+from canarm_protocol.transport.sdo_session import SdoSession
 
 DEADLINE_S = 120.0
 BENCH, DAC, LATCH = 0x70, 0x12, 0x13

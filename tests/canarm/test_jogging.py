@@ -6,12 +6,12 @@ from canarm.jogging.cards import JogError
 from canarm.jogging.jog import Jog, Work
 from canarm.jogging.parsing import Parser
 from canarm.session import make_bench
+from canarm_controller.bus.master import Silence
 from canarm_controller.errors import BringUpError
-from canarm_controller.master import Silence
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.canopen.frames import Emergency, Frame, NmtState
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.wiring import card_nodes
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Emergency, Frame, NmtState
-from canarm_protocol.wiring import card_nodes
 
 CELL = load_cell("konkuk1")
 SILENT = {f"{joint}.noise_lsb": "0" for joint in CELL.joint_names}

@@ -29,9 +29,9 @@ from canarm.matrix.text_report import as_text
 from canarm.matrix.undetectable import DECLARED_UNDETECTABLE, HIGHEST_SHARE
 from canarm.usage import UsageError
 from canarm_emulator.faults.catalogue import catalogue
-from canarm_protocol.cell import Cell, Quantity
-from canarm_protocol.cell_file import load_cell
-from canarm_protocol.frames import Frame, NmtCommand, nmt_frame
+from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell, Quantity
 
 CELL: Cell = load_cell("konkuk1", {})
 CYCLE_S = 0.0025  # konkuk1.toml

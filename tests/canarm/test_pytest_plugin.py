@@ -217,7 +217,7 @@ def test_the_reactions_of_any_program_are_seen_from_the_bus(run, pytester) -> No
     (pytester.path / "program.py").write_text(PROGRAM)
     text = """
     import sys
-    from canarm_protocol.frames import NmtCommand, NmtState
+    from canarm_protocol.canopen.frames import NmtCommand, NmtState
     def test_program(canarm_bench):
         program = canarm_bench.start_controller([sys.executable, "program.py", str(canarm_bench.port), "stay"])
         canarm_bench.wait_for(lambda: canarm_bench.heartbeat_state(1), 30)

@@ -7,17 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from canarm.rig.rig import State
 
 import canarm
 from canarm import Rig
-from canarm.rig import State
 from canarm.usage import UsageError
 from canarm_controller.errors import ControllerError, LawError, TrajectoryError
 from canarm_emulator.errors import EmulatorError, TruthError
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.errors import CellError, FaultError
-from canarm_protocol.frames import Frame
-from canarm_protocol.run_folder import RunFolderError
+from canarm_protocol.runs.run_folder import RunFolderError
 
 HISTORIES = ("true_angle_rad", "true_speed_rad_s", "current_a", "command_a", "reference_rad", "measured_rad")
 CYCLE_S = 0.0025

@@ -10,23 +10,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from canarm.reports.run_plot import plot_run
+from canarm.rig.findings import Begun, Noticed, ask_detected
+from canarm.rig.recorded import RecordedHistory, fault_events, noticed, read_events, recorded_joints
+from canarm.rig.rig import State
+from canarm.rig.rig_faults import FaultControl, read_script
+from canarm.rig.rig_joint import SIGNALS, TRUE_SIGNALS, RigJoint, Span
 
 from canarm import Rig
-from canarm.findings import Begun, Noticed, ask_detected
-from canarm.recorded import RecordedHistory, fault_events, noticed, read_events, recorded_joints
-from canarm.rig import State
-from canarm.rig_faults import FaultControl, read_script
-from canarm.rig_joint import SIGNALS, TRUE_SIGNALS, RigJoint, Span
-from canarm.run_plot import plot_run
 from canarm.usage import UsageError
 from canarm_controller.supervision.detection import Detection, Reaction
 from canarm_emulator.faults import declaration
 from canarm_emulator.faults.declaration import declared_faults, parameters_at
 from canarm_emulator.faults.taps import taps_of
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.errors import FaultError
-from canarm_protocol.fault_toml import as_toml
-from canarm_protocol.faults import parse_faults
+from canarm_protocol.faults.fault_toml import as_toml
+from canarm_protocol.faults.script import parse_faults
 
 CYCLE_S = 0.0025
 SVG = "{http://www.w3.org/2000/svg}"

@@ -11,9 +11,9 @@ import pytest
 
 from canarm import serving
 from canarm.options import NamedBus
-from canarm_protocol.hub_client import HubClientBus
-from canarm_protocol.port import open_port
-from canarm_protocol.sdo_session import SdoSession
+from canarm_protocol.transport.hub_client import HubClientBus
+from canarm_protocol.transport.port import open_port
+from canarm_protocol.transport.sdo_session import SdoSession
 
 SLOW = {"bitrate = 1_000_000": "bitrate = 125_000"}
 LOCAL = ("127.0.0.1", 29536)
@@ -158,7 +158,7 @@ def python(script: str) -> tuple[int, str]:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize(
     ("command", "module"),
-    [("demo", "canarm.cli"), ("emulator", "canarm.commands.emulator"), ("controller", "canarm_controller.loop")],
+    [("demo", "canarm.cli"), ("emulator", "canarm.commands.emulator"), ("controller", "canarm_controller.run.loop")],
 )
 def test_a_signal_while_the_program_is_imported_is_a_line_and_status_1(command, module, number):
     script = SIGNALLED.format(module=module, number=int(number), command=command)

@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from canarm_emulator.hub import Hub
+from canarm_emulator.serving.hub import Hub
 
 SWAPPED = {
     "slot = 2\nnode_id = 0x12": "another slot",

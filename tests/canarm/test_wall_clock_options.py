@@ -4,7 +4,7 @@ import pytest
 
 from canarm.options import WallClockOptions
 from canarm.usage import UsageError
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell
 
 
 @pytest.mark.parametrize(

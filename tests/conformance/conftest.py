@@ -21,12 +21,12 @@ import can
 import canopen
 import pytest
 
-from canarm_emulator.bench import Bench
-from canarm_emulator.truth import Truth
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.bench.bench import Bench
+from canarm_emulator.robot.truth import Truth
+from canarm_protocol.canopen.dictionary import eds_text
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.dictionary import eds_text
-from canarm_protocol.frames import Frame
 
 CELL = load_cell("konkuk1")
 NODE_IDS = [card.node_id for card in CELL.card]

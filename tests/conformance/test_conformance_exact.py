@@ -194,7 +194,7 @@ def test_a_write_only_object_is_not_read() -> None:
     from canopen import ObjectDictionary
     from canopen.objectdictionary import ODVariable, datatypes
 
-    from canarm_emulator.store import ObjectStore, SdoRefused
+    from canarm_emulator.node.store import ObjectStore, SdoRefused
 
     dictionary, variable = ObjectDictionary(), ODVariable("Command", 0x2000)
     variable.data_type, variable.access_type = datatypes.UNSIGNED8, "wo"

@@ -6,12 +6,12 @@ import tracemalloc
 
 import pytest
 
-from canarm_emulator.bench import Bench
-from canarm_emulator.truth import Truth
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.bench.bench import Bench
+from canarm_emulator.robot.truth import Truth
+from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame, sync_frame
+from canarm_protocol.canopen.sdo import download, upload
+from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Frame, NmtCommand, nmt_frame, sync_frame
-from canarm_protocol.sdo import download, upload
 
 CELL = load_cell("konkuk1")
 NODE_IDS = [card.node_id for card in CELL.card]

@@ -5,12 +5,12 @@ from collections.abc import Callable, Iterable, Mapping
 import pytest
 
 from canarm.session import make_bench, make_controller
-from canarm_controller.controller import Controller, State
-from canarm_emulator.bench import Bench, CycleTruth
-from canarm_protocol.cell import Cell
-from canarm_protocol.cell_file import load_cell
+from canarm_controller.run.controller import Controller, State
+from canarm_emulator.bench.bench import Bench, CycleTruth
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Frame
 
 Wire = Callable[[Frame], Iterable[Frame]]
 """What arrives in place of a frame."""

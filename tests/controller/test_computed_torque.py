@@ -5,7 +5,7 @@ import pytest
 from canarm import Rig
 from canarm_controller.dynamics import NominalArm
 from canarm_controller.laws import ComputedTorque, Cycle
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell
 
 CELL = load_cell("konkuk1")
 ARM = NominalArm.from_robot(CELL.robot[0])

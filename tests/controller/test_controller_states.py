@@ -5,12 +5,12 @@ from collections.abc import Callable, Iterable
 
 import pytest
 
-from canarm_controller.controller import State
 from canarm_controller.errors import BringUpError, ClockMismatchError, ControllerError
-from canarm_emulator.bench import Bench
-from canarm_emulator.truth import Truth
+from canarm_controller.run.controller import State
+from canarm_emulator.bench.bench import Bench
+from canarm_emulator.robot.truth import Truth
+from canarm_protocol.canopen.frames import Emergency, Frame, NmtState, time_frame
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Emergency, Frame, NmtState, time_frame
 
 # COB-IDs of CiA 301's predefined connection set, and konkuk1's nodes: DAC 0x12, latch 0x13, ADC 0x14.
 SYNC, TIME, EMERGENCY, HEARTBEAT, SDO_ANSWER = 0x080, 0x100, 0x080, 0x700, 0x580

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from canarm_controller.controller import State
+from canarm_controller.run.controller import State
 from canarm_controller.supervision.detection import DETECTORS, Reaction
-from canarm_emulator.truth import Truth
-from canarm_protocol.frames import Emergency, Frame
+from canarm_emulator.robot.truth import Truth
+from canarm_protocol.canopen.frames import Emergency, Frame
 
 POTENTIOMETER, TACHOMETER, CURRENT_SENSE = 0, 2, 4
 """Place of joint2's channel among the ADC's; joint3's is the next."""

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from canarm_controller.controller import State
+from canarm_controller.run.controller import State
+from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Frame
 
 INPUTS, SHIFT, JOINT3_SPEED = 0x294, 7, 3
 PERIOD_NS = 2_500_000

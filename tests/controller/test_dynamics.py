@@ -8,8 +8,8 @@ import sympy
 
 from canarm_controller.dynamics import NominalArm
 from canarm_controller.errors import ControllerError
-from canarm_protocol.cell import Robot
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Robot
 
 ROBOT = load_cell("konkuk1").robot[0]
 

@@ -12,10 +12,10 @@ import sympy
 from canarm_controller.dynamics import chain_of, lagrange_euler
 from canarm_controller.dynamics.chain import Chain, ChainLink
 from canarm_controller.dynamics.lagrange_euler import Pose, Q, link_transform
-from canarm_controller.memory import SAMPLES, TABLE_BASE, MemoryImage
-from canarm_protocol.cell import Quantity
-from canarm_protocol.cell_file import load_cell
-from canarm_protocol.wiring import FULL_SCALE_CODE, sensor_scale
+from canarm_controller.reference.memory import SAMPLES, TABLE_BASE, MemoryImage
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Quantity
+from canarm_protocol.cell.wiring import FULL_SCALE_CODE, sensor_scale
 
 CELL = load_cell("konkuk1")
 RODS = chain_of(CELL.robot[0])

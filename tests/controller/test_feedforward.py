@@ -5,10 +5,10 @@ import pytest
 
 from canarm_controller.dynamics import NominalArm
 from canarm_controller.errors import ControllerError
-from canarm_controller.feedforward import Feedforward, make_feedforward
-from canarm_controller.memory import MemoryImage
-from canarm_controller.trajectory import Reference, make_trajectory
-from canarm_protocol.cell_file import load_cell
+from canarm_controller.reference.feedforward import Feedforward, make_feedforward
+from canarm_controller.reference.memory import MemoryImage
+from canarm_controller.reference.trajectory import Reference, make_trajectory
+from canarm_protocol.cell.cell_file import load_cell
 
 CELL = load_cell("konkuk1")
 ARM = NominalArm.from_robot(CELL.robot[0])

@@ -8,7 +8,7 @@ import sympy
 
 from canarm_controller.dynamics import NominalArm, chain_of, lagrange_euler
 from canarm_controller.errors import DynamicsError
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell
 
 KONKUK = load_cell("konkuk1").robot[0]
 Q = sympy.Matrix([[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]])

@@ -13,12 +13,12 @@ import pytest
 from numpy.typing import NDArray
 
 from canarm_controller.dynamics import NominalArm
-from canarm_controller.feedforward import make_feedforward
 from canarm_controller.laws import ControlLaw, Cycle, load_law
-from canarm_controller.memory import SAMPLES, MemoryImage
-from canarm_controller.trajectory import blend_from, make_trajectory
-from canarm_protocol.cell import Cell
-from canarm_protocol.cell_file import load_cell
+from canarm_controller.reference.feedforward import make_feedforward
+from canarm_controller.reference.memory import SAMPLES, MemoryImage
+from canarm_controller.reference.trajectory import blend_from, make_trajectory
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell
 
 LENGTH_M, GRAVITY_M_S2 = 0.18, 9.8062
 ROTOR_KG_M2 = (0.054, 0.024)

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from canarm_controller.controller import State
 from canarm_controller.errors import ControllerError, LawError, TrajectoryError
 from canarm_controller.laws import ControlLaw, Cycle, load_law
-from canarm_controller.loop import ControlLoop
-from canarm_controller.trajectory import make_trajectory
-from canarm_protocol.cell import Cell
-from canarm_protocol.cell_file import load_cell
-from canarm_protocol.wiring import card_nodes, input_slots
+from canarm_controller.reference.trajectory import make_trajectory
+from canarm_controller.run.controller import State
+from canarm_controller.run.loop import ControlLoop
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.wiring import card_nodes, input_slots
 
 # Places of konkuk1's codes: potentiometers 2 and 3, tachometers 2 and 3, current senses 2 and 3.
 HOME = [146, 128]

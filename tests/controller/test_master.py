@@ -5,14 +5,14 @@ from collections.abc import Generator
 
 import pytest
 
-from canarm_controller.controller import State
+from canarm_controller.bus.master import ANSWER_NS, Ask, Silence, bring_up, read_input, start_frames, stop_frames
 from canarm_controller.errors import BringUpError
-from canarm_controller.master import ANSWER_NS, Ask, Silence, bring_up, read_input, start_frames, stop_frames
-from canarm_emulator.bench import Bench
-from canarm_protocol.cell_file import load_cell
-from canarm_protocol.frames import Frame, NmtState
-from canarm_protocol.sdo import upload
-from canarm_protocol.wiring import card_nodes
+from canarm_controller.run.controller import State
+from canarm_emulator.bench.bench import Bench
+from canarm_protocol.canopen.frames import Frame, NmtState
+from canarm_protocol.canopen.sdo import upload
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.wiring import card_nodes
 
 DAC, LATCH, ADC = 0x12, 0x13, 0x14
 

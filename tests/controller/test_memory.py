@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from canarm_controller.errors import MemoryImageError
-from canarm_controller.memory import MemoryImage, decode_table_byte, encode_table_byte
+from canarm_controller.reference.memory import MemoryImage, decode_table_byte, encode_table_byte
 
 FULL_SCALE_A = 1.5
 TABLE_STEP_A = 2 * FULL_SCALE_A / 255

@@ -8,7 +8,7 @@ from canarm import Rig
 from canarm_controller.dynamics import NominalArm
 from canarm_controller.errors import LawError
 from canarm_controller.laws import Cycle, MrasLyapunov
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell
 
 CELL = load_cell("konkuk1")
 ARM = NominalArm.from_robot(CELL.robot[0])

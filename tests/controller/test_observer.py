@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
+from canarm_controller.estimation.observer import ArmState, JointObserver, stationary_gains
 from canarm_controller.laws import Cycle
-from canarm_controller.laws.observer import ArmState, JointObserver, stationary_gains
-from canarm_protocol.cell import ObserverGains
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import ObserverGains
 
 PERIOD_S = 0.0025
 POSITION_LSB_RAD, SPEED_LSB_RAD_S = math.radians(270.0 / 255), 5.0 / 255

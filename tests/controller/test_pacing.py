@@ -2,7 +2,7 @@
 
 import pytest
 
-from canarm_controller.pacing import Pacer
+from canarm_controller.run.pacing import Pacer
 
 PERIOD_NS = 2_500_000
 

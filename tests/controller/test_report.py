@@ -6,10 +6,10 @@ from collections import Counter
 
 import pytest
 
-from canarm_controller.controller import State
-from canarm_controller.report import BenchReport
-from canarm_protocol.bench_objects import bench_pdos
-from canarm_protocol.frames import Frame
+from canarm_controller.run.controller import State
+from canarm_controller.run.report import BenchReport
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.bench_objects import bench_pdos
 
 
 @pytest.fixture

@@ -5,14 +5,14 @@ from collections.abc import Callable, Sequence
 import pytest
 
 from canarm.session import make_bench, make_controller
-from canarm_controller.controller import State
-from canarm_controller.runner import Runner, RunResult
-from canarm_emulator.bench import Bench
-from canarm_protocol.cell_file import load_cell
+from canarm_controller.run.controller import State
+from canarm_controller.run.runner import Runner, RunResult
+from canarm_emulator.bench.bench import Bench
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError
-from canarm_protocol.frames import Frame
-from canarm_protocol.port import BusPort, Discarded
+from canarm_protocol.transport.port import BusPort, Discarded
 
 SYNC, TIME, HEARTBEAT = 0x080, 0x100, 0x700
 

@@ -21,8 +21,8 @@ from canarm_controller.dynamics import (
 from canarm_controller.dynamics.newton_euler import lumped_inertias, torque_program
 from canarm_controller.dynamics.scalar import compile_scalar, source
 from canarm_controller.errors import DynamicsError
-from canarm_protocol.cell import Robot
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Robot
 
 KONKUK = load_cell("konkuk1").robot[0]
 State = tuple[np.ndarray, np.ndarray, np.ndarray]

@@ -9,10 +9,10 @@ import pytest
 from canarm import Rig
 from canarm_controller.dynamics import COULOMB_SMOOTHING_RAD_S, NominalArm
 from canarm_controller.errors import LawError
+from canarm_controller.estimation.regressor import PARAMETERS, Regressor, dot
 from canarm_controller.laws import Cycle, SlotineLi
-from canarm_controller.laws.regressor import PARAMETERS, Regressor, dot
-from canarm_protocol.cell import Robot
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Robot
 
 CELL = load_cell("konkuk1")
 ROBOT = CELL.robot[0]

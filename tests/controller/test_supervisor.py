@@ -7,10 +7,10 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from canarm_controller.supervisor import Supervisor
-from canarm_protocol.cell_file import load_cell
-from canarm_protocol.frames import Emergency, Frame, time_frame
-from canarm_protocol.wiring import card_nodes
+from canarm_controller.supervision.supervisor import Supervisor
+from canarm_protocol.canopen.frames import Emergency, Frame, time_frame
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.wiring import card_nodes
 
 DAC, LATCH, ADC = 0x12, 0x13, 0x14
 OPERATIONAL, PRE_OPERATIONAL, STOPPED, BOOT_UP = b"\x05", b"\x7f", b"\x04", b"\x00"  # CiA 301, heartbeat

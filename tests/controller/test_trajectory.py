@@ -7,8 +7,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from canarm_controller.errors import TrajectoryError
-from canarm_controller.trajectory import FileTrajectory, Reference, Trajectory, blend_from, make_trajectory
-from canarm_protocol.cell_file import load_cell
+from canarm_controller.reference.trajectory import FileTrajectory, Reference, Trajectory, blend_from, make_trajectory
+from canarm_protocol.cell.cell_file import load_cell
 
 CELL = load_cell("konkuk1")
 PERIOD_S = 0.0025

@@ -6,18 +6,18 @@ from random import Random
 
 import pytest
 
-from canarm_emulator.bench import Bench, Record
-from canarm_emulator.fault_hooks import FaultHooks
+from canarm_emulator.bench.bench import Bench, Record
+from canarm_emulator.bench.fault_hooks import FaultHooks
 from canarm_emulator.faults.catalogue import make_fault
 from canarm_emulator.faults.declaration import Context, JointFault, SignalFault
 from canarm_emulator.faults.taps import taps_of
-from canarm_emulator.truth import Truth
-from canarm_emulator.world import JointState
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.robot.truth import Truth
+from canarm_emulator.robot.world import JointState
+from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame, sync_frame
+from canarm_protocol.canopen.sdo import download
+from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.faults import FaultSpec, parse_faults
-from canarm_protocol.frames import Frame, NmtCommand, nmt_frame, sync_frame
-from canarm_protocol.sdo import download
+from canarm_protocol.faults.script import FaultSpec, parse_faults
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import pytest
 
-from canarm_emulator.arrival import SyncArrival
+from canarm_emulator.serving.arrival import SyncArrival
 
 PERIOD_NS = 2_500_000
 

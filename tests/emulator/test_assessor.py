@@ -6,15 +6,15 @@ import struct
 import numpy as np
 import pytest
 
-from canarm_emulator.assessor import KEPT_CYCLES, SETTLING_CYCLES, SHORTEST_STRETCH, Assessor, SpeedRipple
-from canarm_emulator.bench import Bench
-from canarm_emulator.truth import Truth
-from canarm_emulator.world import JointState
-from canarm_protocol.bench_objects import bench_pdos
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.bench.bench import Bench
+from canarm_emulator.bench_node.assessor import KEPT_CYCLES, SETTLING_CYCLES, SHORTEST_STRETCH, Assessor, SpeedRipple
+from canarm_emulator.robot.truth import Truth
+from canarm_emulator.robot.world import JointState
+from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame, sync_frame
+from canarm_protocol.canopen.sdo import download, upload
+from canarm_protocol.cell.bench_objects import bench_pdos
+from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Frame, NmtCommand, nmt_frame, sync_frame
-from canarm_protocol.sdo import download, upload
 
 CELL = load_cell("konkuk1")
 LSB_RAD = math.radians(270.0 / 255)

@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canarm_emulator.bench import Bench, CycleTruth, Record
-from canarm_emulator.truth import Truth
-from canarm_protocol.bench_objects import bench_pdos, sdo_channel
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.bench.bench import Bench, CycleTruth, Record
+from canarm_emulator.robot.truth import Truth
+from canarm_protocol.canopen.frames import Frame, NmtCommand, heartbeat_frame, nmt_frame, sync_frame, time_frame
+from canarm_protocol.canopen.frames import NmtState as State
+from canarm_protocol.canopen.sdo import download, upload
+from canarm_protocol.cell.bench_objects import bench_pdos, sdo_channel
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.wiring import OutputFrames, card_nodes
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Frame, NmtCommand, heartbeat_frame, nmt_frame, sync_frame, time_frame
-from canarm_protocol.frames import NmtState as State
-from canarm_protocol.sdo import download, upload
-from canarm_protocol.wiring import OutputFrames, card_nodes
 
 CELL = load_cell("konkuk1")
 NODES = card_nodes(CELL)

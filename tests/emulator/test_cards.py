@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 
 from canarm_emulator.cards.adc0809 import DATA, END_OF_CONVERSION, STATUS, Adc0809Card
 from canarm_emulator.cards.dac0808 import Dac0808Card
+from canarm_emulator.cards.device import AdcDevice, DacDevice, LatchDevice
 from canarm_emulator.cards.registers import OPEN_BUS, REGISTERS
 from canarm_emulator.cards.sc300 import Sc300Card
-from canarm_emulator.device import AdcDevice, DacDevice, LatchDevice
 
 FULL_SCALE_V = 5.0
 CONVERSION_NS = 100_000

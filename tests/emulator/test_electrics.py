@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from canarm_emulator.electrics import DAC_FULL_SCALE, Direction, Drive, decay_over
-from canarm_emulator.truth import Truth
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.robot.electrics import DAC_FULL_SCALE, Direction, Drive, decay_over
+from canarm_emulator.robot.truth import Truth
+from canarm_protocol.cell.cell_file import load_cell
 
 CELL = load_cell("konkuk1")
 TORQUE_NM_A = 4.08  # K_I of joint 2

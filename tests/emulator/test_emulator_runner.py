@@ -11,23 +11,23 @@ from pathlib import Path
 
 import pytest
 
-from canarm_emulator import runner as runner_module
-from canarm_emulator.bench import Bench, Record
-from canarm_emulator.confinement import ErrorKind, ErrorState
-from canarm_emulator.error_frames import error_frame
-from canarm_emulator.hub import Hub, Received
-from canarm_emulator.recording import Recorder
-from canarm_emulator.runner import EmulatorRunner
-from canarm_emulator.truth import Truth
-from canarm_emulator.wire import ErrorFrame
-from canarm_protocol.bench_objects import bench_pdos, sdo_channel
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.bench.bench import Bench, Record
+from canarm_emulator.robot.truth import Truth
+from canarm_emulator.serving import runner as runner_module
+from canarm_emulator.serving.hub import Hub, Received
+from canarm_emulator.serving.recording import Recorder
+from canarm_emulator.serving.runner import EmulatorRunner
+from canarm_emulator.wire.confinement import ErrorKind, ErrorState
+from canarm_emulator.wire.error_frames import error_frame
+from canarm_emulator.wire.wire import ErrorFrame
+from canarm_protocol.canopen.frames import Frame, NmtCommand, NmtState, heartbeat_frame, nmt_frame, sync_frame
+from canarm_protocol.canopen.sdo import download, upload
+from canarm_protocol.cell.bench_objects import bench_pdos, sdo_channel
+from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Frame, NmtCommand, NmtState, heartbeat_frame, nmt_frame, sync_frame
-from canarm_protocol.port import BusPort, Discarded, open_port
-from canarm_protocol.run_folder import create_run_folder
-from canarm_protocol.sdo import download, upload
-from canarm_protocol.sdo_session import SdoSession
+from canarm_protocol.runs.run_folder import create_run_folder
+from canarm_protocol.transport.port import BusPort, Discarded, open_port
+from canarm_protocol.transport.sdo_session import SdoSession
 
 CELL = load_cell("konkuk1")
 DEADLINE_S = 60.0

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from canarm_emulator.bench import Bench
-from canarm_emulator.fault_objects import event_text
+from canarm_emulator.bench.bench import Bench
+from canarm_emulator.bench_node.fault_objects import event_text
 from canarm_emulator.faults import declaration
 from canarm_emulator.faults.declaration import (
     Context,
@@ -30,14 +30,14 @@ from canarm_emulator.faults.declaration import (
     parameter,
 )
 from canarm_emulator.faults.engine import SetState
-from canarm_emulator.truth import JointTruth, Truth
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.robot.truth import JointTruth, Truth
+from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame, sync_frame
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.wiring import OutputFrames, card_nodes
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FaultError
-from canarm_protocol.fault_events import event_details
-from canarm_protocol.faults import parse_faults
-from canarm_protocol.frames import Frame, NmtCommand, nmt_frame, sync_frame
-from canarm_protocol.wiring import OutputFrames, card_nodes
+from canarm_protocol.faults.fault_events import event_details
+from canarm_protocol.faults.script import parse_faults
 
 CELL = load_cell("konkuk1")
 OUTPUTS = OutputFrames(CELL, card_nodes(CELL))

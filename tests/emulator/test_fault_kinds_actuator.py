@@ -5,10 +5,10 @@ from collections.abc import Callable
 
 import pytest
 
-from canarm_emulator.electrics import DAC_FULL_SCALE, Direction, Drive, decay_over
 from canarm_emulator.faults.declaration import JointFault, SignalFault
-from canarm_emulator.truth import JointTruth, Truth
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.robot.electrics import DAC_FULL_SCALE, Direction, Drive, decay_over
+from canarm_emulator.robot.truth import JointTruth, Truth
+from canarm_protocol.cell.cell_file import load_cell
 
 CELL = load_cell("konkuk1")
 SOUND = Truth.from_settings(CELL).joints[0]

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from canarm_emulator.bench import Record
-from canarm_emulator.confinement import ErrorState
-from canarm_emulator.wire import ErrorFrame, StateChange
+from canarm_emulator.bench.bench import Record
+from canarm_emulator.wire.confinement import ErrorState
+from canarm_emulator.wire.wire import ErrorFrame, StateChange
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FaultError
 

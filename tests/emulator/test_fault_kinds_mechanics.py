@@ -6,17 +6,17 @@ from random import Random
 
 import pytest
 
-from canarm_emulator.bench import Bench
+from canarm_emulator.bench.bench import Bench
 from canarm_emulator.faults.catalogue import make_fault
 from canarm_emulator.faults.declaration import Context, Family, Fault, TapKind, declared_faults
 from canarm_emulator.faults.points import TruthPoint
 from canarm_emulator.faults.taps import taps_of
-from canarm_emulator.truth import JointTruth, Truth
-from canarm_emulator.world import Direction, JointState, World
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.robot.truth import JointTruth, Truth
+from canarm_emulator.robot.world import Direction, JointState, World
+from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FaultError
-from canarm_protocol.faults import FaultSpec
+from canarm_protocol.faults.script import FaultSpec
 
 CELL = load_cell("konkuk1")
 TAPS = taps_of(CELL)

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from canarm_emulator.bench import Record
+from canarm_emulator.bench.bench import Record
 from canarm_emulator.faults.messages import Intruder
+from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Frame, NmtCommand, nmt_frame
 
 CYCLE_NS, SCAN_NS = 2_500_000, 600_000
 BEGIN, END, CYCLES = 40, 60, 80

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from canarm_emulator.bench import Record
+from canarm_emulator.bench.bench import Record
+from canarm_protocol.canopen.frames import Frame, NmtCommand, NmtState, nmt_frame
+from canarm_protocol.canopen.sdo import download
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Frame, NmtCommand, NmtState, nmt_frame
-from canarm_protocol.sdo import download
 
 DAC, LATCH, ADC = 0x12, 0x13, 0x14
 CYCLE_S, BEGIN, END, CYCLES = 0.0025, 40, 120, 200

@@ -9,17 +9,17 @@ from typing import NamedTuple
 
 import pytest
 
-from canarm_emulator.bench import Bench
+from canarm_emulator.bench.bench import Bench
 from canarm_emulator.faults.catalogue import Entry, catalogue
 from canarm_emulator.faults.declaration import Family, TapKind
-from canarm_emulator.truth import Truth
-from canarm_emulator.world import JointState
-from canarm_protocol.cell import Quantity
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.robot.truth import Truth
+from canarm_emulator.robot.world import JointState
+from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame, sync_frame
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Quantity
+from canarm_protocol.cell.wiring import OutputFrames, card_nodes
 from canarm_protocol.clock import Clock
-from canarm_protocol.faults import parse_faults
-from canarm_protocol.frames import Frame, NmtCommand, nmt_frame, sync_frame
-from canarm_protocol.wiring import OutputFrames, card_nodes
+from canarm_protocol.faults.script import parse_faults
 
 CELL = load_cell("konkuk1")
 OUTPUTS = OutputFrames(CELL, card_nodes(CELL))

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from canarm import Rig
+from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Frame, NmtCommand, nmt_frame
 
 CARDS = ("node.0x12", "node.0x13", "node.0x14")
 SILENCES = {

@@ -9,17 +9,17 @@ from typing import Any
 import canopen
 import pytest
 
-from canarm_emulator.bench import Bench
-from canarm_emulator.recording import Recorder
-from canarm_emulator.truth import Truth
-from canarm_protocol import bench_objects as objects
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.bench.bench import Bench
+from canarm_emulator.robot.truth import Truth
+from canarm_emulator.serving.recording import Recorder
+from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame, sync_frame
+from canarm_protocol.canopen.sdo import AbortCode, SdoAborted, Transfer, download, upload
+from canarm_protocol.cell import bench_objects as objects
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.export import export_eds
+from canarm_protocol.cell.wiring import OutputFrames, card_nodes
 from canarm_protocol.clock import Clock
-from canarm_protocol.export import export_eds
-from canarm_protocol.frames import Frame, NmtCommand, nmt_frame, sync_frame
-from canarm_protocol.run_folder import create_run_folder
-from canarm_protocol.sdo import AbortCode, SdoAborted, Transfer, download, upload
-from canarm_protocol.wiring import OutputFrames, card_nodes
+from canarm_protocol.runs.run_folder import create_run_folder
 
 CELL = load_cell("konkuk1")
 NODE = 0x70

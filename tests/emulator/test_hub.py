@@ -11,7 +11,7 @@ import can
 import pytest
 
 from canarm_emulator.errors import EmulatorError
-from canarm_emulator.hub import (
+from canarm_emulator.serving.hub import (
     MAX_CLIENTS,
     MAX_GARBAGE,
     Attached,
@@ -22,8 +22,8 @@ from canarm_emulator.hub import (
     Ready,
     Received,
 )
-from canarm_protocol.frames import Frame
-from canarm_protocol.hub_client import HubClientBus
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.transport.hub_client import HubClientBus
 
 DEADLINE_S = 10.0
 ATTACH = b"< open can0 >< rawmode >< echo >"
@@ -187,7 +187,7 @@ def test_nothing_is_forwarded_unless_the_runner_says_so(hub, connect):
 
 
 def test_frames_wait_until_a_client_has_spoken_after_its_handshake(hub, connect, monkeypatch):
-    monkeypatch.setattr("canarm_emulator.hub.HOLD_S", 3600.0)
+    monkeypatch.setattr("canarm_emulator.serving.hub.HOLD_S", 3600.0)
     client = connect(b"< open can0 >< rawmode >", b"< hi >< ok >< ok >")
     hub.send("can0", 10**9, Frame(1))
     hub.flush()

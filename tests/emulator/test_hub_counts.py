@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import pytest
 
 from canarm_emulator.errors import HubError
-from canarm_emulator.hub import Hub
-from canarm_protocol.frames import Frame
-from canarm_protocol.socketcand import format_frame
+from canarm_emulator.serving.hub import Hub
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.transport.socketcand import format_frame
 
 DEADLINE_S = 60.0
 FRAME = Frame(0x123, bytes(8))

@@ -11,10 +11,10 @@ import pinocchio as pin
 import pytest
 
 from canarm_emulator.errors import EmulatorError
-from canarm_emulator.plant import BEARING_SHARE, WIRE_LOSS_TIME_S, Plant, model_xml
-from canarm_emulator.truth import JointTruth, Truth
-from canarm_protocol.cell import Cell, Joint, Robot
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.robot.plant import BEARING_SHARE, WIRE_LOSS_TIME_S, Plant, model_xml
+from canarm_emulator.robot.truth import JointTruth, Truth
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell, Joint, Robot
 
 CELL = load_cell("konkuk1")
 FRICTIONLESS = {f"{joint}.{kind}": "0" for joint in CELL.joint_names for kind in ("viscous", "coulomb")}

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from canarm_emulator.hub import Hub
-from canarm_emulator.slcan import SlcanAdapter
-from canarm_emulator.slcan_port import SlcanPort, SlcanSocket, SlcanTerminal
-from canarm_protocol.frames import Frame
-from canarm_protocol.socketcand import Bad, ClientParser, Echo, Open, RawMode, Send, ServerParser, Unknown
+from canarm_emulator.serving.hub import Hub
+from canarm_emulator.serving.slcan import SlcanAdapter
+from canarm_emulator.serving.slcan_port import SlcanPort, SlcanSocket, SlcanTerminal
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.transport.socketcand import Bad, ClientParser, Echo, Open, RawMode, Send, ServerParser, Unknown
 
 SEED = 20260
 STREAMS = 50_000

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from canarm_emulator.errors import EmulatorError
-from canarm_emulator.sensors import Source, normal_deviates, source
-from canarm_emulator.truth import Truth
-from canarm_protocol.cell import Quantity
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.robot.sensors import Source, normal_deviates, source
+from canarm_emulator.robot.truth import Truth
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Quantity
 
 CELL = load_cell("konkuk1")
 

@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 
 from canarm_emulator.cards.adc0809 import Adc0809Card
 from canarm_emulator.cards.dac0808 import Dac0808Card
-from canarm_emulator.confinement import ErrorState
-from canarm_emulator.device import AdcDevice, DacDevice
-from canarm_emulator.slave import NEVER, Slave
-from canarm_protocol.cell import CardModel
-from canarm_protocol.dictionary import Dictionary, load_dictionary
-from canarm_protocol.frames import Frame, NmtCommand, NmtState
-from canarm_protocol.sdo import SdoAborted, download, upload
+from canarm_emulator.cards.device import AdcDevice, DacDevice
+from canarm_emulator.node.slave import NEVER, Slave
+from canarm_emulator.wire.confinement import ErrorState
+from canarm_protocol.canopen.dictionary import Dictionary, load_dictionary
+from canarm_protocol.canopen.frames import Frame, NmtCommand, NmtState
+from canarm_protocol.canopen.sdo import SdoAborted, download, upload
+from canarm_protocol.cell.model import CardModel
 
 NODE_ID = 0x12
 MASTER = 1

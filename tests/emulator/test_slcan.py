@@ -7,8 +7,8 @@ from can.interfaces.slcan import slcanBus
 from hypothesis import given
 from hypothesis import strategies as st
 
-from canarm_emulator.slcan import MAX_LINE, SlcanAdapter
-from canarm_protocol.frames import Frame
+from canarm_emulator.serving.slcan import MAX_LINE, SlcanAdapter
+from canarm_protocol.canopen.frames import Frame
 
 
 @pytest.fixture

@@ -17,9 +17,9 @@ from pathlib import Path
 import can
 import pytest
 
-from canarm_emulator.hub import Hub, HubError, Ready
-from canarm_emulator.slcan_port import SlcanError, SlcanPort, SlcanSocket, SlcanTerminal, default_link
-from canarm_protocol.frames import Frame
+from canarm_emulator.serving.hub import Hub, HubError, Ready
+from canarm_emulator.serving.slcan_port import SlcanError, SlcanPort, SlcanSocket, SlcanTerminal, default_link
+from canarm_protocol.canopen.frames import Frame
 
 DEADLINE_S = 30.0
 

@@ -6,13 +6,13 @@ from typing import Any
 import canopen
 import pytest
 
-from canarm_emulator.bench import Bench
-from canarm_emulator.truth import Truth
-from canarm_protocol.bench_objects import bench_dictionary
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.bench.bench import Bench
+from canarm_emulator.robot.truth import Truth
+from canarm_protocol.canopen.dictionary import eds_text
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.bench_objects import bench_dictionary
+from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.dictionary import eds_text
-from canarm_protocol.frames import Frame
 
 CELL = load_cell("konkuk1")
 DAC, LATCH, ADC = 0x12, 0x13, 0x14

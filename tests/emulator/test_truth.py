@@ -5,8 +5,8 @@ import dataclasses
 import pytest
 
 from canarm_emulator.errors import EmulatorError, TruthError
-from canarm_emulator.truth import JointTruth, Truth, truth_keys
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.robot.truth import JointTruth, Truth, truth_keys
+from canarm_protocol.cell.cell_file import load_cell
 
 CELL = load_cell("konkuk1")
 

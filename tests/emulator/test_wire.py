@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import pytest
 
-from canarm_emulator.confinement import ErrorKind, ErrorState
-from canarm_emulator.wire import NEVER, Delivery, ErrorFrame, Queueing, StateChange, Wire
-from canarm_protocol.bits import arbitration_bits, frame_bits, wire_bits
+from canarm_emulator.wire.confinement import ErrorKind, ErrorState
+from canarm_emulator.wire.wire import NEVER, Delivery, ErrorFrame, Queueing, StateChange, Wire
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.schedulability import Message, response_times
 from canarm_protocol.errors import FrameError
-from canarm_protocol.frames import Frame
-from canarm_protocol.schedulability import Message, response_times
+from canarm_protocol.transport.bits import arbitration_bits, frame_bits, wire_bits
 
 BIT = 1000
 """ns, at 1 Mbit/s."""

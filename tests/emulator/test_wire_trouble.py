@@ -15,21 +15,21 @@ from pathlib import Path
 import can
 import pytest
 
-from canarm_emulator.bench import Bench, Record
-from canarm_emulator.bus_figures import ClientCounts
-from canarm_emulator.bus_trouble import ClientNode
-from canarm_emulator.confinement import ErrorState
-from canarm_emulator.hub import Hub
-from canarm_emulator.recording import Recorder
-from canarm_emulator.runner import EmulatorRunner
-from canarm_emulator.truth import Truth
-from canarm_emulator.wire import StateChange
-from canarm_protocol.bench_objects import bench_pdos
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.bench.bench import Bench, Record
+from canarm_emulator.bench_node.bus_figures import ClientCounts
+from canarm_emulator.robot.truth import Truth
+from canarm_emulator.serving.hub import Hub
+from canarm_emulator.serving.recording import Recorder
+from canarm_emulator.serving.runner import EmulatorRunner
+from canarm_emulator.wire.bus_trouble import ClientNode
+from canarm_emulator.wire.confinement import ErrorState
+from canarm_emulator.wire.wire import StateChange
+from canarm_protocol.canopen.frames import Frame, NmtCommand, NmtState, nmt_frame, sync_frame
+from canarm_protocol.canopen.sdo import download, upload
+from canarm_protocol.cell.bench_objects import bench_pdos
+from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Frame, NmtCommand, NmtState, nmt_frame, sync_frame
-from canarm_protocol.run_folder import create_run_folder
-from canarm_protocol.sdo import download, upload
+from canarm_protocol.runs.run_folder import create_run_folder
 
 CELL = load_cell("konkuk1")
 DAC, LATCH, ADC, BENCH_NODE = 0x12, 0x13, 0x14, CELL.bus.bench_node_id

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import pytest
 
-from canarm_emulator.bench import Bench, Record
-from canarm_emulator.truth import Truth
-from canarm_protocol.bits import frame_bits
-from canarm_protocol.cell_file import parse_cell, shipped_cells
+from canarm_emulator.bench.bench import Bench, Record
+from canarm_emulator.robot.truth import Truth
+from canarm_protocol.canopen.frames import Cob, Frame, NmtCommand, nmt_frame, sync_frame
+from canarm_protocol.cell.cell_file import parse_cell, shipped_cells
 from canarm_protocol.clock import Clock
-from canarm_protocol.frames import Cob, Frame, NmtCommand, nmt_frame, sync_frame
+from canarm_protocol.transport.bits import frame_bits
 
 CYCLE_NS, SCAN_NS, DELAY_NS, BIT_NS = 2_500_000, 600_000, 500_000, 1000
 INTERMISSION_BITS = 3  # ISO 11898-1: between two frames

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from canarm_emulator.errors import EmulatorError
-from canarm_emulator.truth import Truth
-from canarm_emulator.world import Direction, SaturatedSteps, World
-from canarm_protocol.cell import Cell, Quantity
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.robot.truth import Truth
+from canarm_emulator.robot.world import Direction, SaturatedSteps, World
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell, Quantity
 
 CELL = load_cell("konkuk1")
 CYCLE_NS = CELL.bus.cycle_ns

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from canarm.child import Child
-from canarm_protocol.frames import Frame
-from canarm_protocol.port import open_port
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.transport.port import open_port
 
 ROOT = Path(__file__).parents[2]
 DEADLINE_S = 120.0

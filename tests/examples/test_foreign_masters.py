@@ -9,9 +9,9 @@ import sys
 
 import pytest
 
-from canarm_protocol.bench_objects import TRUE_ANGLE, sdo_channel
-from canarm_protocol.port import open_port
-from canarm_protocol.sdo_session import SdoSession
+from canarm_protocol.cell.bench_objects import TRUE_ANGLE, sdo_channel
+from canarm_protocol.transport.port import open_port
+from canarm_protocol.transport.sdo_session import SdoSession
 
 NEEDS_A_COMPILER = pytest.mark.skipif(
     sys.platform != "linux" or shutil.which("cc") is None, reason="needs Linux and a C compiler named cc"

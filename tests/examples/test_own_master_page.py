@@ -8,12 +8,12 @@ import can
 import pytest
 
 from canarm.cli import run
-from canarm_protocol.bench_objects import bench_pdos, sdo_channel
-from canarm_protocol.cell import Cell, Quantity
-from canarm_protocol.cell_file import load_cell
-from canarm_protocol.port import open_port
-from canarm_protocol.sdo_session import SdoSession
-from canarm_protocol.wiring import card_nodes, current_scale, sensor_scale, wired_signals
+from canarm_protocol.cell.bench_objects import bench_pdos, sdo_channel
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.wiring import card_nodes, current_scale, sensor_scale, wired_signals
+from canarm_protocol.transport.port import open_port
+from canarm_protocol.transport.sdo_session import SdoSession
 
 ANSWER_S = 20.0
 NOISY = {0x294, 0x394}

@@ -5,7 +5,9 @@ import io
 import canopen
 import pytest
 
-from canarm_protocol.bench_objects import (
+from canarm_protocol.canopen.dictionary import default_value
+from canarm_protocol.canopen.pdo import read_layouts
+from canarm_protocol.cell.bench_objects import (
     CLAIM_CHANNEL,
     CLIENT_CHANNELS,
     CONTROLLER_CHANNEL,
@@ -14,12 +16,10 @@ from canarm_protocol.bench_objects import (
     bench_pdos,
     sdo_channel,
 )
-from canarm_protocol.cell import Cell
-from canarm_protocol.cell_checks import BENCH_NODE_IDS, MOST_JOINTS
-from canarm_protocol.cell_file import load_cell
-from canarm_protocol.dictionary import default_value
-from canarm_protocol.export import export_eds
-from canarm_protocol.pdo import read_layouts
+from canarm_protocol.cell.cell_checks import BENCH_NODE_IDS, MOST_JOINTS
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.export import export_eds
+from canarm_protocol.cell.model import Cell
 
 CELL = load_cell("konkuk1")
 

@@ -4,7 +4,9 @@ import random
 
 import pytest
 
-from canarm_protocol.bits import (
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.errors import FrameError
+from canarm_protocol.transport.bits import (
     INTERMISSION_BITS,
     arbitration_bits,
     arbitration_key,
@@ -15,8 +17,6 @@ from canarm_protocol.bits import (
     wire_bits,
     worst_case_bits,
 )
-from canarm_protocol.errors import FrameError
-from canarm_protocol.frames import Frame
 
 GENERATOR = "1100010110011001"
 """x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1 with its leading term (CAN 2.0, 3.1.1)."""

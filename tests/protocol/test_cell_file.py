@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from canarm_protocol.cell_checks import MOST_JOINTS, problems
-from canarm_protocol.cell_file import load_cell, parse_cell, setting_keys, shipped_cells
+from canarm_protocol.cell.cell_checks import MOST_JOINTS, problems
+from canarm_protocol.cell.cell_file import load_cell, parse_cell, setting_keys, shipped_cells
 from canarm_protocol.errors import CellError, ProtocolError
 
 TEXT = shipped_cells()["konkuk1"]

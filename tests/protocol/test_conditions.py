@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from canarm_protocol.conditions import LONGEST_CONDITION, Condition
 from canarm_protocol.errors import FaultError
+from canarm_protocol.faults.conditions import LONGEST_CONDITION, Condition
 
 SIGNALS = ("time_s", "cycle", "joint2.angle_deg", "joint2.speed_rad_s", "joint3.angle_deg")
 VALUES = {"time_s": 1.0, "cycle": 400.0, "joint2.angle_deg": 30.0, "joint2.speed_rad_s": -0.5, "joint3.angle_deg": -4.0}

@@ -6,8 +6,8 @@ import re
 import canopen
 import pytest
 
-from canarm_protocol.cell import CHANNEL_COUNT, CardModel
-from canarm_protocol.dictionary import default_value, eds_text, load_dictionary, variable_at
+from canarm_protocol.canopen.dictionary import default_value, eds_text, load_dictionary, variable_at
+from canarm_protocol.cell.model import CHANNEL_COUNT, CardModel
 from canarm_protocol.errors import DictionaryError
 
 MODELS = list(CardModel)

@@ -2,10 +2,10 @@
 
 import pytest
 
-from canarm_protocol.cell_file import parse_cell, shipped_cells
-from canarm_protocol.configuration import card_settings, final_values
+from canarm_protocol.cell.cell_file import parse_cell, shipped_cells
+from canarm_protocol.cell.configuration import card_settings, final_values
+from canarm_protocol.cell.wiring import card_nodes
 from canarm_protocol.errors import CellError
-from canarm_protocol.wiring import card_nodes
 
 TEXT = shipped_cells()["konkuk1"]
 

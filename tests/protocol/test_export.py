@@ -19,14 +19,14 @@ from canarm import Rig
 from canarm.commands.export import export
 from canarm.options import CellOptions
 from canarm.usage import UsageError
-from canarm_emulator.bench import Bench
-from canarm_emulator.truth import Truth
-from canarm_protocol.bench_objects import bench_dictionary
-from canarm_protocol.cell_file import load_cell
+from canarm_emulator.bench.bench import Bench
+from canarm_emulator.robot.truth import Truth
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.bench_objects import bench_dictionary
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.export import export_dcf, export_eds
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import CellError
-from canarm_protocol.export import export_dcf, export_eds
-from canarm_protocol.frames import Frame
 
 CELL = load_cell("konkuk1")
 EDS, DCF = export_eds(CELL), export_dcf(CELL)
@@ -261,8 +261,8 @@ def test_a_foreign_master_drives_the_robot_by_the_configurations_alone() -> None
 @pytest.mark.parametrize("kind", ["eds", "dcf", "dbc"])
 def test_the_same_cell_gives_the_same_bytes_in_every_process(kind: str) -> None:
     program = (
-        "import hashlib; from canarm_protocol.cell_file import load_cell; "
-        f"from canarm_protocol.export import export_{kind} as export; "
+        "import hashlib; from canarm_protocol.cell.cell_file import load_cell; "
+        f"from canarm_protocol.cell.export import export_{kind} as export; "
         "print(hashlib.sha256(repr(export(load_cell('konkuk1'))).encode()).hexdigest())"
     )
     digests = {

@@ -13,11 +13,11 @@ from cantools.database.can import Database, Message
 
 from canarm import Rig
 from canarm.commands.export import export
-from canarm_emulator.electrics import Direction
-from canarm_protocol.bench_objects import bench_pdos
-from canarm_protocol.cell import Cell
-from canarm_protocol.cell_file import load_cell, parse_cell, shipped_cells
-from canarm_protocol.export import export_dbc
+from canarm_emulator.robot.electrics import Direction
+from canarm_protocol.cell.bench_objects import bench_pdos
+from canarm_protocol.cell.cell_file import load_cell, parse_cell, shipped_cells
+from canarm_protocol.cell.export import export_dbc
+from canarm_protocol.cell.model import Cell
 
 CELL = load_cell("konkuk1")
 JOINTS = ("joint2", "joint3")

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from canarm_protocol.cell_messages import nearest
+from canarm_protocol.cell.cell_messages import nearest
 from canarm_protocol.errors import FaultError
-from canarm_protocol.faults import (
+from canarm_protocol.faults.script import (
     LARGEST_TEXT,
     MOST_FAULTS,
     MOST_SETS,

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from canarm_protocol.errors import FrameError
-from canarm_protocol.frames import (
+from canarm_protocol.canopen.frames import (
     Cob,
     Emergency,
     ErrorCode,
@@ -21,6 +20,7 @@ from canarm_protocol.frames import (
     sync_frame,
     time_frame,
 )
+from canarm_protocol.errors import FrameError
 
 MILLISECOND = 1_000_000
 LAST_DAY = 0xFFFF

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from canarm_protocol.histogram import Histogram
+from canarm_protocol.runs.histogram import Histogram
 
 
 def filled(durations_ns: list[int]) -> Histogram:

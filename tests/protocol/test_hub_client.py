@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import can
 import pytest
 
-from canarm_protocol.frames import Frame
-from canarm_protocol.hub_client import HubClientBus
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.transport.hub_client import HubClientBus
 
 DEADLINE_S = 10.0
 

@@ -6,10 +6,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from canarm_protocol.cell import CardModel
-from canarm_protocol.dictionary import default_value, load_dictionary
+from canarm_protocol.canopen.dictionary import default_value, load_dictionary
+from canarm_protocol.canopen.pdo import (
+    DISABLED,
+    MappedObject,
+    PdoLayout,
+    mapped_object,
+    pdo_numbers,
+    read_layout,
+    read_layouts,
+)
+from canarm_protocol.cell.model import CardModel
 from canarm_protocol.errors import DictionaryError
-from canarm_protocol.pdo import DISABLED, MappedObject, PdoLayout, mapped_object, pdo_numbers, read_layout, read_layouts
 
 DAC = load_dictionary(CardModel.DAC0808, 0x12)
 ADC = load_dictionary(CardModel.ADC0809, 0x14)

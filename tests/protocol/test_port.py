@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 import can
 import pytest
 
+from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.errors import BusError
-from canarm_protocol.frames import Frame
-from canarm_protocol.port import BusPort, Discarded, open_port, parse_bus_options
+from canarm_protocol.transport.port import BusPort, Discarded, open_port, parse_bus_options
 
 DEADLINE_S = 10.0
 

@@ -6,10 +6,10 @@ import os
 import sys
 
 import pytest
+from canarm.rig.rig import Rig
 
-from canarm.rig import Rig
-from canarm_protocol import realtime
-from canarm_protocol.realtime import COLLECT_CYCLES, PATIENCE, Collector, ask_for_realtime, undisturbed
+from canarm_protocol.transport import realtime
+from canarm_protocol.transport.realtime import COLLECT_CYCLES, PATIENCE, Collector, ask_for_realtime, undisturbed
 
 PR_GET_TIMERSLACK = 30
 PERIOD_NS = 2_500_000

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canarm_protocol import run_folder
-from canarm_protocol.frames import Frame
-from canarm_protocol.run_folder import (
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.runs import run_folder
+from canarm_protocol.runs.run_folder import (
     CanLog,
     RunFolderError,
     SignalLog,
@@ -73,8 +73,8 @@ def test_signals_are_a_csv_with_a_row_a_cycle(tmp_path) -> None:
 WRITER = """
 import os, signal, sys
 from pathlib import Path
-from canarm_protocol.frames import Frame
-from canarm_protocol.run_folder import CanLog, EventLog, SignalLog, create_run_folder, update_run_file
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.runs.run_folder import CanLog, EventLog, SignalLog, create_run_folder, update_run_file
 folder = create_run_folder(Path(sys.argv[1]))
 update_run_file(folder, "seed", 7)
 log, signals = CanLog(folder / "can0.log"), SignalLog(folder / "signals" / "robot.csv", ["a"])
@@ -106,7 +106,7 @@ def test_what_was_written_survives_a_kill(tmp_path) -> None:
 SHARER = """
 import sys
 from pathlib import Path
-from canarm_protocol.run_folder import EventLog, update_run_file
+from canarm_protocol.runs.run_folder import EventLog, update_run_file
 folder, name = Path(sys.argv[1]), sys.argv[2]
 print("ready", flush=True)
 sys.stdin.readline()
@@ -194,7 +194,7 @@ def test_a_full_disk_leaves_no_draft_and_names_the_file(tmp_path) -> None:
     program = """
 import resource, signal, sys
 from pathlib import Path
-from canarm_protocol.run_folder import update_run_file
+from canarm_protocol.runs.run_folder import update_run_file
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 try:

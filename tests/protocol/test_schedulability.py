@@ -5,9 +5,9 @@ import re
 
 import pytest
 
-from canarm_protocol.cell import Cell
-from canarm_protocol.cell_file import load_cell
-from canarm_protocol.schedulability import (
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.schedulability import (
     Message,
     bus_load,
     cell_messages,
@@ -15,7 +15,7 @@ from canarm_protocol.schedulability import (
     message_bits,
     response_times,
 )
-from canarm_protocol.wiring import CardNode, card_nodes
+from canarm_protocol.cell.wiring import CardNode, card_nodes
 
 MS = 1_000_000
 EXAMPLE = (

@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.canopen.sdo import ABORT_TEXT, AbortCode, SdoAborted, Transfer, abort_request, download, upload
 from canarm_protocol.errors import BusError
-from canarm_protocol.frames import Frame
-from canarm_protocol.sdo import ABORT_TEXT, AbortCode, SdoAborted, Transfer, abort_request, download, upload
-from canarm_protocol.sdo_session import SdoSession
+from canarm_protocol.transport.sdo_session import SdoSession
 
 
 def converse(transfer: Transfer, *answers: str) -> tuple[list[str], bytes | None]:

@@ -11,9 +11,9 @@ from can.interfaces.socketcand.socketcand import (
 from hypothesis import given
 from hypothesis import strategies as st
 
+from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.errors import FrameError
-from canarm_protocol.frames import Frame
-from canarm_protocol.socketcand import (
+from canarm_protocol.transport.socketcand import (
     MAX_ELEMENT,
     Bad,
     ClientParser,

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from canarm_protocol.cell import Quantity
-from canarm_protocol.cell_file import load_cell, parse_cell, shipped_cells
-from canarm_protocol.wiring import InputSlot, OutputFrames, card_nodes, input_slots, sensor_scale
+from canarm_protocol.cell.cell_file import load_cell, parse_cell, shipped_cells
+from canarm_protocol.cell.model import Quantity
+from canarm_protocol.cell.wiring import InputSlot, OutputFrames, card_nodes, input_slots, sensor_scale
 
 CELL = load_cell("konkuk1")
 NODES = card_nodes(CELL)

@@ -8,15 +8,15 @@ from collections.abc import Sequence
 
 import pytest
 
-from canarm_emulator.bench import Bench
-from canarm_emulator.truth import Truth
+from canarm_emulator.bench.bench import Bench
+from canarm_emulator.robot.truth import Truth
 from canarm_protocol import clock as clocks
-from canarm_protocol.bench_objects import bench_pdos
-from canarm_protocol.cell import Cell
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.bench_objects import bench_pdos
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import BusError
-from canarm_protocol.frames import Frame
-from canarm_protocol.port import BusPort, Discarded
+from canarm_protocol.transport.port import BusPort, Discarded
 
 CYCLE_NS = 2_500_000
 

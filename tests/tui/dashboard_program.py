@@ -2,7 +2,7 @@
 
 import sys
 
-from canarm_protocol.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell
 from canarm_tui import run_dashboard
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 import pytest
 
-from canarm_protocol import bench_objects as objects
+from canarm_protocol.cell import bench_objects as objects
 from canarm_tui import fault_desk
 from canarm_tui.fault_desk import FaultDesk, Refusal
 from canarm_tui.faults import FaultSignal

@@ -3,7 +3,7 @@
 import pytest
 
 from canarm_protocol.errors import FaultError
-from canarm_protocol.faults import parse_faults
+from canarm_protocol.faults.script import parse_faults
 from canarm_tui.fault_catalogue import FaultKind, Parameter, catalogue_of, injection, matching
 from canarm_tui.fault_desk import Refusal
 from canarm_tui.fault_texts import answer_word, panel_lines

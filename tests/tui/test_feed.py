@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from canarm_protocol.frames import Frame, NmtState, heartbeat_frame
+from canarm_protocol.canopen.frames import Frame, NmtState, heartbeat_frame
 from canarm_tui.feed import Feed
 
 LSB_RAD = math.radians(270.0 / 255.0)

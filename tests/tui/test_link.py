@@ -2,8 +2,8 @@
 
 import pytest
 
+from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.errors import BusError
-from canarm_protocol.frames import Frame
 from canarm_tui.link import Link, LinkState
 
 MS = 1_000_000

@@ -4,8 +4,8 @@ import threading
 
 import pytest
 
+from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.errors import BusError
-from canarm_protocol.frames import Frame
 from canarm_tui.link import Link
 from canarm_tui.shared_port import LONGEST_WAIT_S, SharedPort
 

@@ -13,8 +13,8 @@ from textual.binding import Binding, BindingType
 from textual.screen import Screen
 from textual.widgets import ContentSwitcher, Footer
 
-from canarm_protocol.cell import Cell
-from canarm_protocol.port import BusPort, open_port
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.transport.port import BusPort, open_port
 
 from . import texts
 from .errors import TerminalError

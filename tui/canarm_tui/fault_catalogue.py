@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 from canarm_protocol.errors import FaultError
-from canarm_protocol.fault_toml import as_toml
-from canarm_protocol.faults import ParameterValue, script_of
+from canarm_protocol.faults.fault_toml import as_toml
+from canarm_protocol.faults.script import ParameterValue, script_of
 
 IDENTIFIER = "cob_id"
 """Parameters of this name are shown as one writes identifiers."""

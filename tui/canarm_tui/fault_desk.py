@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from canarm_protocol.bench_client import BenchClient
-from canarm_protocol.cell import Cell
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import BusError, FaultError
+from canarm_protocol.faults.bench_client import BenchClient
 
 from .fault_catalogue import FaultKind, Tap, catalogue_of, injection
 from .faults import Faults, FaultSignal, faults_of

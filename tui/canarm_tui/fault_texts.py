@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from canarm_protocol.fault_events import FaultEvent, fault_label
+from canarm_protocol.faults.fault_events import FaultEvent, fault_label
 
 from .fault_desk import Refusal
 from .faults import ActingFault, Faults, FaultSignal

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from canarm_protocol.fault_events import FaultEvent, event_from_plain
+from canarm_protocol.faults.fault_events import FaultEvent, event_from_plain
 
 EVENTS_KEPT = 10
 

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from canarm_protocol.bench_objects import DIVIDER, INTERNALS, SDO_CHANNELS, bench_pdos, sdo_channel
-from canarm_protocol.cell import Cell, Quantity
-from canarm_protocol.frames import Cob, Frame
-from canarm_protocol.pdo import PdoLayout
-from canarm_protocol.wiring import sensor_scale
+from canarm_protocol.canopen.frames import Cob, Frame
+from canarm_protocol.canopen.pdo import PdoLayout
+from canarm_protocol.cell.bench_objects import DIVIDER, INTERNALS, SDO_CHANNELS, bench_pdos, sdo_channel
+from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.wiring import sensor_scale
 
 from .faults import FaultSignal
 from .rings import FIELDS, ReferenceRing, SampleRing

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from enum import Enum
 
+from canarm_protocol.canopen.frames import Frame, NmtState, heartbeat_frame
 from canarm_protocol.errors import BusError
-from canarm_protocol.frames import Frame, NmtState, heartbeat_frame
-from canarm_protocol.port import BusPort
+from canarm_protocol.transport.port import BusPort
 
 from .shared_port import SharedPort
 

@@ -8,9 +8,9 @@ import threading
 from collections import deque
 from collections.abc import Iterator, Sequence
 
+from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.errors import BusError
-from canarm_protocol.frames import Frame
-from canarm_protocol.port import BusPort
+from canarm_protocol.transport.port import BusPort
 
 LONGEST_WAIT_S = 0.1
 """A conversation looks so often whether the bus is given back meanwhile."""

@@ -5,10 +5,10 @@ For pictures, measurements and tests of the dashboard without an emulator. Nothi
 
 import math
 
-from canarm_protocol.bench_objects import DIVIDER, bench_pdos
-from canarm_protocol.cell import Cell, Quantity
-from canarm_protocol.frames import Frame
-from canarm_protocol.wiring import sensor_scale
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.bench_objects import DIVIDER, bench_pdos
+from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.wiring import sensor_scale
 
 REFERENCE_LAG = 8
 """References come in batches of this many ticks, that much later."""

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
 
-from canarm_protocol.bench_objects import CONTROLLER_STATES
+from canarm_protocol.cell.bench_objects import CONTROLLER_STATES
 
 from .link import Link, LinkState
 from .snapshot import Counters, JointNow, Rates, Report, Snapshot

@@ -12,7 +12,7 @@ from textual.coordinate import Coordinate
 from textual.events import Resize
 from textual.widgets import DataTable, Static
 
-from canarm_protocol.cell import Cell
+from canarm_protocol.cell.model import Cell
 
 from . import texts
 from .snapshot import Counters, JointNow, Snapshot

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-from canarm_protocol.cell import Robot
+from canarm_protocol.cell.model import Robot
 
 from .chain import Floats
 from .planar_pair import NominalArm, is_planar_pair

@@ -10,7 +10,7 @@ from math import cos, isfinite, radians, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from canarm_protocol.cell import Link, Robot
+from canarm_protocol.cell.model import Link, Robot
 
 from ..errors import DynamicsError
 

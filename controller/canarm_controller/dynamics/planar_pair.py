@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from canarm_protocol.cell import Joint, Robot
+from canarm_protocol.cell.model import Joint, Robot
 
 from ..errors import DynamicsError
 from .chain import Floats, check_parameters

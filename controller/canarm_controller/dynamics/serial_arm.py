@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from canarm_protocol.cell import Robot
+from canarm_protocol.cell.model import Robot
 
 from .batch import BatchProgram
 from .chain import Chain, Floats, chain_of

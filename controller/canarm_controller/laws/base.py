@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal
 
-from canarm_protocol.cell import Control
+from canarm_protocol.cell.model import Control
 
 from ..dynamics import NominalArm
 

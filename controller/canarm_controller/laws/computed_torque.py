@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from canarm_protocol.cell import Control
+from canarm_protocol.cell.model import Control
 
 from ..dynamics import NominalArm
+from ..estimation.observer import ArmState
+from ..estimation.regressor import Regressor, dot
 from .base import ControlLaw, Cycle
-from .observer import ArmState
-from .regressor import Regressor, dot
 from .standing import StandingHold
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal
 
-from canarm_protocol.cell import Control
+from canarm_protocol.cell.model import Control
 
 from ..dynamics import NominalArm
 from .base import ControlLaw, Cycle

@@ -3,13 +3,13 @@
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal
 
-from canarm_protocol.cell import Control, MrasLyapunovGains
+from canarm_protocol.cell.model import Control, MrasLyapunovGains
 
 from ..dynamics import NominalArm
 from ..errors import LawError
+from ..estimation.observer import ArmState
+from ..estimation.regressor import Regressor
 from .base import ControlLaw, Cycle
-from .observer import ArmState
-from .regressor import Regressor
 from .standing import StandingHold
 
 LOWEST, HIGHEST = 0.35, 3.0

@@ -3,13 +3,13 @@
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from canarm_protocol.cell import Control
+from canarm_protocol.cell.model import Control
 
 from ..dynamics import NominalArm
 from ..errors import LawError
+from ..estimation.observer import ArmState
+from ..estimation.regressor import PARAMETERS, Regressor, dot
 from .base import ControlLaw, Cycle
-from .observer import ArmState
-from .regressor import PARAMETERS, Regressor, dot
 from .standing import StandingHold
 
 LOWEST, HIGHEST = 0.3, 3.0

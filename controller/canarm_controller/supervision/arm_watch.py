@@ -6,8 +6,8 @@ measurements and commands; the truth is not known here.
 
 from collections.abc import Callable, Sequence
 
-from canarm_protocol.cell import Cell, Quantity
-from canarm_protocol.wiring import sensor_scale
+from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.wiring import sensor_scale
 
 from ..dynamics import NominalArm
 from ..laws.base import Cycle

@@ -5,8 +5,8 @@ Owns the winding's lag and the vote of the arm's acceleration. Sensors of the mo
 
 import math
 
-from canarm_protocol.cell import Joint, Quantity, Supervision
-from canarm_protocol.wiring import sensor_scale
+from canarm_protocol.cell.model import Joint, Quantity, Supervision
+from canarm_protocol.cell.wiring import sensor_scale
 
 from .detection import Reaction
 from .limits import HIGHEST_CODE, Report

@@ -5,7 +5,7 @@ Owns what excuses an error. Residuals of sensors must not enter, beyond whether 
 
 from collections.abc import Callable, Sequence
 
-from canarm_protocol.cell import Cell
+from canarm_protocol.cell.model import Cell
 
 from ..laws.base import Cycle
 from .surprise import ArmReport

@@ -5,7 +5,7 @@ Owns the state that every verdict works on, and how it goes on in time. Verdicts
 
 from enum import Enum
 
-from canarm_protocol.cell import Supervision
+from canarm_protocol.cell.model import Supervision
 
 from .limits import JointLimits, Report
 

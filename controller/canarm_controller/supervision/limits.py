@@ -6,7 +6,7 @@ noise that is measured. What is done with a limit must not enter.
 
 from collections.abc import Callable
 
-from canarm_protocol.cell import Supervision
+from canarm_protocol.cell.model import Supervision
 
 from .detection import Reaction
 

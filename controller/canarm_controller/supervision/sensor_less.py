@@ -3,9 +3,9 @@
 Owns the substitutes. How a sensor is found to have failed must not enter.
 """
 
-from canarm_protocol.cell import Supervision
+from canarm_protocol.cell.model import Supervision
 
-from .blind import BlindObserver
+from ..estimation.blind import BlindObserver
 from .joint_state import CALM_CYCLES, JointState, Mode
 from .limits import Report
 

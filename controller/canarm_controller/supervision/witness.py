@@ -4,7 +4,7 @@ Owns the residuals of a joint and which sensor is to blame. Plain floats: `step`
 Names of joints and cards, and how the robot is stopped, must not enter.
 """
 
-from canarm_protocol.cell import Supervision
+from canarm_protocol.cell.model import Supervision
 
 from .joint_state import BLURRED_CYCLES, CALM_CYCLES, DOUBT_CYCLES, Mode
 from .limits import HIGHEST_CODE, NOISE_MASK, Report

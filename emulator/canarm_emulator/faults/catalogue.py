@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from canarm_protocol.cell import Cell
-from canarm_protocol.cell_messages import nearest
+from canarm_protocol.cell.cell_messages import nearest
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import FaultError
-from canarm_protocol.faults import FaultSpec, ParameterValue, limits_text
+from canarm_protocol.faults.script import FaultSpec, ParameterValue, limits_text
 
 from .declaration import Fault, Parameter, Tap, declared_faults, parameters_at
 from .taps import taps_of

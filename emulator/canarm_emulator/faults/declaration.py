@@ -15,15 +15,15 @@ from random import Random
 from types import FrameType
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.errors import FaultError
-from canarm_protocol.frames import Frame
 
-from ..truth import JointTruth
+from ..robot.truth import JointTruth
 from .modules import import_declared, is_built_in, load_built_in
 
 if TYPE_CHECKING:
-    from ..wire import Wire
-    from ..world import World
+    from ..robot.world import World
+    from ..wire.wire import Wire
 
 
 class TapKind(Enum):

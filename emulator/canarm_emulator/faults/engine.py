@@ -16,12 +16,12 @@ from random import Random
 from typing import TYPE_CHECKING, NamedTuple
 
 from canarm_protocol.clock import Clock
-from canarm_protocol.conditions import Condition
 from canarm_protocol.errors import FaultError
-from canarm_protocol.fault_events import FaultEvent
-from canarm_protocol.faults import FaultScript, FaultSet, FaultSpec, Trigger
+from canarm_protocol.faults.conditions import Condition
+from canarm_protocol.faults.fault_events import FaultEvent
+from canarm_protocol.faults.script import FaultScript, FaultSet, FaultSpec, Trigger
 
-from ..world import JointState
+from ..robot.world import JointState
 from .catalogue import make_fault
 from .declaration import Context, Fault, Tap, TapKind
 from .guard import failure_text, guard
@@ -31,7 +31,7 @@ from .points import Point, TruthPoint, signal_point
 from .taps import taps_of
 
 if TYPE_CHECKING:
-    from ..bench import Bench
+    from ..bench.bench import Bench
 
 NAME_OF_ALL = ""
 """`clear` with this name clears every set."""

@@ -8,9 +8,9 @@ import traceback
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from canarm_protocol.frames import Frame
+from canarm_protocol.canopen.frames import Frame
 
-from ..truth import JointTruth
+from ..robot.truth import JointTruth
 from .declaration import Fault, NodePort
 
 LONGEST = 300

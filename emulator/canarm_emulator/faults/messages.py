@@ -5,15 +5,15 @@ import itertools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
+from canarm_protocol.canopen.frames import Cob, Frame, NmtCommand, parse_nmt
 from canarm_protocol.errors import FrameError
-from canarm_protocol.frames import Cob, Frame, NmtCommand, parse_nmt
 
 from ..timing import NEVER
 from .declaration import Context, Fault, MessageFault, Tap
 from .points import Point
 
 if TYPE_CHECKING:
-    from ..bench import Bench
+    from ..bench.bench import Bench
 
 TOWARDS_CARDS = "can0.rx"
 

@@ -2,12 +2,12 @@
 
 from typing import TYPE_CHECKING
 
-from ..card_port import CardPort
+from .card_port import CardPort
 from .declaration import BusFault, ClockFault, Context, Fault, NodeFault, NodePort, Tap
 from .points import Point
 
 if TYPE_CHECKING:
-    from ..bench import Bench
+    from ..bench.bench import Bench
 
 
 class BusPoint(Point):

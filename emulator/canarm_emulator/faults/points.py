@@ -7,14 +7,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from canarm_protocol.cell import Quantity
+from canarm_protocol.cell.model import Quantity
 
+from ..robot.truth import JointTruth, Truth
 from ..signals import Distortion
-from ..truth import JointTruth, Truth
 from .declaration import Context, Fault, JointFault, SignalFault, Tap, TapKind
 
 if TYPE_CHECKING:
-    from ..bench import Bench
+    from ..bench.bench import Bench
 
 
 class Point(ABC):

@@ -3,7 +3,7 @@
 Names come from the cell's joints and cards. What hangs on a tap inside the bench belongs to `points.py`.
 """
 
-from canarm_protocol.cell import CardModel, Cell, Quantity
+from canarm_protocol.cell.model import CardModel, Cell, Quantity
 
 from .declaration import Tap, TapKind
 

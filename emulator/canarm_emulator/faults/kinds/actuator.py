@@ -4,8 +4,8 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-from ...electrics import Direction
-from ...truth import JointTruth
+from ...robot.electrics import Direction
+from ...robot.truth import JointTruth
 from ..declaration import Context, Family, JointFault, SignalFault, TapKind, of_tap, parameter
 from .wiring import OPEN_OHM, with_resistance
 

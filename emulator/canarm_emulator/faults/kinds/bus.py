@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ...confinement import BUS_OFF_LIMIT, ERROR_STEP
-from ...wire import Wire
-from ...wire_errors import Disturbance
+from ...wire.confinement import BUS_OFF_LIMIT, ERROR_STEP
+from ...wire.wire import Wire
+from ...wire.wire_errors import Disturbance
 from ..declaration import BusFault, Family, TapKind, parameter
 
 _BUS = (TapKind.BUS,)

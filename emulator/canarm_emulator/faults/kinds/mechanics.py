@@ -7,11 +7,11 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ...truth import JointTruth
+from ...robot.truth import JointTruth
 from ..declaration import Family, JointFault, TapKind, parameter
 
 if TYPE_CHECKING:
-    from ...world import World
+    from ...robot.world import World
 
 
 @dataclass

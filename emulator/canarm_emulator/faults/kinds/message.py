@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from random import Random
 
-from canarm_protocol.frames import Frame
+from canarm_protocol.canopen.frames import Frame
 
 from ..declaration import Context, Family, MessageFault, TapKind, parameter
 

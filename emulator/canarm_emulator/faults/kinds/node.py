@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from canarm_protocol.frames import Cob, Frame
+from canarm_protocol.canopen.frames import Cob, Frame
 
 from ..declaration import Context, Family, NodeFault, NodePort, TapKind, choice, parameter
 

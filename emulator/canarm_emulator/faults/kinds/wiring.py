@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from random import Random
 from typing import ClassVar
 
-from ...truth import JointTruth
+from ...robot.truth import JointTruth
 from ..declaration import Context, Family, JointFault, SignalFault, TapKind, of_tap, parameter
 
 SOURCE_OHM = 2500.0

@@ -1,0 +1,220 @@
+"""The test rig over real buses: emulator and controller as processes, asked the same questions as `Rig`.
+
+A run goes from its beginning to its end without a pause, so faults are declared before it. What happened is read from
+the run folder afterwards.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from canarm_controller.run.controller import State
+from canarm_controller.supervision.detection import Detection
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.errors import BusError, FaultError
+from canarm_protocol.faults.fault_events import FaultEvent
+from canarm_protocol.faults.fault_toml import as_toml
+from canarm_protocol.faults.script import FaultScript
+from canarm_protocol.transport.port import open_port
+
+from ..bench_client import BenchClient
+from ..bus_choice import VIRTUAL_BUSES, BusChoice
+from ..child import Child
+from ..session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, tick_count
+from ..summary import JointFigures, Summary
+from ..usage import UsageError
+from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question
+from .recorded import RecordedHistory, fault_events, noticed, read_events, recorded_joints
+from .rig_faults import FaultControl, FaultSource
+from .rig_joint import Joints
+
+HOST, BENCH_BUS = "127.0.0.1", "bench"
+START_S = 60.0
+"""How long the emulator may take to offer its buses."""
+ANSWER_S = 10.0
+"""How long the bench may take to answer."""
+SLOWEST = 10.0
+"""A run may take this many times its robot time, and START_S."""
+SYNC_TIMEOUT_S = 30.0
+"""A busy machine must not look like a lost controller."""
+WRONG_USAGE = 2
+
+
+class BusRig(FaultControl):
+    """As `canarm.Rig`, in lockstep, with `run` once. `out` names the run folder, which keeps every cycle: `history_s`
+    bounds nothing here.
+
+    Raises `UsageError` for what a command line refuses, and for what cannot be had over a bus; `BusError` where a
+    process does not start or end.
+    """
+
+    def __init__(
+        self,
+        cell: str | Path = DEFAULT_CELL,
+        law: str = DEFAULT_LAW,
+        trajectory: str = DEFAULT_TRAJECTORY,
+        *,
+        out: Path,
+        bus: BusChoice = VIRTUAL_BUSES,
+        feedforward: str | None = None,
+        seed: int = 0,
+        wire: bool = False,
+        truth: Mapping[str, object] | None = None,
+        settings: Mapping[str, object] | None = None,
+        faults: FaultSource | None = None,
+        history_s: float | None = None,
+    ) -> None:
+        super().__init__()
+        if not isinstance(cell, str | Path):
+            raise UsageError("cell: over a bus it must be a name or a file, for the processes to read")
+        given = {key: str(value) for key, value in (settings or {}).items()}
+        self.cell = load_cell(str(cell), given)
+        self.folder = out
+        self.reason: str | None = None
+        self.noticed: list[Noticed] = []
+        self.fault_events: list[FaultEvent] = []
+        self._law, self._trajectory, self._feedforward = law, trajectory, feedforward
+        self._bus, self._seed = bus, seed
+        self._result: dict[str, Any] | None = None
+        self._is_finished = False
+        self._scripts: list[FaultScript] = []
+        self._common = ["--cell", str(cell), "--clock", "sync", "--out", str(out), "--json"]
+        self._common += [word for key, value in given.items() for word in ("--set", f"{key}={value}")]
+        robot = ["--serve", f"{HOST}:0", "--seed", str(seed), "--sync-timeout", str(SYNC_TIMEOUT_S)]
+        robot += [word for key, value in (truth or {}).items() for word in ("--truth", f"{key}={_text(value)}")]
+        self._emulator = Child("emulator", [*self._common, *robot, *bus.flags, *(["--wire"] * wire)], quiet=True)
+        self._port = port_of(self._emulator)
+        self.joints = self._read({})
+        if faults is not None:
+            self.inject_file(faults)
+
+    @property
+    def state(self) -> State:
+        """The controller's state. A run that has ended as planned is RUNNING until `finish`, as in one process."""
+        if self._result is None:
+            return State.DONE if self._is_finished else State.IDLE
+        if self._result["state"] != "done":
+            return State.FAILED
+        return State.DONE if self._is_finished else State.RUNNING
+
+    @property
+    def begun(self) -> list[Begun]:
+        """Faults that have begun; oldest first."""
+        return begun_of(self.fault_events)
+
+    @property
+    def detections(self) -> list[Detection]:
+        """What the controller has detected; oldest first."""
+        return [each.detection for each in self.noticed]
+
+    def detected(self, name: str | None = None, joint: str | None = None, *, since: float | None = None) -> Detected:
+        """As `Rig.detected`."""
+        __tracebackhide__ = True
+        check_question(self.cell, name, joint)
+        return ask_detected(self.noticed, self.begun, name, joint, since)
+
+    @property
+    def torque_is_off(self) -> bool:
+        """Whether no amplifier was asked for any current, in truth, at the end of the run or of the stop."""
+        if self._result is None:
+            return True
+        if self.state is State.FAILED or self._is_finished:
+            commands = [joint.span("command_a").value for joint in self.joints.values()]
+        else:
+            commands = [joint.command_a for joint in self.joints.values()]
+        return not any(values[-1] for values in commands if len(values))
+
+    def run(self, seconds: float) -> None:
+        """The whole run. Returns early when the controller has stopped the robot; raises `FaultError` as `Rig.run`."""
+        __tracebackhide__ = True
+        tick_count(self.cell, seconds, "seconds")
+        if self._result is not None or self._is_finished:
+            raise UsageError("run: over a bus a rig runs once; declare faults before it, with at=, cycle= or when=")
+        words = ["--connect", f"{HOST}:{self._port}"] if self._bus.channels is None else self._bus.flags
+        words += ["--law", self._law, "--trajectory", self._trajectory, "--seconds", repr(float(seconds))]
+        words += ["--feedforward", self._feedforward] if self._feedforward is not None else []
+        with Child("controller", [*self._common, *words], quiet=True) as controller:
+            if not controller.wait(START_S + SLOWEST * seconds):
+                raise BusError(f"the controller has not ended within {START_S + SLOWEST * seconds:g} s")
+            self._result = _last_object(controller)
+        self._emulator.end()
+        self.reason = self._result["reason"]
+        figures = {name: JointFigures(**each) for name, each in self._result["joints"].items()}
+        self.joints = self._read(figures)
+        events = read_events(self.folder)
+        self.fault_events = fault_events(events)
+        self.noticed = noticed(events, self.cell.bus.cycle_ns)
+        for event in self.fault_events:
+            if event.failure:
+                raise FaultError(f"{event.tap} {event.fault} {event.failure}")
+
+    @property
+    def never_begun(self) -> list[str]:
+        """The sets that were injected, not cleared, and have never begun."""
+        begun = {each.set_name for each in self.fault_events if each.is_begin}
+        return [name for name in self._awaited if name not in begun]
+
+    def summary(self) -> Summary:
+        """The figures of the run. Raises `UsageError` before it."""
+        if self._result is None:
+            raise UsageError("summary: over a bus there is one after run()")
+        joints = {name: JointFigures(**each) for name, each in self._result["joints"].items()}
+        return Summary(**{**self._result, "joints": joints, "seed": self._seed, "faults": len(self.begun)})
+
+    def finish(self) -> None:
+        """End the processes. May be called again."""
+        self._is_finished = True
+        self._emulator.end()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.finish()
+
+    def __getattr__(self, name: str) -> Any:
+        if name in ("controller", "change_truth", "frames", "events", "fault_status", "time_s"):
+            raise UsageError(f"{name}: not to be had over a bus; such a test runs without --canarm-bus")
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    def _accept(self, script: FaultScript) -> None:
+        if self._is_finished:
+            raise UsageError("faults: the rig is finished; make a new one")
+        if self._result is not None:
+            raise UsageError("faults: over a bus they are declared before run(), with at=, cycle= or when=")
+        if self._bus.channels is None:
+            port = open_port("canarm", BENCH_BUS, host=HOST, port=self._port)
+        else:
+            port = open_port("socketcan", self._bus.channels[1])
+        with port, BenchClient(port, self.cell, ANSWER_S) as client:
+            client.inject(as_toml(script))
+
+    def _read(self, figures: Mapping[str, JointFigures]) -> Joints:
+        history = RecordedHistory(self.cell, self.folder, figures)
+        return recorded_joints(self.cell, history)
+
+
+def port_of(emulator: Child) -> int:
+    """The port on which an emulator offers its buses. Ends it and raises `UsageError` or `BusError` if it does not."""
+    found = emulator.wait_for(r"^bench .*port=(\d+)$", START_S)
+    if found is not None:
+        return int(found.group(1))
+    emulator.end()
+    text = " ".join(emulator.complaints.split()) or f"the emulator has ended with status {emulator.status}"
+    raise (UsageError if emulator.status == WRONG_USAGE else BusError)(text)
+
+
+def _last_object(controller: Child) -> dict[str, Any]:
+    try:
+        return dict(json.loads(controller.printed.splitlines()[-1]))
+    except (IndexError, ValueError):
+        text = " ".join(controller.complaints.split()) or f"the controller has ended with status {controller.status}"
+        raise (UsageError if controller.status == WRONG_USAGE else BusError)(text) from None
+
+
+def _text(value: object) -> str:
+    return str(int(value) if isinstance(value, bool) else value)

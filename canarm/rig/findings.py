@@ -1,0 +1,175 @@
+"""Answers that read well in an assertion: true or false, and in words what was found. No run and no bus enters here."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Literal, NamedTuple
+
+from canarm_controller.supervision.detection import DETECTORS, Detection
+from canarm_protocol.cell.cell_messages import nearest
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.faults.fault_events import FaultEvent
+
+from ..usage import UsageError
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """True or false, and why. For `assert`: pytest shows the text where it does not hold."""
+
+    holds: bool
+    text: str
+
+    def __bool__(self) -> bool:
+        return self.holds
+
+    def __repr__(self) -> str:
+        return f"<{self.text}>"
+
+
+class Noticed(NamedTuple):
+    """A detection with its virtual time: that of the SYNC whose cycle it was made in."""
+
+    time_s: float
+    detection: Detection
+
+    @property
+    def text(self) -> str:
+        """Detector, where and when, without the details."""
+        where = f" at {self.detection.where}" if self.detection.where else ""
+        return f"{self.detection.detector}{where} at {self.time_s:.4f} s"
+
+
+class Begun(NamedTuple):
+    """The beginning of a fault: its virtual time, tap and name."""
+
+    time_s: float
+    tap: str
+    fault: str
+
+    @property
+    def text(self) -> str:
+        """Tap, fault and time."""
+        return f"{self.tap} {self.fault} at {self.time_s:.4f} s"
+
+
+def begun_of(events: Iterable[FaultEvent]) -> list[Begun]:
+    """The beginnings among `events`."""
+    return [Begun(each.time_s, each.tap, each.fault) for each in events if each.is_begin]
+
+
+class Start(Enum):
+    """Where the clock of a detection starts, if at no time that was given."""
+
+    FAULT = "the beginning of the latest fault"
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Detected:
+    """What the controller has detected of what was asked for. True where there is anything.
+
+    `found` is what fits, `others` what does not, `begun` the fault that began last; `since_s` is where `within` counts
+    from, the beginning of `begun` unless the question said otherwise.
+    """
+
+    sought: str
+    found: Sequence[Noticed]
+    others: Sequence[Noticed]
+    begun: Begun | None
+    since_s: float | None
+
+    def __bool__(self) -> bool:
+        return bool(self.found)
+
+    def within(self, limit_s: float, of: float | Literal[Start.FAULT] | None = Start.FAULT) -> Finding:
+        """Whether the first one since then came no later than `limit_s` after it, or after the time `of` (s).
+
+        What came before the fault does not count. `of` is for clocks that start later, when the fault has begun to
+        show; a detection before it is early enough. Raises `UsageError` for an `of` of None, which `departure` returns
+        where the truth has never moved on: there is nothing to count from.
+        """
+        __tracebackhide__ = True
+        first, since_s = self._first, self.since_s
+        if since_s is None:
+            return Finding(False, f"no fault has begun that a detection could come after; {self.text}")
+        if of is None:
+            raise UsageError(
+                f"within: of is None: the truth has not moved on since {self._start}, so there is nothing to count "
+                f"from; to count from the beginning of the fault, leave of= out. {self.text}"
+            )
+        if first is None:
+            return Finding(False, f"{self.sought} not detected after {self._start}; {self.text}")
+        start_s, start = (since_s, self._start) if of is Start.FAULT else (of, f"{of:.4f} s")
+        latency_s = first.time_s - start_s
+        text = f"{first.text}, {_ms(latency_s)} after {start}"
+        if latency_s <= limit_s + HALF_NS:
+            return Finding(True, text)
+        return Finding(False, f"{text}; must be within {_ms(limit_s)}")
+
+    @property
+    def latency_s(self) -> float | None:
+        """From `since_s` to the first one after it; None where there is none."""
+        first = self._first
+        return None if first is None or self.since_s is None else first.time_s - self.since_s
+
+    @property
+    def text(self) -> str:
+        """What was detected, and when; else what was detected instead."""
+        if self.found:
+            after = "" if self.latency_s is None else f", {_ms(self.latency_s)} after {self._start}"
+            more = f", and {len(self.found) - 1} more" if len(self.found) > 1 else ""
+            return f"{(self._first or self.found[0]).text}{after}{more}"
+        others = ", ".join(each.text for each in self.others)
+        return f"{self.sought} not detected; detected: {others or 'nothing'}"
+
+    @property
+    def _first(self) -> Noticed | None:
+        if self.since_s is None:
+            return None
+        return next((each for each in self.found if each.time_s >= self.since_s - HALF_NS), None)
+
+    @property
+    def _start(self) -> str:
+        if self.begun is not None and self.begun.time_s == self.since_s:
+            return f"{self.begun.tap} {self.begun.fault}"
+        return f"{self.since_s:.4f} s"
+
+    def __repr__(self) -> str:
+        return f"<{self.text}>"
+
+
+HALF_NS = 0.5e-9
+"""Times are whole nanoseconds; as seconds they are not quite."""
+
+
+def ask_detected(
+    noticed: Sequence[Noticed], begun: Sequence[Begun], name: str | None, joint: str | None, since_s: float | None
+) -> Detected:
+    """What of `noticed` is of detector `name` and at `joint` (each: any where None), since `since_s` where given."""
+    found: list[Noticed] = []
+    others: list[Noticed] = []
+    for each in noticed:
+        fits = name in (None, each.detection.detector) and joint in (None, each.detection.where)
+        is_late_enough = since_s is None or each.time_s >= since_s - HALF_NS
+        (found if fits and is_late_enough else others).append(each)
+    last = begun[-1] if begun else None
+    start_s = since_s if since_s is not None else None if last is None else last.time_s
+    sought = (name or "anything") + (f" at {joint}" if joint else "")
+    return Detected(sought, found, others, last, start_s)
+
+
+def check_question(cell: Cell, name: str | None, where: str | None) -> None:
+    """Raises `UsageError` where nothing can ever be detected so: `assert not` would pass for ever."""
+    __tracebackhide__ = True
+    if name is not None and name not in DETECTORS:
+        raise UsageError(f"detected: no detector {name!r}{nearest(name, DETECTORS)}")
+    nodes = [cell.bus.controller_node_id, *(card.node_id for card in cell.card)]
+    places = [*cell.joint_names, *(card.name for card in cell.card), *(f"0x{node_id:02X}" for node_id in nodes)]
+    if where is not None and where not in places:
+        hint = nearest(where, places)
+        known = "" if "known are" in hint else f" There are {', '.join(places)}"
+        raise UsageError(f"detected: no joint, card or node {where!r}{hint}{known}")
+
+
+def _ms(seconds: float) -> str:
+    return f"{seconds * 1e3:.4g} ms"

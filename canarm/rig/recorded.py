@@ -1,0 +1,112 @@
+"""The course of a run as its folder tells it: the histories, faults and detections of a run in other processes.
+
+Reads what the recorders of emulator and controller have written; nothing here runs or writes anything.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from canarm_controller.run.recording import SIGNALS_FILE as CONTROLLER_FILE
+from canarm_controller.supervision.detection import Detection, Reaction
+from canarm_emulator.serving.recording import SIGNALS_FILE as ROBOT_FILE
+from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.wiring import sensor_scale
+from canarm_protocol.faults.fault_events import FAULT_BEGINS, FAULT_ENDS, FaultEvent, event_from_plain
+from canarm_protocol.runs.run_folder import EVENTS_FILE, SIGNALS_FOLDER
+
+from ..summary import JointFigures
+from .findings import Noticed
+from .rig_joint import SIGNALS, TRUE_SIGNALS, Floats, Joints, RigJoint, Span
+
+DETECTION = "detection"
+"""Events of faults and detections in events.jsonl."""
+_COLUMNS = {"current_a": "motor_current_a"}
+"""Names in the files where they differ from those of the histories."""
+
+
+class RecordedHistory:
+    """The course of a run; see `canarm.rig.rig_joint.Source`. Without a controller's file there is truth alone."""
+
+    def __init__(self, cell: Cell, folder: Path, figures: Mapping[str, JointFigures]) -> None:
+        self._names, self._figures = cell.joint_names, figures
+        self._robot = _table(folder / SIGNALS_FOLDER / ROBOT_FILE)
+        self._controller = _table(folder / SIGNALS_FOLDER / CONTROLLER_FILE)
+        ticks = self._controller.get("tick", np.empty(0))
+        self.controlled = int(min(len(ticks), len(self._robot.get("tick", ()))))
+        """Cycles that were controlled."""
+
+    def column(self, joint: int, signal: str) -> Floats:
+        """One signal over the controlled cycles, oldest first."""
+        return self._whole(joint, signal)[: self.controlled]
+
+    def span(self, joint: int, signal: str) -> Span:
+        """One signal with cycles and times; a true one goes on through the stop."""
+        values = self._whole(joint, signal)
+        if SIGNALS.index(signal) >= TRUE_SIGNALS:
+            values = values[: self.controlled]
+        size = len(values)
+        return Span(self._robot["tick"][:size].astype(np.int64), self._robot["time_s"][:size], values)
+
+    def figures(self, joint: int) -> JointFigures:
+        """The figures of the run, as the controller read them from the bench at its end."""
+        return self._figures.get(self._names[joint], JointFigures(None, None, 0.0, 0, None))
+
+    def _whole(self, joint: int, signal: str) -> Floats:
+        if signal == "time_s":
+            return self._robot["time_s"]
+        is_true = SIGNALS.index(signal) < TRUE_SIGNALS
+        name = f"{self._names[joint]}.{_COLUMNS.get(signal, signal)}"
+        return (self._robot if is_true else self._controller).get(name, np.empty(0))
+
+
+def recorded_joints(cell: Cell, history: RecordedHistory) -> Joints:
+    """The joints of a run, as `Rig.joints`."""
+    return Joints(
+        (joint.name, RigJoint(history, index, joint.name, sensor_scale(joint, Quantity.POTENTIOMETER).step))
+        for index, joint in enumerate(cell.joints)
+    )
+
+
+def read_events(folder: Path) -> list[dict[str, Any]]:
+    """The events of a run, in the order of their virtual times. The run may still be on."""
+    path = folder / EVENTS_FILE
+    text = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
+    lines = text[: text.rfind("\n") + 1].splitlines()  # what comes after it is being written
+    return sorted((json.loads(line) for line in lines), key=lambda event: int(event["time_ns"]))
+
+
+def fault_events(events: list[dict[str, Any]]) -> list[FaultEvent]:
+    """Beginnings and ends of faults among `events`."""
+    return [event_from_plain(event) for event in events if event["event"] in (FAULT_BEGINS, FAULT_ENDS)]
+
+
+def noticed(events: list[dict[str, Any]], cycle_ns: int) -> list[Noticed]:
+    """Detections among `events`."""
+    return [
+        Noticed(
+            event["time_ns"] * 1e-9,
+            Detection(
+                event["detector"],
+                event.get("at"),
+                event["time_ns"] // cycle_ns,
+                event["detail"],
+                Reaction(event["reaction"]),
+            ),
+        )
+        for event in events
+        if event["event"] == DETECTION
+    ]
+
+
+def _table(path: Path) -> dict[str, Floats]:
+    """A CSV file by its columns; empty where there is none."""
+    if not path.exists():
+        return {"tick": np.empty(0), "time_s": np.empty(0)}
+    header, *rows = path.read_text(encoding="ascii").splitlines()
+    names = header.split(",")
+    values = np.array([row.split(",") for row in rows], dtype=np.float64).reshape(-1, len(names))
+    return dict(zip(names, values.T, strict=True))

@@ -1,0 +1,398 @@
+"""The test rig: emulated bench and controller in one process, in virtual time, without sockets.
+
+The same two objects as in `canarm emulator` and `canarm controller`, joined by a wire that is a list.
+"""
+
+from collections import deque
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, Self
+
+from canarm_controller.errors import ControllerError
+from canarm_controller.run.controller import Controller, State
+from canarm_controller.run.recording import ControllerRecorder
+from canarm_controller.supervision.detection import Detection
+from canarm_emulator.bench.bench import CycleTruth, Record
+from canarm_emulator.bench_node.assessor import Assessor
+from canarm_emulator.errors import TruthError
+from canarm_emulator.faults.engine import SetStatus
+from canarm_emulator.robot.truth import Truth
+from canarm_emulator.serving.recording import Recorder
+from canarm_protocol.canopen.frames import ERROR_FLAG, Frame
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.clock import Clock
+from canarm_protocol.errors import FaultError
+from canarm_protocol.faults.fault_events import FaultEvent, event_details, event_name
+from canarm_protocol.faults.script import FaultScript
+from canarm_protocol.runs.run_folder import create_run_folder, update_run_file
+
+from ..session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, make_bench, make_controller, provenance, tick_count
+from ..summary import Summary, detections_as_plain
+from ..usage import UsageError
+from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question
+from .rig_faults import FaultControl, FaultSource
+from .rig_history import History
+from .rig_joint import TRUE_SIGNALS, Joints, RigJoint
+
+FRAMES_KEPT = 10_000
+_MECHANICS = (".mass", ".viscous", ".coulomb", ".rotor_inertia", ".wire_stiffness")
+
+
+class Event(NamedTuple):
+    """Something that happened: virtual time in s, what, and its details."""
+
+    time_s: float
+    event: str
+    detail: str
+
+
+class StampedFrame(NamedTuple):
+    """A frame of the robot's bus with its virtual time."""
+
+    time_ns: int
+    frame: Frame
+
+
+class Rig(FaultControl):
+    """A cell with its controller, ready to run in virtual time; use it in a `with` statement.
+
+    `cell` is a name, a file or a `Cell`; `law`, `trajectory` and `feedforward` are as on the command line; `truth` and
+    `settings` are what `--truth` and `--set` take, `wire` is `--wire`, `faults` is a fault file, its text or a script
+    (see `inject_file`). `history_s` bounds the histories: older cycles are forgotten, and a question about them raises
+    `UsageError`. `out` names a run folder.
+
+    Raises `CellError`, `TruthError`, `ControllerError` (`LawError`, `TrajectoryError`), `FaultError`, `RunFolderError`
+    or `UsageError` (a `ValueError`) for what cannot be. What goes wrong on the robot raises nothing: it ends in a safe
+    stop, with `reason`.
+    """
+
+    def __init__(
+        self,
+        cell: str | Path | Cell = DEFAULT_CELL,
+        law: str = DEFAULT_LAW,
+        trajectory: str = DEFAULT_TRAJECTORY,
+        *,
+        feedforward: str | None = None,
+        seed: int = 0,
+        wire: bool = False,
+        truth: Mapping[str, object] | None = None,
+        settings: Mapping[str, object] | None = None,
+        faults: FaultSource | None = None,
+        history_s: float = 60.0,
+        out: Path | str | None = None,
+    ) -> None:
+        super().__init__()
+        if isinstance(cell, Cell) and settings:
+            raise UsageError("settings: go with the name or file of a cell; lay them over this one with load_cell()")
+        if seed < 0:
+            raise UsageError(f"seed {seed}: must not be negative")
+        as_text = {key: str(value) for key, value in (settings or {}).items()}
+        self.cell = cell if isinstance(cell, Cell) else load_cell(str(cell), as_text)
+        self._law, self._trajectory, self._seed = law, trajectory, seed
+        self._true_settings = {key: _truth_text(value) for key, value in (truth or {}).items()}
+        self._bench = make_bench(self.cell, self._true_settings, Clock.SYNC, seed, wire)
+        self._controller = make_controller(self.cell, law, trajectory, feedforward, Clock.SYNC)
+        self._assessor: Assessor = self._bench.assessor
+        size = tick_count(self.cell, history_s, "history_s")
+        controller = self._controller
+        self._history = History(self.cell, size, self._assessor, lambda: controller.controlled_ticks)
+        self._truth: CycleTruth | None = None
+        self.events: list[Event] = []
+        """Changes of the controller's state, with the reason of a stop, and of the truth; beginnings and ends of
+        faults, and detections; oldest first.
+        """
+        self.fault_events: list[FaultEvent] = []
+        """Beginnings and ends of faults; oldest first."""
+        self.noticed: list[Noticed] = []
+        """Detections with their times; oldest first."""
+        self.never_begun: list[str] | None = None
+        """After `finish`: the sets that were injected, not cleared, and have never begun."""
+        self._faulty: FaultError | None = None
+        self._is_finished = False
+        self._records: deque[Record] = deque(maxlen=FRAMES_KEPT)
+        self.joints = Joints(
+            (name, RigJoint(self._history, index, name, score.lsb_rad))
+            for index, (name, score) in enumerate(zip(self.cell.joint_names, self._assessor.scores, strict=True))
+        )
+        self._state = State.IDLE
+        self._folder: Path | None = None
+        self._recorders: tuple[Recorder, ControllerRecorder] | None = None
+        if out is not None:
+            self._record(create_run_folder(Path(out)))
+        self._bench.on_cycle = self._keep_truth
+        self._bench.device.faults.on_event = self._note_fault
+        self._controller.on_tick = self._on_tick
+        self._bench.start()
+        self._exchange()
+        if faults is not None:
+            self.inject_file(faults)
+
+    @property
+    def controller(self) -> Controller:
+        """The controller under test."""
+        return self._controller
+
+    @property
+    def state(self) -> State:
+        """The controller's state."""
+        return self._controller.state
+
+    @property
+    def reason(self) -> str | None:
+        """Why the run was stopped, if it was."""
+        return self._controller.reason
+
+    @property
+    def frames(self) -> list[StampedFrame]:
+        """The last `FRAMES_KEPT` frames of can0, oldest first."""
+        return [StampedFrame(record.time_ns, record.frame) for record in self._records]
+
+    @property
+    def time_s(self) -> float:
+        """Virtual time since the bench was switched on."""
+        return self._bench.time_ns * 1e-9
+
+    @property
+    def fault_status(self) -> list[SetStatus]:
+        """Every set of faults that was injected and not cleared: name, state, activations so far."""
+        return self._bench.faults.status()
+
+    @property
+    def detections(self) -> list[Detection]:
+        """What the controller has detected; oldest first."""
+        return [each.detection for each in self.noticed]
+
+    def detected(self, name: str | None = None, joint: str | None = None, *, since: float | None = None) -> Detected:
+        """What was detected by detector `name` at `joint` (any where None): true where there is anything.
+
+        `.within(0.025)` asks whether the first detection after the latest fault began came no later than that; with
+        `since`, in s of virtual time, only what came after it counts, and from there. `joint` may be a card or node
+        ("0x14"). Raises `UsageError` for a detector, joint or node that there is not.
+        """
+        __tracebackhide__ = True
+        check_question(self.cell, name, joint)
+        return ask_detected(self.noticed, self.begun, name, joint, since)
+
+    @property
+    def begun(self) -> list[Begun]:
+        """Faults that have begun; oldest first."""
+        return begun_of(self.fault_events)
+
+    @property
+    def torque_is_off(self) -> bool:
+        """Whether no amplifier is asked for any current, in truth, at this moment."""
+        return not any(joint.command_a for joint in self._bench.world.state())
+
+    def run(self, seconds: float) -> None:
+        """Let virtual time pass. Returns early when the controller has stopped the robot, at once if it had before.
+
+        Raises `UsageError` for less than a cycle and after `finish`, `EmulatorError` when the integration of the true
+        robot diverges, and `FaultError` when a fault fails because of a mistake in itself: it has ended then, and the
+        run may go on.
+        """
+        __tracebackhide__ = True
+        self._check_unfinished("run")
+        controller = self._controller
+        goal = controller.controlled_ticks + tick_count(self.cell, seconds, "seconds")
+        if controller.state is State.IDLE:
+            controller.begin(0)
+        while controller.controlled_ticks < goal and not controller.is_finished and self._faulty is None:
+            self._exchange()
+        if controller.is_finished:
+            self._exchange()
+        self._note_state()
+        if self._faulty is not None:
+            faulty, self._faulty = self._faulty, None
+            raise faulty
+
+    def change_truth(self, key: str, value: object) -> None:
+        """Change the mechanics of the true robot from now on: `joint3.mass`, `joint2.viscous`, `joint2.coulomb`, …
+
+        Raises `TruthError` for a key that is none, a value that cannot be, or a key that is not mechanics, and
+        `UsageError` after `finish`.
+        """
+        __tracebackhide__ = True
+        self._check_unfinished("change_truth")
+        if not key.endswith(_MECHANICS):
+            raise TruthError(f"{key}: cannot change during a run; these can: {', '.join(_MECHANICS)} of a joint")
+        settings = {**self._true_settings, key: _truth_text(value)}
+        self._bench.change_truth(Truth.from_settings(self.cell, settings))
+        self._true_settings = settings
+        self.events.append(Event(self.time_s, "truth", f"{key} = {settings[key]}"))
+        if self._recorders is not None:
+            self._recorders[0].event(self._bench.time_ns, "truth", key=key, value=settings[key])
+
+    def finish(self) -> Summary:
+        """End the run as planned: torque off, cards stopped, files closed. Returns the summary; may be called again.
+
+        `events` tells of sets that have never begun. Afterwards the rig answers questions, and refuses all else.
+        """
+        self._is_finished = True
+        controller = self._controller
+        self._note_never_begun()
+        controller.end()
+        while not controller.is_finished:
+            self._exchange()
+        self._exchange()
+        self._bench.settle()
+        self._exchange()
+        self._note_state()
+        summary = self.summary()
+        if self._recorders is not None and self._folder is not None:
+            for recorder in self._recorders:
+                recorder.close()
+            self._recorders = None
+            update_run_file(self._folder, "summary", summary.as_json())
+        return summary
+
+    def summary(self) -> Summary:
+        """The figures so far."""
+        controller = self._controller
+        return Summary(
+            cell=self.cell.name,
+            law=self._law,
+            trajectory=self._trajectory,
+            feedforward=controller.loop.feedforward_kind,
+            clock="sync",
+            seed=self._seed,
+            state=controller.state.name.lower(),
+            reason=controller.reason,
+            ticks=controller.controlled_ticks,
+            missed=controller.missed,
+            late=0,
+            real_time_factor=None,
+            joints={name: self._history.figures(index) for index, name in enumerate(self.joints)},
+            out=None if self._folder is None else str(self._folder),
+            faults=len(self.begun),
+            detections=detections_as_plain(self.detections),
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.finish()
+
+    def _exchange(self) -> None:
+        """Carry what the controller sends to the bench and what the bench sends to the controller, once.
+
+        What breaks off in the middle (Ctrl-C, an integration that diverges) cannot go on: the run has failed.
+        """
+        try:
+            self._carry()
+        except BaseException as error:
+            text = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
+            self._controller.lose(ControllerError(f"the run was broken off: {text}"))
+            raise
+
+    def _carry(self) -> None:
+        bench, controller = self._bench, self._controller
+        if controller.outbox:
+            frames, controller.outbox = controller.outbox, []
+            for frame in frames:
+                bench.receive(frame, controller)
+        elif controller.deadline_ns is not None:
+            controller.time_out(controller.deadline_ns)
+        records, bench.records = bench.records, []
+        bench.bench_records.clear()
+        self._records += records
+        if self._recorders is not None:
+            log = self._recorders[0].frame
+            for record in records:
+                log(record)
+        receive = controller.receive
+        for time_ns, frame, origin in records:
+            # As the two processes have it: everybody hears all but itself, and error frames are no data.
+            if origin is None or (origin is not controller and frame.can_id < ERROR_FLAG):
+                receive(frame, time_ns)
+        if len(controller.detections) > len(self.noticed):
+            self._note_detections()
+        if controller.state is not self._state:
+            self._note_state()
+
+    def _keep_truth(self, truth: CycleTruth) -> None:
+        if self._controller.state >= State.STOPPING:
+            self._history.stopping(self._truth, truth)
+        self._truth = truth
+        if self._recorders is not None:
+            self._recorders[0].cycle(truth)
+
+    def _on_tick(self) -> None:
+        cycle, truth = self._controller.loop.cycle, self._truth
+        assert truth is not None
+        row = [truth.time_ns * 1e-9]
+        for joint, true in enumerate(truth.joints):
+            reference = cycle.reference_rad[joint]
+            row += (*true[:TRUE_SIGNALS], reference, cycle.position_rad[joint])
+            self._assessor.reference(cycle.tick, joint, reference)
+        self._history.tick(self._controller.controlled_ticks - 1, row)
+        if self._recorders is not None:
+            self._recorders[1].tick()
+
+    def _check_unfinished(self, call: str) -> None:
+        __tracebackhide__ = True
+        if self._is_finished:
+            raise UsageError(f"{call}: the rig is finished; make a new one")
+
+    def _accept(self, script: FaultScript) -> None:
+        self._check_unfinished("faults")
+        if self._controller.is_finished and script.clear is None:
+            why = f": {self.reason}" if self.reason else ""
+            raise FaultError(f"no fault can begin any more: the run has ended at {self.time_s:.4f} s{why}")
+        for late in self._bench.faults.overdue(script):
+            at_s, cycle = late.trigger.at_s, late.trigger.cycle
+            given = f"cycle = {cycle}" if at_s is None else f"at = {at_s:g} s"
+            raise FaultError(
+                f"set {late.name!r}: {given} is over: it is {self._bench.faults.run_time_s or 0.0:.4f} s, in cycle "
+                f"{self._bench.cycle}; to begin now, leave it out"
+            )
+        self._bench.inject(script)
+
+    def _note_never_begun(self) -> None:
+        if self.never_begun is None:
+            waiting = {each.name for each in self.fault_status if not each.activations} if self._names else set()
+            self.never_begun = [name for name in self._awaited if name in waiting]
+            self.events += [Event(self.time_s, "fault never began", name) for name in self.never_begun]
+
+    def _note_fault(self, event: FaultEvent) -> None:
+        self.fault_events.append(event)
+        what = "fault begins" if event.is_begin else "fault ends"
+        failure = f": {event.failure}" if event.failure else ""
+        self.events.append(Event(event.time_s, what, f"{event.label}{failure}"))
+        if event.failure:
+            self._faulty = FaultError(f"{event.label} {event.failure}")
+        if self._recorders is not None:
+            self._recorders[0].event(event.time_ns, event_name(event), **event_details(event))
+
+    def _note_detections(self) -> None:
+        for detection in self._controller.detections[len(self.noticed) :]:
+            truth = self._truth
+            is_now = truth is not None and truth.cycle == detection.tick
+            time_ns = truth.time_ns if truth is not None and is_now else detection.tick * self.cell.bus.cycle_ns
+            self.noticed.append(Noticed(time_ns * 1e-9, detection))
+            self.events.append(Event(time_ns * 1e-9, f"detected {detection.detector}", detection.detail))
+
+    def _note_state(self) -> None:
+        controller = self._controller
+        if controller.state is not self._state:
+            self._state = controller.state
+            self.events.append(Event(self.time_s, f"state {self._state.name}", controller.reason or ""))
+            if self._recorders is not None:
+                self._recorders[1].state(self._state)
+
+    def _record(self, folder: Path) -> None:
+        self._folder = folder
+        self._recorders = (Recorder(folder, self.cell), ControllerRecorder(folder, self._controller))
+        self._controller.on_detection = self._recorders[1].detection
+        update_run_file(folder, "cell", self.cell.model_dump(mode="json"))
+        names = {"law": self._law, "trajectory": self._trajectory, "seed": self._seed}
+        update_run_file(folder, "rig", {**provenance(), **names, "truth": self._true_settings})
+
+
+def _truth_text(value: object) -> str:
+    """A value as `--truth` takes it; a switch is 0 or 1 there."""
+    return str(int(value) if isinstance(value, bool) else value)

@@ -1,0 +1,121 @@
+"""How faults are asked for in Python, whatever carries them out: an engine in this process, or a bench on a bus.
+
+What there is to inject, and whether it is supported, is not known here.
+"""
+
+import itertools
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
+from canarm_protocol.errors import ProtocolError
+from canarm_protocol.faults.script import FaultScript, ParameterValue, clearing, parse_faults, read_faults, script_of
+
+from ..usage import UsageError
+
+FaultSource = Path | str | FaultScript
+UNNAMED = "set "
+"""How the names of sets begin that were given none."""
+T = TypeVar("T")
+
+
+class FaultControl(ABC):
+    """Injecting, triggering and clearing faults. What is refused raises `FaultError` at once, and changes nothing."""
+
+    def __init__(self) -> None:
+        self._names: set[str] = set()
+        self._awaited: dict[str, None] = {}
+        """Sets that have faults and were not cleared, in their order."""
+
+    @abstractmethod
+    def _accept(self, script: FaultScript) -> None:
+        """Do what `script` asks for, as a whole. Raises `FaultError` with the reason where it is refused."""
+
+    def inject(
+        self,
+        tap: str,
+        fault: str,
+        *,
+        at: float | None = None,
+        cycle: int | None = None,
+        when: str | None = None,
+        manual: bool = False,
+        duration: float | None = None,
+        repeat: int = 1,
+        period: float | None = None,
+        name: str | None = None,
+        **parameters: ParameterValue,
+    ) -> str:
+        """Inject one fault; returns the name of its set. Without a trigger it begins with the
+        next cycle, or now while there are none.
+
+        `at` and `cycle` count from the first SYNC after NMT start (s, cycles), `when` is a condition over true signals
+        such as "joint2.angle_deg > 30", `manual` waits for `trigger()`. It lasts `duration` s, or until `clear()`;
+        `repeat` activations in all begin `period` s apart. `canarm fault list` shows taps, faults and `parameters`.
+        """
+        __tracebackhide__ = True
+        wanted = {"at": at, "cycle": cycle, "when": when, "duration": duration, "period": period}
+        # A default is left out by what it is, not by what it equals: 0 is no switch, and true no number.
+        wanted |= {"manual": None if manual is False else manual}
+        wanted |= {"repeat": None if type(repeat) is int and repeat == 1 else repeat}
+        name = name if name is not None else self._free_name(f"{tap} {fault}")
+        entry = {key: value for key, value in wanted.items() if value is not None}
+        spec = {**parameters, "tap": tap, "fault": fault}
+        table = {"set": [{**entry, "name": name, "fault": [spec]}]}
+        plainly(lambda: self._take(script_of(table, "inject")))
+        return name
+
+    def inject_file(self, source: FaultSource) -> tuple[str, ...]:
+        """Inject what a fault file (its path, or its text as TOML) or a script says; returns the names of its sets."""
+        __tracebackhide__ = True
+        return plainly(lambda: self._take(self._named(read_script(source))))
+
+    def trigger(self, name: str) -> None:
+        """Begin a set that waits, with the next cycle."""
+        __tracebackhide__ = True
+        plainly(lambda: self._accept(FaultScript(trigger=name)))
+
+    def clear(self, name: str | None = None) -> None:
+        """End and forget the sets of that name; all of them without one."""
+        __tracebackhide__ = True
+        plainly(lambda: self._accept(clearing(name)))
+        for each in [name] if name else list(self._awaited):
+            self._awaited.pop(each, None)
+
+    def _named(self, script: FaultScript) -> FaultScript:
+        """`script`, with names of their own for sets that were given none."""
+        named = [
+            replace(each, name=self._free_name(each.name)) if each.name.startswith(UNNAMED) else each
+            for each in script.sets
+        ]
+        return replace(script, sets=tuple(named))
+
+    def _take(self, script: FaultScript) -> tuple[str, ...]:
+        self._accept(script)
+        self._names |= {each.name for each in script.sets}
+        self._awaited |= {each.name: None for each in script.sets if each.faults}
+        return tuple(each.name for each in script.sets)
+
+    def _free_name(self, wanted: str) -> str:
+        names = itertools.chain((wanted,), (f"{wanted} #{number}" for number in itertools.count(2)))
+        return next(name for name in names if name not in self._names)
+
+
+def plainly(call: Callable[[], T]) -> T:
+    """What `call` returns. What it refuses is raised without the frames in which that was found, which are ours."""
+    __tracebackhide__ = True
+    try:
+        return call()
+    except (ProtocolError, UsageError) as error:
+        raise error.with_traceback(None) from None
+
+
+def read_script(source: FaultSource) -> FaultScript:
+    """The script in a file or text: a `Path`, or a line without "=" and "[", is a file. Raises `FaultError`."""
+    if isinstance(source, FaultScript):
+        return source
+    if isinstance(source, str) and (not source.strip() or any(sign in source for sign in "=[\n")):
+        return parse_faults(source, "faults")
+    return read_faults(Path(source))

@@ -1,0 +1,229 @@
+"""Histories and figures of one joint of a rig, and questions about them for assertions.
+
+Where the values come from, the objects of this process or the files of two others, is behind `Source`.
+"""
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from canarm_protocol.cell.cell_messages import nearest
+
+from ..summary import JointFigures
+from ..usage import UsageError
+from .findings import HALF_NS, Finding
+
+Floats = NDArray[np.float64]
+
+SIGNALS = ("true_angle_rad", "true_speed_rad_s", "current_a", "command_a", "reference_rad", "measured_rad")
+TRUE_SIGNALS = 4
+"""The first of `SIGNALS` are those of `canarm_emulator.robot.world.JointState`, in its order."""
+ERROR_LSB = "error_lsb"
+
+
+class Span(NamedTuple):
+    """A signal over cycles: their numbers, times in s, and values, each of shape (cycles,)."""
+
+    cycle: NDArray[np.int64]
+    time_s: Floats
+    value: Floats
+
+
+class UnknownJoint(UsageError, KeyError):
+    """There is no joint of that name."""
+
+    def __init__(self, name: object, names: Iterable[str]) -> None:
+        names = list(names)
+        hint = nearest(str(name), names)
+        known = "" if "known are" in hint else f" There are {', '.join(names)}"
+        super().__init__(f"no joint {name!r}{hint}{known}")
+
+    def __str__(self) -> str:
+        return str(self.args[0])  # a KeyError shows its repr
+
+
+class Joints(dict[str, "RigJoint"]):
+    """Joints by their names. One that there is not raises `UnknownJoint`, a `KeyError`."""
+
+    def __missing__(self, name: object) -> "RigJoint":
+        __tracebackhide__ = True
+        raise UnknownJoint(name, self)
+
+
+class Source(Protocol):
+    """What knows the course of a run."""
+
+    def column(self, joint: int, signal: str) -> Floats:
+        """One of `SIGNALS`, or `time_s`, over the controlled cycles that are kept."""
+        ...
+
+    def span(self, joint: int, signal: str) -> Span:
+        """As `column`, with the cycles' numbers and times; a true signal goes on through the stop."""
+        ...
+
+    def figures(self, joint: int) -> JointFigures:
+        """The figures of the run so far."""
+        ...
+
+
+class RigJoint:
+    """Histories and figures of one joint.
+
+    Histories are numpy arrays with one value a controlled cycle that is kept (`history_s` of `Rig`), oldest first, all
+    of one length and of the same cycles; a stop adds none. They are copies: what was read stays as it was when the run
+    goes on. Figures are of the whole run. A question about cycles that are no longer kept raises `UsageError`, unless
+    one that is kept answers it.
+    """
+
+    def __init__(self, source: Source, index: int, name: str, step_rad: float) -> None:
+        self._source, self._index, self.name, self._step_rad = source, index, name, step_rad
+
+    @property
+    def time_s(self) -> Floats:
+        """Virtual time of each SYNC."""
+        return self._source.column(self._index, "time_s")
+
+    @property
+    def true_angle_rad(self) -> Floats:
+        """True joint angle at each SYNC."""
+        return self._source.column(self._index, "true_angle_rad")
+
+    @property
+    def true_speed_rad_s(self) -> Floats:
+        """True joint speed at each SYNC."""
+        return self._source.column(self._index, "true_speed_rad_s")
+
+    @property
+    def current_a(self) -> Floats:
+        """Motor current at each SYNC, signed."""
+        return self._source.column(self._index, "current_a")
+
+    @property
+    def command_a(self) -> Floats:
+        """What the amplifier is asked for from each SYNC on, signed."""
+        return self._source.column(self._index, "command_a")
+
+    @property
+    def reference_rad(self) -> Floats:
+        """The controller's reference for each SYNC."""
+        return self._source.column(self._index, "reference_rad")
+
+    @property
+    def measured_rad(self) -> Floats:
+        """The joint angle as the controller measured it in each cycle; the last one where a measurement was missing."""
+        return self._source.column(self._index, "measured_rad")
+
+    @property
+    def error_lsb(self) -> Floats:
+        """True minus reference angle at each SYNC, in steps of the position sensor."""
+        return (self.true_angle_rad - self.reference_rad) / self._step_rad
+
+    @property
+    def rms_error_lsb(self) -> float:
+        """RMS of true minus reference angle in steps of the position sensor, first 1024 cycles left out; NaN before."""
+        return _number(self._source.figures(self._index).rms_lsb)
+
+    @property
+    def max_error_lsb(self) -> float:
+        """Greatest true minus reference angle, as `rms_error_lsb`."""
+        return _number(self._source.figures(self._index).max_lsb)
+
+    @property
+    def peak_current_a(self) -> float:
+        """Greatest motor current of the run, A."""
+        return self._source.figures(self._index).peak_current_a
+
+    @property
+    def saturated_cycles(self) -> int:
+        """Cycles in which the amplifier was at its limit."""
+        return self._source.figures(self._index).saturated_cycles
+
+    @property
+    def speed_ripple(self) -> float:
+        """Standard deviation over mean of the true speed while the reference's is constant; NaN if it never is."""
+        return _number(self._source.figures(self._index).speed_ripple)
+
+    def stays_below(self, signal: str, limit: float, *, since: float = 0.0, until: float = math.inf) -> Finding:
+        """Whether the magnitude of a history never passes `limit`, from `since` to `until` in s of virtual time.
+
+        True signals (angle, speed, current, command) are looked at through the stop as well; `error_lsb` ends with the
+        reference. Raises `UsageError` for a name that is no history, where no cycle lies in that time, and where it
+        begins with cycles that are no longer kept and the others stay below.
+        """
+        __tracebackhide__ = True
+        return self._check(signal, -limit, limit, since, until)
+
+    def stays_within(
+        self, signal: str, low: float, high: float, *, since: float = 0.0, until: float = math.inf
+    ) -> Finding:
+        """As `stays_below`, for a signed value between `low` and `high`."""
+        __tracebackhide__ = True
+        return self._check(signal, low, high, since, until)
+
+    def departure(self, signal: str, by: float, *, since: float) -> float | None:
+        """When a history has first gone further than `by` from its value at `since`, in s of virtual time; None: never.
+
+        For the clock of a detection: a fault that freezes a signal shows only when the truth has moved on. Raises
+        `UsageError` where the value at `since` is no longer kept.
+        """
+        __tracebackhide__ = True
+        span = self.span(signal)
+        self._check_kept(signal, span, since)
+        _, time_s, value = span
+        after = time_s >= since - HALF_NS
+        gone = after & (np.abs(value - value[after][:1]) > by) if after.any() else after
+        return float(time_s[np.argmax(gone)]) if gone.any() else None
+
+    def span(self, signal: str) -> Span:
+        """A history with its cycles and times; a true one goes on through the stop. Raises `UsageError`."""
+        __tracebackhide__ = True
+        if signal == ERROR_LSB:
+            return self._source.span(self._index, "reference_rad")._replace(value=self.error_lsb)
+        if signal in SIGNALS:
+            return self._source.span(self._index, signal)
+        known = (*SIGNALS, ERROR_LSB)
+        raise UsageError(f"no history {signal!r}{nearest(signal, known)}; there are {', '.join(known)}")
+
+    def _check(self, signal: str, low: float, high: float, since: float, until: float) -> Finding:
+        __tracebackhide__ = True
+        span = self.span(signal)
+        chosen = (span.time_s >= since - HALF_NS) & (span.time_s <= until + HALF_NS)
+        if not chosen.any():
+            self._check_kept(signal, span, since)
+            ran = f"there are those to {span.time_s[-1]:g} s" if len(span.time_s) else "run() first"
+            raise UsageError(f"{self.name}.{signal}: no cycle from {since:g} s to {until:g} s; {ran}")
+        cycle, time_s, value = (each[chosen] for each in span)
+        bounds = f"must stay within {low:g} and {high:g}" if low != -high else f"must stay below {high:g}"
+        # "not inside" rather than "outside": a NaN is no value that stays anywhere.
+        bad = np.flatnonzero(~((value >= low) & (value <= high)))
+        if len(bad):
+            first, kept = bad[0], " that are kept" if _is_cut(span, since) else ""
+            return Finding(
+                False,
+                f"{self.name}.{signal} is {value[first]:.4g} at {time_s[first]:.4f} s (cycle {cycle[first]}), "
+                f"and beyond in {len(bad)} of {len(value)} cycles{kept}; {bounds}",
+            )
+        self._check_kept(signal, span, since)
+        extreme = value[np.argmax(np.abs(value))]
+        return Finding(True, f"{self.name}.{signal} reaches {extreme:.4g} in {len(value)} cycles; {bounds}")
+
+    def _check_kept(self, signal: str, span: Span, since: float) -> None:
+        """Raises `UsageError` where cycles from `since` on are not in `span` any more."""
+        __tracebackhide__ = True
+        if _is_cut(span, since):
+            raise UsageError(
+                f"{self.name}.{signal}: cycles before {span.time_s[0]:.4f} s are no longer kept; ask about later ones "
+                "with since=, or give the rig a longer history_s"
+            )
+
+
+def _is_cut(span: Span, since: float) -> bool:
+    """Whether there were cycles from `since` on that are not kept; the first cycle of a run has the number 0."""
+    return len(span.cycle) > 0 and bool(span.cycle[0] > 0) and since < span.time_s[0] - HALF_NS
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value

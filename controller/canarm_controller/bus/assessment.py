@@ -1,0 +1,55 @@
+"""What the test bench says of a run, read from its node at the end. A controller never needs it; people do."""
+
+import struct
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from canarm_protocol.cell import bench_objects as objects
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.errors import ProtocolError
+from canarm_protocol.transport.sdo_session import SdoSession
+
+
+@dataclass(frozen=True, slots=True)
+class JointAssessment:
+    """Figures of one joint. Errors are true minus reference in steps of the position sensor, settling left out."""
+
+    rms_lsb: float | None
+    max_lsb: float | None
+    peak_current_a: float
+    saturated_cycles: int
+    speed_ripple: float | None
+
+    def as_json(self) -> dict[str, Any]:
+        """The figures as they stand in the summary, rounded to what they mean."""
+        return {key: round(value, 4) if isinstance(value, float) else value for key, value in asdict(self).items()}
+
+
+def read_assessment(session: SdoSession, cell: Cell) -> dict[str, JointAssessment]:
+    """The bench's figures by joint name. Raises `SdoAborted`, `BusError`, or `ProtocolError` for another bench's."""
+
+    def number(index: int, subindex: int, format_: str = "<f") -> Any:
+        data = session.upload(index, subindex)
+        if len(data) != struct.calcsize(format_):
+            where = f"bench object 0x{index:04X}:{subindex:02X}"
+            raise ProtocolError(f"{where} has {len(data)} bytes; must be {struct.calcsize(format_)}")
+        return struct.unpack(format_, data)[0]
+
+    is_assessed = number(objects.ASSESSED_CYCLES, 0, "<I") > 0
+    figures = {}
+    for position, name in enumerate(cell.joint_names, start=1):
+        ripple = number(objects.SPEED_RIPPLE, position)
+        figures[name] = JointAssessment(
+            rms_lsb=number(objects.RMS_ERROR, position) if is_assessed else None,
+            max_lsb=number(objects.MAX_ERROR, position) if is_assessed else None,
+            peak_current_a=number(objects.PEAK_CURRENT, position),
+            saturated_cycles=number(objects.SATURATED_CYCLES, position, "<I"),
+            speed_ripple=ripple or None,
+        )
+    return figures
+
+
+def name_internals(session: SdoSession, names: list[str]) -> None:
+    """Tell the bench what the law's internal quantities are called. Raises `SdoAborted` or `BusError`."""
+    for position, name in enumerate(names[: objects.INTERNALS], start=1):
+        session.download(objects.INTERNAL_NAME, position, name.encode("ascii", "replace"))

@@ -1,0 +1,179 @@
+"""The CANopen master's dealings with its cards before and after a run, as conversations: ask, wait, go on.
+
+A conversation is a generator. It yields what to send and whose answer it waits for, and is sent the frame that came, or
+has `Silence` thrown into it when none came in time. Sockets and clocks belong to whoever drives it.
+"""
+
+import struct
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, field
+
+from canarm_protocol.canopen.dictionary import (
+    ANALOGUE_INPUT,
+    CLOCK_MODE,
+    CODE_SHIFT,
+    DEVICE_TYPE,
+    IDENTITY,
+    default_value,
+    variable_at,
+)
+from canarm_protocol.canopen.frames import Cob, Frame, NmtCommand, NmtState, heartbeat_frame, nmt_frame
+from canarm_protocol.canopen.sdo import SdoAborted, Transfer, download, upload
+from canarm_protocol.cell.configuration import Setting, card_settings
+from canarm_protocol.cell.model import Bus
+from canarm_protocol.cell.wiring import CardNode
+
+from ..errors import BringUpError, ClockMismatchError
+
+ANSWER_NS = 3_000_000_000
+"""How long a card may take to answer."""
+ALL_BITS = 0xFF
+CLOCK_NAMES = {0: "wall", 1: "sync"}
+
+
+class Silence(Exception):
+    """Thrown into a conversation: nobody answered in time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """Frames to send, and whether a received frame is the answer; `limit_ns` bounds the wait."""
+
+    frames: tuple[Frame, ...]
+    is_answer: Callable[[Frame], bool]
+    limit_ns: int = ANSWER_NS
+    awaited: str = field(default="")
+
+
+Conversation = Generator[Ask, Frame, None]
+
+
+def bring_up(nodes: tuple[CardNode, ...], bus: Bus, clock_mode: int, listen_ns: int) -> Conversation:
+    """Find the cards, check who they are, configure and leave them in PRE-OPERATIONAL, monitored and monitoring.
+
+    Raises `BringUpError` when another controller is on the bus, a card is missing, is of another identity or refuses
+    its configuration, and `ClockMismatchError` when the emulated world follows another clock than the controller.
+    """
+    if listen_ns:
+        yield from _listen_for_another(bus.controller_node_id, listen_ns)
+    for node in nodes:
+        yield from _reset(node, nodes)
+        yield from _check_identity(node)
+        yield from _check_clock(node, clock_mode)
+    for node in nodes:
+        for index, subindex, value in _configuration(node, bus):
+            yield from _transfer(node, download(index, subindex, value))
+
+
+def read_input(node: CardNode, channel: int) -> Generator[Ask, Frame, int]:
+    """The present code of an analogue input, by SDO. Raises `BringUpError`."""
+    data = yield from _read(node, ANALOGUE_INPUT, channel, 2)
+    return int(struct.unpack("<h", data)[0]) >> CODE_SHIFT
+
+
+def start_frames(nodes: tuple[CardNode, ...], node_id: int) -> list[Frame]:
+    """The controller shows itself by its first heartbeat, then starts the cards."""
+    starts = [nmt_frame(NmtCommand.START, node.card.node_id) for node in nodes]
+    return [heartbeat_frame(node_id, NmtState.OPERATIONAL), *starts]
+
+
+def stop_frames(nodes: tuple[CardNode, ...]) -> list[Frame]:
+    """The cards leave OPERATIONAL by way of STOPPED, in which their outputs take their error values."""
+    commands = (NmtCommand.STOP, NmtCommand.PRE_OPERATIONAL)
+    return [nmt_frame(command, node.card.node_id) for command in commands for node in nodes]
+
+
+def _listen_for_another(node_id: int, listen_ns: int) -> Conversation:
+    def is_other_master(frame: Frame) -> bool:
+        return frame.can_id in (Cob.SYNC, Cob.HEARTBEAT + node_id)
+
+    try:
+        other = yield Ask((), is_other_master, listen_ns, "another controller")
+    except Silence:
+        return
+    what = "SYNC" if other.can_id == Cob.SYNC else f"heartbeats of node {node_id}"
+    raise BringUpError(f"another controller is on the bus ({what} seen): stop it first, two masters would fight")
+
+
+def _reset(node: CardNode, nodes: tuple[CardNode, ...]) -> Conversation:
+    card = node.card
+    boot_up = Cob.HEARTBEAT + card.node_id
+    try:
+        yield Ask(
+            (nmt_frame(NmtCommand.RESET_NODE, card.node_id),),
+            lambda frame: frame.can_id == boot_up and frame.data == bytes((NmtState.BOOT_UP,)),
+            awaited=_name(node),
+        )
+    except Silence:
+        hint = "; is an emulator with this cell on this bus?" if node is nodes[0] else ""
+        raise BringUpError(
+            f"{_name(node)} does not answer: no boot-up within {ANSWER_NS / 1e9:g} s of NMT reset{hint}"
+        ) from None
+
+
+def _check_identity(node: CardNode) -> Conversation:
+    expected = [
+        (DEVICE_TYPE, 0, "device type"),
+        (IDENTITY, 1, "vendor-ID"),
+        (IDENTITY, 2, "product code"),
+        (IDENTITY, 3, "revision"),
+    ]
+    for index, subindex, what in expected:
+        data = yield from _read(node, index, subindex, 4)
+        found, wanted = int.from_bytes(data, "little"), default_value(node.dictionary, index, subindex)
+        if found != wanted:
+            raise BringUpError(
+                f"{_name(node)} is another device: {what} (0x{index:04X}:{subindex:02X}) is 0x{found:08X}; "
+                f"the cell says {node.card.model}, 0x{wanted:08X}"
+            )
+
+
+def _check_clock(node: CardNode, clock_mode: int) -> Conversation:
+    data = yield from _read(node, CLOCK_MODE, 0, 1)
+    if data[0] != clock_mode:
+        theirs, ours = CLOCK_NAMES.get(data[0], str(data[0])), CLOCK_NAMES[clock_mode]
+        raise ClockMismatchError(
+            f"{_name(node)} runs on --clock {theirs}, this controller on --clock {ours}: "
+            "start both with the same --clock"
+        )
+
+
+def _configuration(node: CardNode, bus: Bus) -> list[tuple[int, int, bytes]]:
+    """Index, sub-index and bytes of every object that the master sets, in an order that the cards accept."""
+    return [(each.index, each.subindex, _encoded(node, each)) for each in card_settings(node, bus)]
+
+
+def _encoded(node: CardNode, setting: Setting) -> bytes:
+    variable = variable_at(node.dictionary, setting.index, setting.subindex)
+    assert variable is not None
+    return bytes(variable.encode_raw(setting.value))
+
+
+def _read(node: CardNode, index: int, subindex: int, size: int) -> Generator[Ask, Frame, bytes]:
+    data = yield from _transfer(node, upload(index, subindex))
+    if len(data) != size:
+        raise BringUpError(f"{_name(node)}: SDO 0x{index:04X}:{subindex:02X} has {len(data)} bytes; must be {size}")
+    return data
+
+
+def _transfer(node: CardNode, transfer: Transfer) -> Generator[Ask, Frame, bytes]:
+    request_id, answer_id = Cob.SDO_TO_SERVER + node.card.node_id, Cob.SDO_TO_CLIENT + node.card.node_id
+    request = next(transfer)
+    while True:
+        try:
+            answer = yield Ask(
+                (Frame(request_id, request),), lambda frame: frame.can_id == answer_id, awaited=_name(node)
+            )
+            request = transfer.send(answer.data)
+        except StopIteration as done:
+            return bytes(done.value)
+        except SdoAborted as error:
+            raise BringUpError(f"{_name(node)}: {error}") from None
+        except Silence:
+            raise BringUpError(
+                f"{_name(node)} stopped answering: no SDO response within {ANSWER_NS / 1e9:g} s"
+            ) from None
+
+
+def _name(node: CardNode) -> str:
+    return f"card {node.card.name!r} (node 0x{node.card.node_id:02X})"

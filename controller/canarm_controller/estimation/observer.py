@@ -1,0 +1,141 @@
+"""A Kalman filter for each joint, and the one step ahead that the bus costs: where the arm will be when a command acts.
+
+Owns the estimate of position and speed. Which acceleration the arm's model gives is the law's to say, for the law knows
+which parameters it believes in; feedback must not enter.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from canarm_protocol.cell.model import ObserverGains
+
+from ..laws.base import Cycle
+
+Acceleration = Callable[[Sequence[float], Sequence[float], Sequence[float]], Sequence[float]]
+"""From positions (rad), speeds (rad/s) and applied torques (N·m) to accelerations (rad/s²)."""
+
+DOUBLINGS = 40
+"""Each step of `stationary_gains` doubles the number of samples filtered: 2^40 samples of 2.5 ms are 87 years."""
+
+
+class JointObserver:
+    """Position x, speed v, error b of the model's acceleration and offset o of the tachometer of one joint.
+
+    Predict   x' = x + T·v + T²/2·(a + b),  v' = v + T·(a + b),  b' = b,  o' = o
+    Correct   (x, v, b, o) += L·(potentiometer - x, tachometer - v - o)
+
+    L is the stationary Kalman gain. The offset is told from a speed because the potentiometer does not follow it.
+    """
+
+    __slots__ = ("_gains", "_period_s", "acceleration_bias", "position_rad", "tachometer_offset", "velocity_rad_s")
+
+    def __init__(self, gains: Sequence[tuple[float, float]], period_s: float) -> None:
+        self._gains = tuple(gains)
+        self._period_s = period_s
+        self.start(0.0, 0.0)
+
+    def start(self, position_rad: float, velocity_rad_s: float) -> None:
+        """Begin at a measured state, with a right model and a right tachometer."""
+        self.position_rad, self.velocity_rad_s = position_rad, velocity_rad_s
+        self.acceleration_bias = self.tachometer_offset = 0.0
+
+    def correct(self, measured_rad: float, measured_rad_s: float) -> None:
+        """Take one cycle's measurement."""
+        by_position = measured_rad - self.position_rad
+        by_velocity = measured_rad_s - self.velocity_rad_s - self.tachometer_offset
+        (x0, x1), (v0, v1), (b0, b1), (o0, o1) = self._gains
+        self.position_rad += x0 * by_position + x1 * by_velocity
+        self.velocity_rad_s += v0 * by_position + v1 * by_velocity
+        self.acceleration_bias += b0 * by_position + b1 * by_velocity
+        self.tachometer_offset += o0 * by_position + o1 * by_velocity
+
+    def predict(self, acceleration_rad_s2: float) -> None:
+        """Go on to the next cycle with the model's acceleration during this one."""
+        step_rad_s = self._period_s * (acceleration_rad_s2 + self.acceleration_bias)
+        self.position_rad += self._period_s * (self.velocity_rad_s + 0.5 * step_rad_s)
+        self.velocity_rad_s += step_rad_s
+
+
+class ArmState:
+    """State and reference at the moment a law computes for, one entry a joint.
+
+    A command computed in cycle k acts from SYNC k+1 on; until then the last one acts, `cycle.applied_nm`. With the
+    observer on, the law sees state and reference at SYNC k+1, filtered and predicted, and the cycle of delay is gone
+    from the loop. Without it (`gains` None or `enabled` false), it sees what was measured in cycle k and k's reference.
+    """
+
+    __slots__ = (
+        "_is_first", "_joints", "_lead_s", "position_rad", "reference_rad", "reference_rad_s", "velocity_rad_s",
+    )  # fmt: skip
+
+    def __init__(self, gains: ObserverGains | None, period_s: float, joint_count: int) -> None:
+        self._joints: list[JointObserver] = []
+        if gains is not None and gains.enabled:
+            stationary = stationary_gains(gains, period_s)
+            self._joints = [JointObserver(stationary, period_s) for _ in range(joint_count)]
+        self._lead_s = period_s if self._joints else 0.0
+        self._is_first = True
+        zeros = [0.0] * joint_count
+        self.position_rad: Sequence[float] = zeros
+        self.velocity_rad_s: Sequence[float] = zeros
+        self.reference_rad: Sequence[float] = zeros
+        self.reference_rad_s: Sequence[float] = zeros
+
+    def start(self, position_rad: Sequence[float], velocity_rad_s: Sequence[float]) -> None:
+        """Begin anew at the measured state."""
+        for joint, position, velocity in zip(self._joints, position_rad, velocity_rad_s, strict=bool(self._joints)):
+            joint.start(position, velocity)
+        self._is_first = True
+
+    def update(self, cycle: Cycle, acceleration: Acceleration) -> None:
+        """Take one cycle. In the first, no command acts yet: the arm rests where it was parked."""
+        joints, lead_s = self._joints, self._lead_s
+        if not joints:
+            self.position_rad, self.velocity_rad_s = cycle.position_rad, cycle.velocity_rad_s
+            self.reference_rad, self.reference_rad_s = cycle.reference_rad, cycle.reference_rad_s
+            return
+        for joint, measured_rad, measured_rad_s in zip(joints, cycle.position_rad, cycle.velocity_rad_s, strict=True):
+            joint.correct(measured_rad, measured_rad_s)
+        if not self._is_first:
+            now = [joint.position_rad for joint in joints], [joint.velocity_rad_s for joint in joints]
+            for joint, model_rad_s2 in zip(joints, acceleration(*now, cycle.applied_nm), strict=True):
+                joint.predict(model_rad_s2)
+        self._is_first = False
+        self.position_rad = [joint.position_rad for joint in joints]
+        self.velocity_rad_s = [joint.velocity_rad_s for joint in joints]
+        rates, changes = cycle.reference_rad_s, cycle.reference_rad_s2
+        self.reference_rad = [
+            angle + lead_s * (rate + 0.5 * lead_s * change)
+            for angle, rate, change in zip(cycle.reference_rad, rates, changes, strict=True)
+        ]
+        self.reference_rad_s = [rate + lead_s * change for rate, change in zip(rates, changes, strict=True)]
+
+
+def stationary_gains(gains: ObserverGains, period_s: float) -> tuple[tuple[float, float], ...]:
+    """L of `JointObserver`, four rows (x, v, b, o) of two (by potentiometer, by tachometer).
+
+    The covariance solves the discrete algebraic Riccati equation, here by the structure-preserving doubling algorithm
+    (Chu, Fan, Lin and Wang, Int. J. Control 77 (2004) 767-788), which needs nothing but inverses.
+    """
+    step_s = period_s
+    transition = np.eye(4)
+    transition[0, 1:3] = step_s, 0.5 * step_s**2
+    transition[1, 2] = step_s
+    by_acceleration = np.array([0.5 * step_s**2, step_s, 0.0, 0.0])
+    drift = np.diag([0.0, 0.0, gains.acceleration_bias_noise**2, gains.tachometer_offset_noise**2])
+    process = gains.acceleration_noise**2 / step_s * np.outer(by_acceleration, by_acceleration) + step_s * drift
+    output = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 1.0]])
+    noise = np.diag([gains.position_noise_rad**2, gains.velocity_noise_rad_s**2])
+
+    a, g, covariance = transition.T, output.T @ np.linalg.inv(noise) @ output, process
+    for _ in range(DOUBLINGS):
+        inverse: NDArray[np.float64] = np.linalg.inv(np.eye(4) + g @ covariance)
+        a, g, covariance = (
+            a @ inverse @ a,
+            g + a @ inverse @ g @ a.T,
+            covariance + a.T @ covariance @ inverse @ a,
+        )
+    gain = covariance @ output.T @ np.linalg.inv(output @ covariance @ output.T + noise)
+    return tuple((by_position, by_velocity) for by_position, by_velocity in gain.tolist())

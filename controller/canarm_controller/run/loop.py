@@ -1,0 +1,226 @@
+"""The control loop of one run: codes of a cycle in, DAC codes and direction bits out.
+
+Owns the way from code to radian, reference, feed-forward, law and current; knows no frames, no clock and no supervision
+beyond what it returns.
+"""
+
+from collections.abc import Mapping, Sequence
+
+from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.wiring import FULL_SCALE_CODE, InputSlot, sensor_scale
+
+from ..dynamics import NominalArm
+from ..errors import ControllerError, LawError, TrajectoryError
+from ..laws.base import ControlLaw, Cycle
+from ..laws.failure import law_failure, shown
+from ..reference.feedforward import make_feedforward
+from ..reference.memory import SAMPLES, MemoryImage
+from ..reference.trajectory import Reference, Trajectory, blend_from
+
+OFF, CLOCKWISE, COUNTER_CLOCKWISE = 0b00, 0b01, 0b10
+"""Direction bits of the latch (table 1 of the paper); counter-clockwise is towards positive angles."""
+LEAD_CYCLES = 1.5
+"""A command computed in cycle k acts from SYNC k+1 to SYNC k+2: on average 1.5 cycles later."""
+BLENDS_S = (2.0, 3.0, 4.5, 6.0)
+"""Times in which the trajectory may be entered; the shortest in which no joint gets too fast is taken."""
+CHUNK = 64
+"""Ticks whose reference is turned into plain floats at once, so that no cycle has to do it for a whole block."""
+
+
+class ControlLoop:
+    """Law, feed-forward and trajectory of one run.
+
+    `slots` says which quantity stands at which place of `codes` in `measure`. Raises `ControllerError` for an arm, a
+    law or a feed-forward that cannot be, and `LawError` for whatever else the law's own code raises, here and later.
+    """
+
+    def __init__(
+        self,
+        cell: Cell,
+        slots: Sequence[InputSlot],
+        law: type[ControlLaw],
+        trajectory: Trajectory,
+        feedforward: str | None = None,
+    ) -> None:
+        self.arm = NominalArm.from_robot(cell.robot[0])
+        self.period_s = cell.bus.cycle_s
+        try:
+            self.law = law(self.arm, cell.control, self.period_s)
+            self.internal_names = tuple(self.law.internals())
+            """Names of the law's inner values; they stay the same for the whole run."""
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            raise law_failure(law, "__init__ or internals", error) from error
+        for name in self.internal_names:
+            if not _is_plain_name(name):
+                raise LawError(
+                    f"law {law.__name__}: internals() names a value {shown(name, repr, 40)}; "
+                    "names must be ASCII letters, digits and underscores, such as 'bias_a'"
+                )
+        self.trajectory = trajectory
+        self.feedforward_kind = feedforward or law.default_feedforward
+        if self.feedforward_kind != "none" and not law.takes_feedforward:
+            raise ControllerError(
+                f"law {law.name!r} supplies the torque of the model itself; use --feedforward none, "
+                f"not {self.feedforward_kind}"
+            )
+        limits_a = [joint.amplifier.max_current_a for joint in cell.joints]
+        self.memory = MemoryImage(len(cell.joints), limits_a)
+        self._feedforward = make_feedforward(
+            self.feedforward_kind, self.arm, self.memory, law.feedforward_excludes_inertia, LEAD_CYCLES * self.period_s
+        )
+        self.cycle = Cycle(len(cell.joints))
+        """What is recorded, reported and judged; the law is given a copy."""
+        self._law_cycle = Cycle(len(cell.joints))
+        self.saturated_cycles = [0] * len(cell.joints)
+        """Cycles in which the law asked for more current than the amplifier has."""
+        self._limits_a = limits_a
+        self._torque_per_ampere = list(self.arm.torque_per_ampere)
+        conversion_s = {channel.signal: card.conversion_us * 1e-6 for card in cell.card for channel in card.channel}
+        self._places: dict[Quantity, list[tuple[int, float, float, float]]] = {}
+        for place, slot in sorted(enumerate(slots), key=lambda item: item[1].joint):
+            scale = sensor_scale(cell.joints[slot.joint], slot.quantity)
+            rank = sum(other.node_id == slot.node_id for other in slots[:place])
+            skew_s = rank * conversion_s[f"{cell.joint_names[slot.joint]}.{slot.quantity}"]
+            self._places.setdefault(slot.quantity, []).append((place, scale.zero, scale.step, skew_s))
+        self._positions = self._places[Quantity.POTENTIOMETER]
+        self._velocities = self._places[Quantity.TACHOMETER]
+        self._currents = self._places[Quantity.CURRENT_SENSE]
+        self._block: Reference | None = None
+        self._block_tick = self._chunk_tick = 0
+        self._reference: list[tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]] = []
+        self._signs = [0.0] * len(cell.joints)
+        self.angle_codes: list[int] = []
+        self.speed_codes: list[int] = []
+        self.current_codes: list[int] = []
+
+    def begin(self, position_codes: Sequence[int]) -> None:
+        """Start at rest at the measured pose: blend the trajectory in, fill the table, start the law.
+
+        Raises `TrajectoryError` when the pose lies outside the joint limits, or too far off; `LawError`.
+        """
+        places = zip(position_codes, self._positions, strict=True)
+        start = tuple([(code - zero) * step for code, (_, zero, step, _) in places])
+        rest = (0.0,) * len(start)
+        self.trajectory = self._entered_from(start)
+        self.cycle.position_rad, self.cycle.velocity_rad_s = start, rest
+        self._prepare(0)
+        try:
+            self.law.start(start, rest, self.trajectory.amplitude_rad)
+        except BaseException as error:
+            raise law_failure(type(self.law), "start", error) from error
+
+    def _entered_from(self, start_rad: Sequence[float]) -> Trajectory:
+        """The trajectory blended in from the measured pose, in 2 s, or slower when the arm has far to go."""
+        for blend_s in BLENDS_S[:-1]:
+            try:
+                return blend_from(self.trajectory, start_rad, blend_s)
+            except TrajectoryError:
+                continue
+        return blend_from(self.trajectory, start_rad, BLENDS_S[-1])
+
+    def measure(self, codes: Sequence[int], tick: int) -> None:
+        """Take the codes of one cycle: physical values into `cycle`, codes into the memory's log.
+
+        The ADC converts one channel after the other; positions are led back to the time of SYNC by the measured speed.
+        """
+        velocity = tuple([(codes[place] - zero) * step for place, zero, step, _ in self._velocities])
+        cycle = self.cycle
+        cycle.velocity_rad_s = velocity
+        cycle.position_rad = tuple(
+            [
+                (codes[place] - zero) * step - skew_s * rate
+                for (place, zero, step, skew_s), rate in zip(self._positions, velocity, strict=True)
+            ]
+        )
+        currents = self.current_codes = [codes[place[0]] for place in self._currents]
+        cycle.current_a = tuple(
+            [
+                sign * (code - zero) * step
+                for code, (_, zero, step, _), sign in zip(currents, self._currents, self._signs, strict=True)
+            ]
+        )
+        angles = self.angle_codes = [codes[place[0]] for place in self._positions]
+        speeds = self.speed_codes = [codes[place[0]] for place in self._velocities]
+        self.memory.log(tick, angles, speeds)
+
+    def skew_s(self, joint: int, quantity: Quantity) -> float:
+        """How long after SYNC the joint's quantity is sampled."""
+        return self._places[quantity][joint][3]
+
+    def look_up(self, tick: int) -> None:
+        """The reference of `tick` into `cycle`; a new block of 4096 ticks is prepared when one begins."""
+        place = tick - self._chunk_tick
+        if not 0 <= place < CHUNK:
+            if not 0 <= tick - self._block_tick < SAMPLES:
+                self._prepare(tick - tick % SAMPLES)
+            self._unpack(tick - tick % CHUNK)
+            place = tick % CHUNK
+        cycle = self.cycle
+        cycle.tick = tick
+        cycle.reference_rad, cycle.reference_rad_s, cycle.reference_rad_s2 = self._reference[place]
+
+    def torque_nm(self) -> Sequence[float]:
+        """What the law asks for in this cycle, N·m, not yet judged. Raises `LawError`, `InterruptedRunError`."""
+        cycle, law_cycle = self.cycle, self._law_cycle
+        cycle.feedforward_nm = tuple(self._feedforward.torque_nm(cycle.tick))
+        law_cycle.copy_from(cycle)
+        try:
+            return self.law.update(law_cycle)
+        except BaseException as error:
+            raise law_failure(type(self.law), "update", error) from error
+
+    def outputs(self, torque_nm: Sequence[float]) -> tuple[list[int], list[int]]:
+        """DAC codes and direction bits of the torques, limited to what the amplifiers have."""
+        codes, directions, applied, saturated = [], [], [], []
+        for joint, torque in enumerate(torque_nm):
+            per_ampere, limit = self._torque_per_ampere[joint], self._limits_a[joint]
+            current = torque / per_ampere
+            is_saturated = not -limit <= current <= limit
+            if is_saturated:
+                current = limit if current > 0.0 else -limit
+                self.saturated_cycles[joint] += 1
+            magnitude = -current if current < 0.0 else current
+            code = int(magnitude * FULL_SCALE_CODE / limit + 0.5)
+            codes.append(code)
+            directions.append(OFF if not code else CLOCKWISE if current < 0.0 else COUNTER_CLOCKWISE)
+            self._signs[joint] = -1.0 if current < 0.0 else 1.0
+            applied.append(current * per_ampere)
+            saturated.append(is_saturated)
+        self.cycle.applied_nm, self.cycle.saturated = tuple(applied), tuple(saturated)
+        return codes, directions
+
+    def internals(self) -> Mapping[str, Sequence[float]]:
+        """The law's named inner values. Raises `LawError` where they are not a number a joint for every name."""
+        try:
+            values = {name: [float(value) for value in row] for name, row in self.law.internals().items()}
+            names = tuple(values)
+            fit = all(len(row) == len(self._limits_a) for row in values.values())
+        except BaseException as error:
+            raise law_failure(type(self.law), "internals", error) from error
+        if names != self.internal_names or not fit:
+            raise LawError(
+                f"law {type(self.law).__name__}: internals() must give {len(self._limits_a)} numbers for each of the "
+                f"names that it gave at first ({', '.join(self.internal_names) or 'none'})"
+            )
+        return values
+
+    def _prepare(self, first_tick: int) -> None:
+        self._block = self.trajectory.sample(first_tick, SAMPLES, self.period_s)
+        self._block_tick = first_tick
+        self._feedforward.prepare(self._block, first_tick)
+        self._unpack(first_tick)
+
+    def _unpack(self, tick: int) -> None:
+        block, sample = self._block, tick - self._block_tick
+        assert block is not None
+        parts = (block.position_rad, block.velocity_rad_s, block.acceleration_rad_s2)
+        rows = (map(tuple, part[sample : sample + CHUNK].tolist()) for part in parts)
+        self._reference = list(zip(*rows, strict=True))
+        self._chunk_tick = tick
+
+
+def _is_plain_name(name: object) -> bool:
+    """Whether it can head a column of a CSV file and name an object on the bench."""
+    return isinstance(name, str) and name.isascii() and name.isidentifier()

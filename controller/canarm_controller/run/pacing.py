@@ -1,0 +1,79 @@
+"""Deadlines on the wall clock, and how well they were kept.
+
+Owns the grid of deadlines and the counts. It waits for nothing and sends nothing: that is the runner's. What "late" and
+"missed" mean is said in docs/wall-clock.md.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from canarm_protocol.runs.histogram import Histogram
+
+LATE_FRACTION = 10
+"""A SYNC that leaves more than a tenth of the period after its time is late."""
+STALL_NS = 100_000_000
+"""A longer delay is a stall: the machine slept, or the process was stopped. Cards wait no longer for our heartbeat."""
+
+
+class Pacer:
+    """Absolute deadlines one period apart. A stall of more than a period leaves out the deadlines that it missed."""
+
+    def __init__(self, period_ns: int, clock: Callable[[], int] = time.perf_counter_ns) -> None:
+        self._period_ns, self._clock = period_ns, clock
+        self.next_ns = clock()
+        self._sync_ns: int | None = None
+        self.lateness = Histogram()
+        """From a SYNC's deadline to its leaving."""
+        self.jitter = Histogram()
+        """|interval - period| of successive SYNCs."""
+        self.answer = Histogram()
+        """From SYNC to the last TPDO of its cycle."""
+        self.computing = Histogram()
+        """From the last TPDO of a cycle to the moment at which its outputs have been handed to the bus."""
+        self.late = 0
+        self.missed = 0
+        """Deadlines that were left out."""
+        self.stalls = 0
+
+    def left_s(self) -> float:
+        """Seconds to the next deadline; not positive when it has come."""
+        return (self.next_ns - self._clock()) * 1e-9
+
+    def begin(self, counts: bool = True) -> None:
+        """The deadline has come: count how late it is kept, set the next one.
+
+        A deadline that does not count, such as one of a safe stop, is neither late nor left out.
+        """
+        now_ns = self._clock()
+        period_ns = self._period_ns
+        delay_ns = max(now_ns - self.next_ns, 0)
+        self.lateness.add(delay_ns)
+        if self._sync_ns is not None:
+            self.jitter.add(abs(now_ns - self._sync_ns - period_ns))
+        self._sync_ns = now_ns
+        skipped = delay_ns // period_ns
+        if counts and delay_ns * LATE_FRACTION > period_ns:
+            self.late += 1
+            self.stalls += delay_ns > STALL_NS
+            self.missed += skipped
+        self.next_ns += period_ns * (1 + skipped)
+
+    def controlled(self, inputs_ns: int) -> None:
+        """The outputs of this cycle have just been handed to the bus; its inputs were complete at `inputs_ns`."""
+        self.computing.add(self._clock() - inputs_ns)
+        if self._sync_ns is not None:
+            self.answer.add(inputs_ns - self._sync_ns)
+
+    def summary(self) -> dict[str, Any]:
+        """Counts, and the four durations as `Histogram.summary` gives them."""
+        return {
+            "period_us": self._period_ns / 1000.0,
+            "late": self.late,
+            "left_out": self.missed,
+            "stalls": self.stalls,
+            "lateness": self.lateness.summary(),
+            "jitter": self.jitter.summary(),
+            "answer": self.answer.summary(),
+            "computing": self.computing.summary(),
+        }

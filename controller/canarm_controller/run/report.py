@@ -1,0 +1,81 @@
+"""What the controller tells the test bench: reference of every tick, and now and then what it measured and thinks.
+
+The robot needs none of it; it travels on the bench bus, in batches, and is judged there.
+"""
+
+import math
+from collections.abc import Callable
+
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.bench_objects import INTERNALS, bench_pdos
+from canarm_protocol.cell.model import Cell
+
+from .controller import Controller
+
+BATCH_TICKS = 16
+"""Ticks whose frames go out together: 40 ms at 2.5 ms."""
+DETAIL_TICKS = 8
+"""Every how many ticks measurements, commands and internals are reported: 50 Hz at 2.5 ms."""
+U16, U32 = 0xFFFF, 0xFFFF_FFFF
+LARGEST = (2 - 2**-24) * 2.0**127
+"""Greatest number that still rounds to one in single precision (IEEE 754)."""
+
+
+class BenchReport:
+    """Gathers the frames of a run; `take` hands them over when a batch is full.
+
+    `paced_late()` gives the cycles that whoever paces the controller began late; the bench shows them with the missed
+    ones.
+    """
+
+    def __init__(self, cell: Cell, controller: Controller, paced_late: Callable[[], int] = lambda: 0) -> None:
+        self._paced_late = paced_late
+        self._controller = controller
+        self._pdos = bench_pdos(cell)
+        self._frames: list[Frame] = []
+        self._ticks = 0
+        self._joints = range(len(cell.joints))
+
+    def tick(self) -> None:
+        """Report the tick that has just been controlled."""
+        cycle, pdos, frames = self._controller.loop.cycle, self._pdos, self._frames
+        tick = cycle.tick
+        for layout, angle in zip(pdos.reference, cycle.reference_rad, strict=True):
+            frames.append(Frame(layout.cob_id, layout.pack(tick & U32, angle)))
+        self._ticks += 1
+        if tick % DETAIL_TICKS == 0:
+            self._details()
+
+    def take(self, everything: bool = False) -> list[Frame]:
+        """The frames of a batch of ticks when it is full; with `everything` whatever there is, and the state."""
+        if everything:
+            self._state()
+        elif self._ticks < BATCH_TICKS:
+            return []
+        self._ticks = 0
+        frames, self._frames = self._frames, []
+        return frames
+
+    def _details(self) -> None:
+        loop, pdos, frames = self._controller.loop, self._pdos, self._frames
+        cycle = loop.cycle
+        internals = list(loop.internals().values())[:INTERNALS]
+        for joint in self._joints:
+            measured, command = pdos.measured[joint], pdos.command[joint]
+            frames.append(Frame(measured.cob_id, measured.pack(cycle.position_rad[joint], cycle.velocity_rad_s[joint])))
+            current = cycle.applied_nm[joint] / loop.arm.torque_per_ampere[joint]
+            frames.append(Frame(command.cob_id, command.pack(current, cycle.feedforward_nm[joint])))
+            values = [_single(values[joint]) for values in internals] + [0.0] * (INTERNALS - len(internals))
+            for layout, pair in zip(pdos.internals[joint], (values[:2], values[2:]), strict=True):
+                frames.append(Frame(layout.cob_id, layout.pack(*pair)))
+        self._state()
+
+    def _state(self) -> None:
+        controller, layout = self._controller, self._pdos.controller
+        late = min(controller.missed + self._paced_late(), U16)
+        self._frames.append(Frame(layout.cob_id, layout.pack(max(controller.tick, 0) & U32, late, controller.state)))
+
+
+def _single(value: float) -> float:
+    """What single precision can hold of it: an inner value of a law may run away."""
+    return value if -LARGEST < value < LARGEST else math.copysign(math.inf, value) if value == value else math.nan

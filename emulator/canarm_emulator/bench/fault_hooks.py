@@ -1,0 +1,89 @@
+"""What faults have changed about the nodes, messages and time of a bench; on a sound bench all of it is empty.
+
+State only: the bench asks it on its way; `card_port.py` and the points of `faults/` write it.
+"""
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+from canarm_protocol.canopen.frames import Frame
+
+from ..node.slave import Slave
+from ..timing import NEVER
+
+if TYPE_CHECKING:
+    from ..faults.messages import MessagePoint
+
+SyncFilter = Callable[[int], bool]
+SendFilter = Callable[[Frame], Frame | None]
+CycleLength = Callable[[int, int], int]
+"""From the nominal cycle and the time of a SYNC to the time until the next one, ns."""
+
+
+class SecondCard(NamedTuple):
+    """The name on the bus of a second card with a node-ID that is taken; `number` tells several apart."""
+
+    node_id: int
+    number: int
+
+
+@dataclass(slots=True)
+class CardTrouble:
+    """What one fault has done to a card."""
+
+    is_halted: bool = False
+    is_deaf: bool = False
+    sync_filter: SyncFilter | None = None
+    send_filter: SendFilter | None = None
+    timer_scale: float = 1.0
+    refuses_sdo: bool = False
+
+    @property
+    def is_any(self) -> bool:
+        """Whether it has done anything."""
+        filters = (self.sync_filter, self.send_filter)
+        return self.is_halted or self.is_deaf or self.refuses_sdo or self.timer_scale != 1.0 or filters != (None, None)
+
+
+@dataclass(slots=True)
+class FaultHooks:
+    """By node-ID where it concerns cards."""
+
+    towards_cards: "MessagePoint | None" = None
+    from_cards: "MessagePoint | None" = None
+    halted: set[int] = field(default_factory=set)
+    """Cards whose timers stand still."""
+    cards: dict[int, list[CardTrouble]] = field(default_factory=dict)
+    """What each fault of a card has done to it, in the order in which they began."""
+    doubles: dict[Hashable, Slave] = field(default_factory=dict)
+    """Second cards by their names on the bus."""
+    cycle_length: CycleLength | None = None
+
+    @property
+    def due_ns(self) -> int:
+        """When a frame that was held back is to go on."""
+        points = (self.towards_cards, self.from_cards)
+        return min((point.due_ns for point in points if point is not None), default=NEVER)
+
+    def release(self, until_ns: int) -> None:
+        """Let frames go on."""
+        for point in (self.towards_cards, self.from_cards):
+            if point is not None:
+                point.release(until_ns)
+
+    def sees_sync(self, slave: Slave, now_ns: int) -> bool:
+        """Whether the card's own faults let it see a SYNC. Each of them is asked, for they count."""
+        if slave.bus_name not in self.cards:
+            return True
+        filters = [each.sync_filter for each in self.cards[slave.node_id]]
+        answers = [passes(now_ns) for passes in filters if passes is not None]
+        return all(answers)
+
+    def sent(self, node_id: int, frame: Frame) -> Frame | None:
+        """What goes out when the card sends `frame`, each fault acting on what the one before has left."""
+        passed: Frame | None = frame
+        for each in self.cards.get(node_id, ()):
+            if passed is not None and each.send_filter is not None:
+                passed = each.send_filter(passed)
+        return passed

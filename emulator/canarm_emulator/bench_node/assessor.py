@@ -1,0 +1,140 @@
+"""Compares the true motion with the reference that a controller reports: the bench's own judgement of a run.
+
+The reference arrives late and in batches; the truth of the last cycles is kept until it does.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.wiring import sensor_scale
+
+from ..robot.world import JointState
+
+SETTLING_CYCLES = 1024
+"""Cycles at the start that are left out: the motion is still blending in."""
+KEPT_CYCLES = 4096
+
+LARGEST_RAD = 1e6
+"""A reference beyond it is nonsense from the bus."""
+SHORTEST_STRETCH = 100
+"""Cycles for which the reference must keep its speed to count as a stretch of constant speed."""
+STEADY_RAD = 5e-7
+"""All steps of a stretch equal its first one to this: in single precision a step is known to 2.4e-7 rad. A motion that
+keeps to it over the shortest stretch accelerates by less than 1e-3 rad/s² at 2.5 ms."""
+
+
+@dataclass(slots=True)
+class SpeedRipple:
+    """Ripple of the true speed on stretches of constant reference speed: standard deviation over mean, pooled.
+
+    Each stretch is judged about its own mean, so that going there and back does not count as ripple.
+    """
+
+    last_rad: float = math.nan
+    step_rad: float = math.nan
+    """The first step of the stretch."""
+    count: int = 0
+    mean: float = 0.0
+    squares: float = 0.0
+    pooled_count: int = 0
+    pooled_distance: float = 0.0
+    pooled_squares: float = 0.0
+
+    def add(self, reference_rad: float, speed_rad_s: float) -> None:
+        """Take the next cycle (Welford's update)."""
+        step = reference_rad - self.last_rad
+        if abs(step - self.step_rad) < STEADY_RAD < abs(step):
+            self.count += 1
+            delta = speed_rad_s - self.mean
+            self.mean += delta / self.count
+            self.squares += delta * (speed_rad_s - self.mean)
+        else:
+            self._end_stretch()
+            self.step_rad = step
+        self.last_rad = reference_rad
+
+    @property
+    def value(self) -> float:
+        """The ripple; 0 while there was no stretch of constant speed."""
+        count, distance, squares = self.pooled_count, self.pooled_distance, self.pooled_squares
+        if self.count >= SHORTEST_STRETCH:
+            count, distance = count + self.count, distance + self.count * abs(self.mean)
+            squares += self.squares
+        return math.sqrt(squares * count) / distance if distance else 0.0
+
+    def _end_stretch(self) -> None:
+        if self.count >= SHORTEST_STRETCH:
+            self.pooled_count += self.count
+            self.pooled_distance += self.count * abs(self.mean)
+            self.pooled_squares += self.squares
+        self.count, self.mean, self.squares = 0, 0.0, 0.0
+
+
+@dataclass(slots=True)
+class JointScore:
+    """Running figures of one joint. Errors are true minus reference angle, in steps of the joint's position sensor."""
+
+    lsb_rad: float
+    ripple: SpeedRipple
+    samples: int = 0
+    sum_of_squares: float = 0.0
+    max_lsb: float = 0.0
+    peak_current_a: float = 0.0
+    saturated_cycles: int = 0
+
+    @property
+    def rms_lsb(self) -> float:
+        """Root mean square of the error; 0 while there are no samples."""
+        return math.sqrt(self.sum_of_squares / self.samples) if self.samples else 0.0
+
+    @property
+    def speed_ripple(self) -> float:
+        """See `SpeedRipple`."""
+        return self.ripple.value
+
+
+class Assessor:
+    """Figures of a run, begun anew at every cycle 0."""
+
+    def __init__(self, cell: Cell) -> None:
+        self._lsb_rad = [sensor_scale(joint, Quantity.POTENTIOMETER).step for joint in cell.joints]
+        self._limit_a = [joint.amplifier.max_current_a * (1.0 - 1e-9) for joint in cell.joints]
+        self._truth: list[tuple[int, Sequence[JointState]] | None] = [None] * KEPT_CYCLES
+        self._supply_limited: Sequence[int] = [0] * len(cell.joints)
+        self.scores = [JointScore(lsb, SpeedRipple()) for lsb in self._lsb_rad]
+
+    def begin(self) -> None:
+        """Forget the last run."""
+        self.scores = [JointScore(lsb, SpeedRipple()) for lsb in self._lsb_rad]
+        self._truth = [None] * KEPT_CYCLES
+
+    def truth(self, cycle: int, joints: Sequence[JointState], supply_limited: Sequence[int]) -> None:
+        """The true state at the SYNC of `cycle`.
+
+        `supply_limited` counts, a joint, the steps so far in which the supply held the current down. A cycle is
+        saturated when the D669 was asked for all it has, or the supply gave less than was asked for.
+        """
+        self._truth[cycle % KEPT_CYCLES] = (cycle, joints)
+        before, self._supply_limited = self._supply_limited, supply_limited
+        for index, (joint, score, limit) in enumerate(zip(joints, self.scores, self._limit_a, strict=True)):
+            current = joint.current_a if joint.current_a >= 0.0 else -joint.current_a
+            if current > score.peak_current_a:
+                score.peak_current_a = current
+            at_limit = joint.command_a >= limit or -joint.command_a >= limit
+            if at_limit or supply_limited[index] > before[index]:
+                score.saturated_cycles += 1
+
+    def reference(self, tick: int, joint: int, angle_rad: float) -> None:
+        """The reference of one joint at `tick`; dropped if it is no angle, too old, or of a cycle that never was."""
+        kept = self._truth[tick % KEPT_CYCLES]
+        if kept is None or kept[0] != tick or tick < SETTLING_CYCLES or not -LARGEST_RAD < angle_rad < LARGEST_RAD:
+            return
+        score = self.scores[joint]
+        true = kept[1][joint]
+        error = (true.angle_rad - angle_rad) / score.lsb_rad
+        score.samples += 1
+        score.sum_of_squares += error * error
+        score.max_lsb = max(score.max_lsb, abs(error))
+        score.ripple.add(angle_rad, true.speed_rad_s)

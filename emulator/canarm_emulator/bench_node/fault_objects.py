@@ -1,0 +1,151 @@
+"""The bench node's fault objects: a text that is written is done at once, and what became of it is read back.
+
+Texts in, texts out. What a text means and when faults act is the engine's business; who writes is `sdo_channels`'s.
+"""
+
+import importlib
+import json
+import zlib
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from canarm_protocol.canopen.sdo import AbortCode
+from canarm_protocol.cell import bench_objects as objects
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.errors import FaultError
+from canarm_protocol.faults.fault_events import FaultEvent, event_as_plain
+from canarm_protocol.faults.script import FaultScript, parse_faults
+
+from ..node.store import SdoRefused
+
+if TYPE_CHECKING:
+    from ..faults.engine import FaultEngine
+
+NOTHING_YET = "nothing was written on this channel yet"
+NO_LINES = "\n"
+"""An object without any byte cannot be read by SDO."""
+LONGEST_RESULT = 4000
+U8 = 0xFF
+SOURCE = "fault set"
+
+
+class FaultObjects:
+    """Faults of one bench as its node shows them. `time` gives virtual time, cycle, and whether a run is on; `on_event`
+    is told of events.
+    """
+
+    def __init__(
+        self, cell: Cell, inject: Callable[[FaultScript], str], time: Callable[[], tuple[int, int, bool]]
+    ) -> None:
+        self.on_event: Callable[[FaultEvent], None] | None = None
+        self.begun = 0
+        """How many faults have begun so far."""
+        self._cell, self._inject, self._time = cell, inject, time
+        self._engine: FaultEngine | None = None
+        self._results: dict[int, str] = {}
+        self._events: deque[FaultEvent] = deque(maxlen=objects.MOST_EVENTS)
+        self._acting: list[tuple[str, str, str]] = []
+        self._catalogue = ""
+        self._packed = b""
+
+    def prepare(self) -> None:
+        """Load and make now what would take several cycles of the wall clock when it is first needed."""
+        importlib.import_module("canarm_emulator.faults.engine")
+        self.packed_catalogue()
+
+    def attach(self, engine: "FaultEngine") -> None:
+        """The bench has an engine from now on."""
+        self._engine = engine
+        engine.on_event = self.note
+
+    def note(self, event: FaultEvent) -> None:
+        """A fault has begun or ended."""
+        self._events.append(event)
+        where = event.set_name, event.tap, event.fault
+        if event.is_begin:
+            self.begun += 1
+            self._acting.append(where)
+        elif where in self._acting:
+            self._acting.remove(where)
+        if self.on_event is not None:
+            self.on_event(event)
+
+    @property
+    def active(self) -> int:
+        """How many faults act now, 255 for more."""
+        return min(len(self._acting), U8)
+
+    def write(self, data: bytes, channel: int) -> None:
+        """Do what the text `data` asks for. Raises `SdoRefused`; the reason is in `result`."""
+        try:
+            done = self._inject(parse_faults(data.decode("utf-8-sig"), SOURCE))
+        except (FaultError, UnicodeDecodeError) as error:
+            reason = str(error) if isinstance(error, FaultError) else f"{SOURCE}: is not UTF-8: {error}"
+            self._results[channel] = f"refused: {reason}"[:LONGEST_RESULT]
+            raise SdoRefused(AbortCode.INVALID_VALUE) from None
+        self._results[channel] = done[:LONGEST_RESULT]
+
+    def forget(self, channel: int) -> None:
+        """The channel has a new client, whom earlier results do not concern."""
+        self._results.pop(channel, None)
+
+    def result(self, channel: int) -> str:
+        """What became of the last text that came on `channel`."""
+        return _ascii(self._results.get(channel, NOTHING_YET))
+
+    def status(self) -> str:
+        """Sets with state and activations, active faults, how many have begun; time, cycle, whether a run is on."""
+        time_ns, cycle, is_running = self._time()
+        sets = [] if self._engine is None else self._engine.status()
+        return _json(
+            {
+                "time_ns": time_ns,
+                "cycle": cycle,
+                "running": is_running,
+                "begun": self.begun,
+                "sets": [
+                    {"set": each.name, "state": each.state.value, "activations": each.activations} for each in sets
+                ],
+                "active": [{"set": name, "tap": tap, "fault": fault} for name, tap, fault in self._acting],
+            }
+        )
+
+    def events(self) -> str:
+        """The last beginnings and ends of faults, oldest first, a line each."""
+        return "".join(_json(event_as_plain(event)) + "\n" for event in self._events) or NO_LINES
+
+    def packed_events(self) -> bytes:
+        """The events packed with zlib."""
+        return zlib.compress(self.events().encode(), 1)
+
+    def catalogue(self) -> str:
+        """What can be injected where. Made at the first call."""
+        if not self._catalogue:
+            # The faults are many modules, and most runs need none.
+            from ..faults.catalogue import as_plain, catalogue
+
+            self._catalogue = _json(as_plain(catalogue(self._cell)))
+        return self._catalogue
+
+    def packed_catalogue(self) -> bytes:
+        """The catalogue packed with zlib: 8 kB instead of 110 kB."""
+        if not self._packed:
+            self._packed = zlib.compress(self.catalogue().encode(), 9)
+        return self._packed
+
+
+def event_text(event: FaultEvent) -> str:
+    """The event in a line for people."""
+    verb = "begins" if event.is_begin else "ends"
+    when = f"cycle {event.cycle}" if event.cycle >= 0 else "before the first cycle"
+    failure = f", {event.failure}" if event.failure else ""
+    return f"fault {verb}: {event.label}, {when}, {event.time_s:.4f} s{failure}"
+
+
+def _json(value: object) -> str:
+    return json.dumps(value, separators=(",", ":"))
+
+
+def _ascii(text: str) -> str:
+    return text.encode("ascii", "backslashreplace").decode("ascii")

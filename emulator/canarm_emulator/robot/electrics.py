@@ -1,0 +1,184 @@
+"""From the DAC's output to motor torque: op-amp, D669 current amplifier, bridge, winding.
+
+Owns the electrical state of one joint's drive. Knows nothing of the arm: the motor's speed is handed in.
+"""
+
+import math
+from enum import IntEnum
+
+from canarm_protocol.cell.model import Joint
+
+from ..signals import Distortion
+from .truth import JointTruth
+
+DAC_FULL_SCALE = 255 / 256
+"""DAC0808 output at code 255, as a fraction of I_ref (data sheet); the op-amp is trimmed to full scale there."""
+
+
+class Direction(IntEnum):
+    """Latch bits of one joint's bridge; counter-clockwise is a positive joint angle. 0b11 is illegal."""
+
+    OFF = 0b00
+    CLOCKWISE = 0b01
+    COUNTER_CLOCKWISE = 0b10
+
+
+ILLEGAL_DIRECTION = 0b11
+"""Both sides of the bridge at once: its interlock leaves it open."""
+
+_SIGN = {Direction.OFF: 0, Direction.CLOCKWISE: -1, Direction.COUNTER_CLOCKWISE: 1, ILLEGAL_DIRECTION: 0}
+
+
+class Drive:
+    """Amplifier, bridge and motor winding of one joint.
+
+    The D669 stage is one NPN transistor in series with the motor, so along the bridge's direction it regulates
+    0 ≤ i ≤ (V_supply − e)/R, with e the back-EMF counted positive along that direction. Motoring (e > 0) lowers the
+    limit, braking (e < 0) raises it, and beyond no-load speed (e > V_supply) nothing flows. The current follows with
+    the winding's time constant L/R. Current is signed as the joint torque it makes.
+    """
+
+    __slots__ = (
+        "_back_emf_v_s_rad",
+        "_braking_nm_s",
+        "_dac_fraction",
+        "_distort_current",
+        "_distort_opamp",
+        "_joint",
+        "_max_current_a",
+        "_sign",
+        "_supply_is_on",
+        "_supply_v",
+        "_torque_nm_a",
+        "_winding_ohm",
+        "command_a",
+        "current_a",
+        "d669_limited_steps",
+        "illegal_directions",
+        "supply_limited_steps",
+        "target_a",
+        "time_constant_s",
+    )
+
+    def __init__(self, joint: Joint, truth: JointTruth) -> None:
+        self._joint = joint
+        self._max_current_a = joint.amplifier.max_current_a
+        self._supply_is_on = True
+        self._dac_fraction = 0.0
+        self._sign = 0
+        self._distort_opamp: Distortion | None = None
+        self._distort_current: Distortion | None = None
+        self.change(truth)
+        self.command_a = 0.0
+        """Signed current that amplifier and bridge ask for."""
+        self.current_a = 0.0
+        """Signed motor current now."""
+        self.target_a = 0.0
+        """Signed current towards which the winding's current went during the last step."""
+        self.d669_limited_steps = 0
+        self.supply_limited_steps = 0
+        self.illegal_directions = 0
+
+    def change(self, truth: JointTruth) -> None:
+        """Motor and supply are others from now on; the current goes on from where it is."""
+        motor, turns = self._joint.motor, 1.0 - truth.shorted_turns
+        self._torque_nm_a = truth.torque_constant_nm_a * motor.gear_ratio * motor.gear_efficiency
+        self._back_emf_v_s_rad = truth.torque_constant_nm_a * motor.gear_ratio  # K_e = K_t in SI units
+        # Shorted turns are a loop of their own: s·e drives e/R through s·R, which brakes with s·K_I·e/R.
+        self._braking_nm_s = truth.shorted_turns * self._torque_nm_a * self._back_emf_v_s_rad / truth.winding_ohm
+        # Of the others, N in number, K_I ∝ N, K_e ∝ N, R ∝ N and L ∝ N².
+        self._torque_nm_a *= turns
+        self._back_emf_v_s_rad *= turns
+        self._winding_ohm = truth.winding_ohm * turns
+        self._supply_v = truth.supply_v
+        self.time_constant_s = motor.winding_mh * 1e-3 / truth.winding_ohm * turns
+
+    @property
+    def torque_nm_a(self) -> float:
+        """K_I: joint torque per ampere that the amplifier drives, N·m/A."""
+        return self._torque_nm_a
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the bridge connects the motor."""
+        return self._sign != 0 and self._supply_is_on
+
+    def set_dac_output(self, fraction: float) -> None:
+        """DAC output I_out/I_ref, 0 to 255/256. The op-amp and the D669 saturate outside their range."""
+        self._dac_fraction = fraction
+        self.refresh_command()
+
+    def set_direction(self, bits: int) -> None:
+        """Latch bits, a `Direction`; 0b11 opens the bridge and is counted. Raises `ValueError` outside 0..3."""
+        if bits not in _SIGN:
+            raise ValueError(f"direction bits {bits}: must be 0 to 3")
+        if bits == ILLEGAL_DIRECTION:
+            self.illegal_directions += 1
+        self._sign = _SIGN[bits]
+        self.refresh_command()
+
+    def set_supply(self, is_on: bool) -> None:
+        """Close or open the amplifier's supply; open, the current decays as with the bridge off."""
+        self._supply_is_on = is_on
+        self.refresh_command()
+
+    def distort_opamp(self, distortion: Distortion | None) -> None:
+        """Change the op-amp's voltage (V, 0 to opamp_full_scale_v), or no longer (None), from the next refresh on."""
+        self._distort_opamp = distortion
+
+    def distort_current(self, distortion: Distortion | None) -> None:
+        """Change the current that the D669 stage regulates to (A, 0 to max_current_a), from the next refresh on."""
+        self._distort_current = distortion
+
+    def step(self, motor_speed_rad_s: float, decay: float, mean_weight: float) -> float:
+        """Advance the current by one step and return the mean joint torque over it, N·m, shorted turns included.
+
+        `motor_speed_rad_s` is the motor's speed seen at the joint; `decay` and `mean_weight` come from `decay_over`.
+        """
+        target_a = self.command_a
+        if target_a != 0.0:
+            back_emf_v = self._back_emf_v_s_rad * motor_speed_rad_s
+            if target_a > 0.0:
+                if target_a >= self._max_current_a:
+                    self.d669_limited_steps += 1
+                limit_a = (self._supply_v - back_emf_v) / self._winding_ohm
+                if target_a > limit_a:
+                    self.supply_limited_steps += 1
+                    target_a = limit_a if limit_a > 0.0 else 0.0
+            else:
+                if -target_a >= self._max_current_a:
+                    self.d669_limited_steps += 1
+                limit_a = (self._supply_v + back_emf_v) / self._winding_ohm
+                if -target_a > limit_a:
+                    self.supply_limited_steps += 1
+                    target_a = -limit_a if limit_a > 0.0 else 0.0
+        deviation_a = self.current_a - target_a
+        self.target_a = target_a
+        self.current_a = target_a + deviation_a * decay
+        torque_nm = self._torque_nm_a * (target_a + deviation_a * mean_weight)
+        return torque_nm - self._braking_nm_s * motor_speed_rad_s
+
+    def current_after(self, elapsed_s: float, old_current_a: float) -> float:
+        """Signed current `elapsed_s` into the last step, which began at `old_current_a`."""
+        return self.target_a + (old_current_a - self.target_a) * math.exp(-elapsed_s / self.time_constant_s)
+
+    def refresh_command(self) -> None:
+        """Work out the command anew: from the DAC's output through op-amp and D669 stage to the bridge."""
+        if not self.is_on:
+            self.command_a = 0.0
+            return
+        # The op-amp's full-scale voltage cancels: the D669 stage gives max_current_a there.
+        of_full_scale = min(max(self._dac_fraction / DAC_FULL_SCALE, 0.0), 1.0)
+        if self._distort_opamp is not None:
+            full_scale_v = self._joint.amplifier.opamp_full_scale_v
+            of_full_scale = self._distort_opamp(of_full_scale * full_scale_v) / full_scale_v
+        magnitude_a = self._max_current_a * of_full_scale
+        if self._distort_current is not None:
+            magnitude_a = self._distort_current(magnitude_a)
+        self.command_a = self._sign * magnitude_a
+
+
+def decay_over(step_s: float, time_constant_s: float) -> tuple[float, float]:
+    """What is left of a deviation after `step_s`, and its mean over the step: e^{−h/τ} and (1 − e^{−h/τ})·τ/h."""
+    ratio = step_s / time_constant_s
+    return math.exp(-ratio), -math.expm1(-ratio) / ratio

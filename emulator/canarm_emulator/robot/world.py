@@ -1,0 +1,248 @@
+"""The physical world of a cell: drives, arms and sensors under one clock.
+
+Owns virtual time and the order of things inside a step. Knows voltages and latch bits; codes, registers and CAN
+belong to the cards.
+"""
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from canarm_protocol.cell.model import Cell, Quantity
+
+from ..errors import EmulatorError
+from ..signals import Distortion
+from . import sensors
+from .electrics import Direction, Drive, decay_over
+from .plant import Plant
+from .sensors import Source
+from .truth import Truth
+
+__all__ = ["Direction", "JointState", "Quantity", "SaturatedSteps", "Source", "World"]
+
+_POTENTIOMETER, _TACHOMETER = Quantity.POTENTIOMETER, Quantity.TACHOMETER  # an enum's attribute is slow
+_LARGEST_SPEED_RAD_S = 1e3  # no arm gets there: the integration has diverged
+
+
+class JointState(NamedTuple):
+    """True state of one joint. Motor values are seen at the joint; they differ from it when the wire is elastic."""
+
+    angle_rad: float
+    speed_rad_s: float
+    current_a: float
+    command_a: float
+    motor_angle_rad: float
+    motor_speed_rad_s: float
+
+
+class SaturatedSteps(NamedTuple):
+    """For how many steps of integration something limited a joint's current."""
+
+    d669: int
+    supply: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Grid:
+    """A span of time cut into equal steps. `decays` has (decay, mean weight) of every drive's current for one step."""
+
+    step_count: int
+    step_s: float
+    decays: tuple[tuple[float, float], ...]
+
+
+@functools.lru_cache(maxsize=64)
+def _samples(count: int, step_count: int) -> tuple[tuple[tuple[int, float], ...], ...]:
+    """For every step of a scan, its samples: the number of each, and where in the step it lies, from 0 to 1.
+
+    Sample i lies i·step_count/count steps after the start of the scan; integers keep it in the right step.
+    """
+    steps: list[list[tuple[int, float]]] = [[] for _ in range(step_count)]
+    for sample in range(count):
+        step = sample * step_count // count
+        steps[step].append((sample, sample * step_count / count - step))
+    return tuple(map(tuple, steps))
+
+
+class World:
+    """One cell's physics. Starts at `time_ns` = 0 with every arm parked: resting on a support until a bridge is on."""
+
+    def __init__(self, cell: Cell, truth: Truth, seed: int) -> None:
+        self.time_ns = 0
+        self.parked = True
+        """Whether the arms still rest on their supports. The first bridge that is on while time passes frees all."""
+        self._cell, self._truth = cell, truth
+        self._max_step_ns = cell.physics.max_step_us * 1000
+        self._plant = Plant(cell, truth)
+        self._drives = [Drive(joint, true) for joint, true in zip(cell.joints, truth.joints, strict=True)]
+        self._torque_nm = [0.0] * len(self._drives)
+        self._deviates = sensors.normal_deviates(seed)
+        self._grid = functools.lru_cache(maxsize=256)(self._cut)
+
+    def set_dac_output(self, joint_index: int, fraction: float) -> None:
+        """Output of the joint's DAC0808, I_out/I_ref from 0 to 255/256; it acts from `time_ns` on."""
+        self._drives[joint_index].set_dac_output(fraction)
+
+    def set_direction(self, joint_index: int, bits: int) -> None:
+        """Latch bits of the joint's bridge, see `Direction`. 0b11 opens the bridge and is counted.
+
+        Raises `ValueError` outside 0..3.
+        """
+        self._drives[joint_index].set_direction(bits)
+
+    def set_supply(self, joint_index: int, is_on: bool) -> None:
+        """Close or open the supply of the joint's amplifier, as the emergency stop does."""
+        self._drives[joint_index].set_supply(is_on)
+
+    def distort_opamp(self, joint_index: int, distortion: Distortion | None) -> None:
+        """Change the voltage of the joint's op-amp, or no longer (None), from the next `refresh_command` on."""
+        self._drives[joint_index].distort_opamp(distortion)
+
+    def distort_current(self, joint_index: int, distortion: Distortion | None) -> None:
+        """Change the current that the joint's amplifier regulates to, from the next `refresh_command` on."""
+        self._drives[joint_index].distort_current(distortion)
+
+    def refresh_command(self, joint_index: int) -> None:
+        """Let the joint's amplifier follow its input anew."""
+        self._drives[joint_index].refresh_command()
+
+    @property
+    def truth(self) -> Truth:
+        """The truth as it is now."""
+        return self._truth
+
+    def change(self, truth: Truth) -> None:
+        """The true robot changes while it moves: a payload is taken up or dropped, friction rises, a winding burns.
+
+        Sensors and converters keep the truth they began with. `Plant.changed` says how the motion goes on.
+        """
+        self._plant = self._plant.changed(truth)
+        self._truth = truth
+        for drive, joint_truth in zip(self._drives, truth.joints, strict=True):
+            drive.change(joint_truth)
+        self._grid.cache_clear()
+
+    def strike(self, joint_index: int, impulse_nm_s: float) -> None:
+        """Something hits the joint's link, counter-clockwise if positive. An arm at rest on its support stays there."""
+        if self._rests():
+            return
+        impulses_nm_s = [0.0] * len(self._drives)
+        impulses_nm_s[joint_index] = impulse_nm_s
+        self._plant.strike(impulses_nm_s)
+
+    @property
+    def saturated_steps(self) -> list[SaturatedSteps]:
+        """For each joint, how many steps the D669's and the supply's limit held the current down."""
+        return [SaturatedSteps(drive.d669_limited_steps, drive.supply_limited_steps) for drive in self._drives]
+
+    @property
+    def supply_limited_steps(self) -> list[int]:
+        """For each joint, how many steps the supply held the current down."""
+        return [drive.supply_limited_steps for drive in self._drives]
+
+    @property
+    def illegal_directions(self) -> list[int]:
+        """For each joint, how often its latch asked for 0b11."""
+        return [drive.illegal_directions for drive in self._drives]
+
+    def source(self, joint_index: int, quantity: Quantity) -> Source:
+        """The sensor that measures `quantity` at a joint, for `scan`. Raises `EmulatorError` if none does."""
+        return sensors.source(joint_index, self._cell.joints[joint_index], self._truth.joints[joint_index], quantity)
+
+    def state(self) -> list[JointState]:
+        """True state of every joint now."""
+        angle, speed = self._plant.angle, self._plant.speed
+        return [
+            JointState(angle[i], speed[i], drive.current_a, drive.command_a, angle[motor], speed[motor])
+            for i, (drive, motor) in enumerate(zip(self._drives, self._plant.motor_dof, strict=True))
+        ]
+
+    def advance(self, until_ns: int) -> None:
+        """Let time pass until `until_ns`, in equal steps of at most `physics.max_step_us`.
+
+        Raises `ValueError` if that time has passed, `EmulatorError` if the integration diverges.
+        """
+        duration_ns = until_ns - self.time_ns
+        if duration_ns <= 0:
+            if duration_ns < 0:
+                raise ValueError(f"cannot advance to {until_ns} ns: it is {self.time_ns} ns already")
+            return
+        if not self._rests():
+            grid = self._grid(duration_ns)
+            for _ in range(grid.step_count):
+                self._step(grid)
+        self.time_ns = until_ns
+
+    def scan(self, sources: Sequence[Source], conversion_ns: int) -> list[float]:
+        """Volts at the ADC's pins, source i sampled at `time_ns` + i·`conversion_ns`; time passes meanwhile.
+
+        Returns one value a source, 0 to full_scale_v. Inside a step angles and speeds run linearly (at 650 µs and
+        50 rad/s² off by 3e-6 rad) and the current exponentially, as the integration has it.
+        Raises `ValueError` if `conversion_ns` is not positive, `EmulatorError` if the integration diverges.
+        """
+        if conversion_ns <= 0:
+            raise ValueError(f"conversion_ns = {conversion_ns}: must be positive")
+        volts: list[float] = []
+        if not sources:
+            return volts
+        duration_ns = len(sources) * conversion_ns
+        plant, drives, deviates = self._plant, self._drives, self._deviates
+        grid = self._grid(duration_ns)
+        rests = self._rests()
+        for samples in _samples(len(sources), grid.step_count):
+            old_angle, old_speed, old_current = plant.angle, plant.speed, [drive.current_a for drive in drives]
+            if not rests:
+                self._step(grid)
+            for sample, within in samples:
+                source = sources[sample]
+                joint, quantity = source.joint_index, source.quantity
+                if quantity is _POTENTIOMETER:
+                    value = old_angle[joint] + within * (plant.angle[joint] - old_angle[joint])
+                elif quantity is _TACHOMETER:
+                    dof = plant.motor_dof[joint]
+                    value = old_speed[dof] + within * (plant.speed[dof] - old_speed[dof])
+                else:
+                    value = abs(drives[joint].current_after(within * grid.step_s, old_current[joint]))
+                volts.append(source.volts(value, next(deviates)))
+        self.time_ns += duration_ns
+        return volts
+
+    def sample(self, source: Source) -> float:
+        """Volts of one sensor now; no time passes."""
+        joint = source.joint_index
+        if source.quantity is _POTENTIOMETER:
+            value = self._plant.angle[joint]
+        elif source.quantity is _TACHOMETER:
+            value = self._plant.speed[self._plant.motor_dof[joint]]
+        else:
+            value = abs(self._drives[joint].current_a)
+        return source.volts(value, next(self._deviates))
+
+    def _step(self, grid: _Grid) -> None:
+        plant, torque_nm, decays = self._plant, self._torque_nm, grid.decays
+        speed, motor_dof = plant.speed, plant.motor_dof
+        for joint, drive in enumerate(self._drives):
+            decay, mean_weight = decays[joint]
+            torque_nm[joint] = drive.step(speed[motor_dof[joint]], decay, mean_weight)
+        plant.step(torque_nm, grid.step_s)
+        for value in plant.speed:
+            if not -_LARGEST_SPEED_RAD_S < value < _LARGEST_SPEED_RAD_S:
+                raise self._diverged()
+
+    def _rests(self) -> bool:
+        if self.parked:
+            self.parked = not any(drive.is_on for drive in self._drives)
+        return self.parked
+
+    def _cut(self, duration_ns: int) -> _Grid:
+        step_count = -(-duration_ns // self._max_step_ns)
+        step_s = duration_ns * 1e-9 / step_count
+        decays = tuple(decay_over(step_s, drive.time_constant_s) for drive in self._drives)
+        return _Grid(step_count, step_s, decays)
+
+    def _diverged(self) -> EmulatorError:
+        return EmulatorError(
+            f"cell {self._cell.name!r}: the integration diverged after {self.time_ns} ns; "
+            f"physics.max_step_us = {self._cell.physics.max_step_us} must be shorter for this truth"
+        )

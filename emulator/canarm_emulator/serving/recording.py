@@ -1,0 +1,92 @@
+"""What an emulator leaves in a run folder: every frame of the robot's bus in its order, the true signals, events.
+
+Times are virtual, since power-on; the cycle beside them counts from the first SYNC after NMT start.
+"""
+
+from collections.abc import Hashable
+from pathlib import Path
+
+from canarm_protocol.canopen.frames import ERROR_FLAG, Cob, Emergency
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.faults.fault_events import FaultEvent, event_details, event_name
+from canarm_protocol.runs.run_folder import CAN_LOG_FILE, EVENTS_FILE, SIGNALS_FOLDER, CanLog, EventLog, SignalLog
+
+from ..bench.bench import CycleTruth, Record
+from ..wire.bus_trouble import origin_of
+from ..wire.error_frames import ErrorClass
+from ..wire.wire import ErrorFrame, StateChange
+
+SIGNALS_FILE = "robot.csv"
+_COLUMNS = (
+    "true_angle_rad",
+    "true_speed_rad_s",
+    "motor_current_a",
+    "command_a",
+    "motor_angle_rad",
+    "motor_speed_rad_s",
+)
+"""As in `world.JointState`."""
+HIGHEST_NODE_ID, EMERGENCY_LENGTH = 127, 8
+
+
+class Recorder:
+    """Writes the files of one run. `frame` takes the robot's bus, `cycle` the truth at each SYNC."""
+
+    def __init__(self, folder: Path, cell: Cell) -> None:
+        self._log = CanLog(folder / CAN_LOG_FILE)
+        columns = [f"{joint}.{column}" for joint in cell.joint_names for column in _COLUMNS]
+        self._signals = SignalLog(folder / SIGNALS_FOLDER / SIGNALS_FILE, columns)
+        self._events = EventLog(folder / EVENTS_FILE, "emulator")
+        self._cycle = -1
+
+    def frame(self, record: Record) -> None:
+        """Append a frame of the robot's bus; an emergency of a node is an event as well, and so is an error frame.
+
+        The log has those error frames only that have an error on the bus as their cause (BUSERROR): python-can's reader
+        takes the others, which tell of a better state, for frames with data.
+        """
+        if record.frame.can_id >= ERROR_FLAG:
+            if record.frame.can_id & ErrorClass.BUSERROR:
+                self._log.write(record.time_ns, record.frame)
+            self._error(record)
+            return
+        self._log.write(record.time_ns, record.frame)
+        node_id = record.frame.can_id - Cob.EMERGENCY
+        if 0 < node_id <= HIGHEST_NODE_ID and len(record.frame.data) == EMERGENCY_LENGTH:
+            emergency = Emergency.parse(record.frame.data)
+            self.event(record.time_ns, "emergency", node=node_id, code=f"0x{emergency.code:04X}")
+
+    def _error(self, record: Record) -> None:
+        event = record.origin
+        if isinstance(event, ErrorFrame):
+            sent = f"0x{event.frame.can_id:03X}"
+            self.event(record.time_ns, "error-frame", kind=event.kind.value, frame=sent, **_party(event.sender))
+        elif isinstance(event, StateChange):
+            self.event(record.time_ns, "error-state", state=event.state.value, **_party(event.node))
+
+    def cycle(self, truth: CycleTruth) -> None:
+        """Append the true state at a SYNC."""
+        self._cycle = truth.cycle
+        values = [value for joint in truth.joints for value in joint]
+        self._signals.write(truth.cycle, truth.time_ns, values)
+
+    def event(self, time_ns: int, event: str, **details: object) -> None:
+        """Append an event; `cycle` is the last one begun, unless given: -1 before the first."""
+        self._events.write(time_ns, event, **{"cycle": self._cycle, **details})
+
+    def fault(self, event: FaultEvent) -> None:
+        """Append the beginning or end of a fault."""
+        self.event(event.time_ns, event_name(event), **event_details(event))
+
+    def close(self) -> None:
+        """Write out what is left."""
+        for file in (self._log, self._signals, self._events):
+            file.close()
+
+
+def _party(name: Hashable) -> dict[str, object]:
+    """Who it is on the wire: a card by its node-ID, a client of the virtual bus by its number."""
+    if isinstance(name, int):
+        return {"node": name}
+    client = origin_of(name)
+    return {"client": client if isinstance(client, int | str) else None}

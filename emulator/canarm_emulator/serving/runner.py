@@ -1,0 +1,305 @@
+"""Drives the emulated bench over real buses: the edge that owns hub, ports, wall clock and files."""
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from canarm_protocol.canopen.frames import ERROR_FLAG, Cob, Frame, NmtState
+from canarm_protocol.cell.bench_objects import DIVIDER
+from canarm_protocol.clock import Clock
+from canarm_protocol.faults.fault_events import FaultEvent
+from canarm_protocol.faults.script import FaultScript
+from canarm_protocol.transport.port import BusPort
+from canarm_protocol.transport.realtime import Collector, undisturbed
+
+from ..bench.bench import Bench, CycleTruth, Record
+from ..bench.robot_bus import is_sync
+from ..bench_node.bus_figures import ClientCounts
+from ..bench_node.fault_objects import event_text
+from ..node.slave import NEVER
+from .arrival import SyncArrival
+from .hub import Attached, Detached, Event, Hub, Ready, Received
+from .recording import Recorder
+
+ROBOT_BUS, BENCH_BUS = "can0", "bench"
+LISTENER_NS = 1_500_000_000
+"""Telemetry goes on this long after a listener's last heartbeat."""
+IDLE_TELEMETRY_NS = 100_000_000
+"""Period of telemetry while nobody sends SYNC."""
+IDLE_S = 0.05
+PORT_POLL_S = 0.001
+"""How often a port is looked at that offers nothing to wait for."""
+STALL_NS = 10_000_000
+"""So much longer than asked for between two looks at the clock is the machine's fault, not the robot's."""
+LONGEST_REPLAY_NS = 1_000_000_000
+"""Of a stall, so much is caught up; what goes beyond it virtual time leaves out."""
+SHORTEST_FRAME_BITS = 47
+"""Of a frame without data, intermission included (ISO 11898-1): nothing carries more frames than that in a time."""
+
+
+class _Arrived(NamedTuple):
+    """A frame that has come and is not taken yet."""
+
+    bus: str
+    frame: Frame
+    origin: object
+
+
+class EmulatorRunner:
+    """Ties a bench to its buses.
+
+    `ports` are further buses beside the hub, by bus name ("can0", "bench"). `sync_timeout_s` bounds a silent controller
+    in lockstep. `should_stop` is asked in every round. `faults` are injected as soon as the bench has started.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        hub: Hub,
+        ports: Mapping[str, Sequence[BusPort]] | None = None,
+        recorder: Recorder | None = None,
+        sync_timeout_s: float = 2.0,
+        should_stop: Callable[[], bool] = lambda: False,
+        on_event: Callable[[str], None] = lambda text: None,
+        faults: FaultScript | None = None,
+    ) -> None:
+        self._bench, self._hub, self._recorder = bench, hub, recorder
+        ports = ports or {}
+        self._ports: dict[str, list[BusPort]] = {bus: list(ports.get(bus, ())) for bus in (ROBOT_BUS, BENCH_BUS)}
+        self._bus_of = {id(port): bus for bus, group in self._ports.items() for port in group}
+        self._polled = [port for group in self._ports.values() for port in group if port.fileno() is None]
+        self._sync_timeout_ns = int(sync_timeout_s * 1e9)
+        self._should_stop, self._on_event = should_stop, on_event
+        self._script = faults
+        self._sync_sender: object = None
+        self._last_heard_ns = 0
+        self._last_sync_time_ns = 0
+        self._is_behind = False
+        self._gap_ns = 0
+        self._queued_syncs = 0
+        self._listener_until_ns = 0
+        self._next_idle_telemetry_ns = 0
+        self._sent_cycle = -1
+        self._last_look_ns = time.monotonic_ns()
+        self._start_ns = self._last_look_ns
+        self.arrival = SyncArrival(bench.cell.bus.cycle_ns)
+        """How regularly SYNC comes on the wall clock."""
+        self.stalls = 0
+        """How often the machine kept the emulator from running for longer than `STALL_NS`."""
+        self.run_ons = 0
+        """How often the sender of SYNC was lost in lockstep."""
+        for group in self._ports.values():
+            for port in group:
+                if port.fileno() is not None:
+                    hub.watch(port)  # type: ignore[arg-type]
+        if recorder is not None:
+            bench.on_cycle = self._record_cycle
+        bench.device.buses.count_clients = self._count_clients
+        bench.device.faults.on_event = self._fault_event
+        bench.device.on_emergency_stop = self._emergency_stop
+
+    def run(self) -> None:
+        """Power on and serve until `should_stop`. Raises `BusError` when a port's bus is lost."""
+        self._bench.device.faults.prepare()
+        if self._bench.clock is Clock.SYNC:
+            self._serve(None)
+        else:
+            with undisturbed(time.monotonic_ns) as collector:
+                self._serve(collector)
+
+    def _serve(self, collector: Collector | None) -> None:
+        bench, lockstep = self._bench, self._bench.clock is Clock.SYNC
+        self._start_ns = self._last_look_ns = time.monotonic_ns()
+        bench.start()
+        self._deliver()
+        if self._script is not None:
+            bench.inject(self._script)
+        while not self._should_stop():
+            timeout_s = self._timeout_s()
+            events = self._hub.poll(timeout_s)
+            now_ns = time.monotonic_ns()
+            if not lockstep:
+                self._follow_wall_clock(now_ns, timeout_s)
+            if self._is_behind:
+                self._catch_up(events, now_ns)
+            else:
+                self._take_all(self._arrivals(events), now_ns)
+            if lockstep and self._sync_sender is not None and now_ns - self._last_heard_ns > self._sync_timeout_ns:
+                self._run_on(f"no SYNC for {self._sync_timeout_ns / 1e9:g} s")
+            self._telemetry(now_ns)
+            self._deliver()
+            bench.move_on()
+            if collector is not None and not events:
+                collector.cycle_done(NEVER)
+        self._deliver()
+
+    def _arrivals(self, events: Sequence[Event]) -> Iterator[Event | _Arrived]:
+        """What has come, in order: events of clients, frames of clients and ports. A port is read when it is due."""
+        for event in events:
+            if type(event) is Received:
+                yield _Arrived(event.channel, event.frame, event.client_id)
+            elif type(event) is Ready:
+                yield from self._read(event.fileobj)  # type: ignore[arg-type]
+            else:
+                yield event
+        for port in self._polled:
+            yield from self._read(port)
+
+    def _read(self, port: BusPort) -> Iterator[_Arrived]:
+        bus = self._bus_of[id(port)]
+        return (_Arrived(bus, frame, port) for _, frame in port.receive(0.0))
+
+    def _take_all(self, arrivals: Iterable[Event | _Arrived], now_ns: int) -> None:
+        for each in arrivals:
+            if isinstance(each, _Arrived):
+                self._take(*each, now_ns)
+            else:
+                self._client_event(each)
+
+    def _timeout_s(self) -> float:
+        limit = PORT_POLL_S if self._polled else IDLE_S
+        if self._bench.clock is Clock.SYNC:
+            return limit
+        due_s = (self._bench.next_due_ns - (time.monotonic_ns() - self._start_ns)) * 1e-9
+        return min(max(due_s, 0.0), limit)
+
+    def _follow_wall_clock(self, now_ns: int, timeout_s: float) -> None:
+        gap_ns = now_ns - self._last_look_ns - int(timeout_s * 1e9)
+        self._last_look_ns = now_ns
+        self._is_behind = gap_ns > STALL_NS
+        if self._is_behind:
+            self.stalls += 1
+            self._gap_ns = min(gap_ns, LONGEST_REPLAY_NS)
+            self._start_ns += max(gap_ns - LONGEST_REPLAY_NS, 0)
+        else:
+            self._bench.advance(now_ns - self._start_ns)
+
+    def _catch_up(self, events: Sequence[Event], now_ns: int) -> None:
+        """After a stall: what has come meanwhile is taken at the times at which it must have come, then time goes on.
+
+        That is no more than a bus could have carried; who sends faster must not keep the emulator from its work.
+        """
+        most = self._gap_ns * self._bench.cell.bus.bitrate // (SHORTEST_FRAME_BITS * 1_000_000_000)
+        arrivals = list(self._arrivals(events))
+        while len(arrivals) <= most and (events := self._hub.poll(0.0)):
+            arrivals += self._arrivals(events)
+        frames = [each for each in arrivals if isinstance(each, _Arrived)]
+        self._queued_syncs = sum(each.bus == ROBOT_BUS and is_sync(each.frame) for each in frames)
+        self._take_all(arrivals, now_ns)
+        self._is_behind = False
+        self._last_look_ns = time.monotonic_ns()
+        self._bench.advance(self._last_look_ns - self._start_ns)
+
+    def _take(self, bus: str, frame: Frame, origin: object, now_ns: int) -> None:
+        if bus == ROBOT_BUS:
+            if is_sync(frame):
+                self._sync_sender, self._last_heard_ns = origin, now_ns
+                if self._bench.clock is Clock.WALL:
+                    self.arrival.arrival(now_ns)
+                if self._is_behind:
+                    self._advance_to_sync(now_ns - self._start_ns)
+                self._last_sync_time_ns = self._bench.time_ns
+            elif origin == self._sync_sender:
+                self._last_heard_ns = now_ns
+            self._bench.receive(frame, origin)
+        else:
+            if Cob.HEARTBEAT < frame.can_id <= Cob.HEARTBEAT + 0x7F and frame.data != bytes((NmtState.STOPPED,)):
+                self._listener_until_ns = now_ns + LISTENER_NS
+            self._bench.device.channels.now_ns = now_ns
+            self._bench.receive_bench(frame, origin)
+
+    def _advance_to_sync(self, now_ns: int) -> None:
+        """SYNCs that queued up during a stall came one cycle apart.
+
+        If there are fewer than the stall had cycles, their sender has stalled as well, and they came after that.
+        """
+        cycle_ns, left = self._bench.cell.bus.cycle_ns, self._queued_syncs
+        came_ns = self._last_sync_time_ns + cycle_ns
+        if now_ns - came_ns > (left + 1) * cycle_ns:
+            came_ns = now_ns - (left - 1) * cycle_ns
+        self._queued_syncs = left - 1
+        self._bench.advance(min(came_ns, now_ns))
+
+    def _client_event(self, event: Event) -> None:
+        if isinstance(event, Attached):
+            self._note("attached", bus=event.channel, client=event.client_id)
+        elif isinstance(event, Detached):
+            self._note("detached", bus=event.channel, client=event.client_id)
+            self._bench.leave(event.client_id)
+            self._bench.device.channels.leave(event.client_id)
+            if event.channel == ROBOT_BUS and event.client_id == self._sync_sender:
+                if self._bench.clock is Clock.SYNC:
+                    self._run_on("the sender of SYNC has left the bus")
+                self._sync_sender = None
+
+    def _run_on(self, why: str) -> None:
+        """Lockstep without SYNC: time runs on, so that the cards protect themselves; then it stands still again."""
+        self._sync_sender = None
+        if self._bench.is_operational:
+            self.run_ons += 1
+            before_ns = self._bench.time_ns
+            self._bench.run_on()
+            self._note("ran-on", why=why, from_ns=before_ns)
+            self._on_event(f"{why}: virtual time ran on by {(self._bench.time_ns - before_ns) / 1e6:.0f} ms")
+
+    def _telemetry(self, now_ns: int) -> None:
+        if now_ns > self._listener_until_ns:
+            return
+        cycle = self._bench.cycle
+        if (cycle != self._sent_cycle and cycle % DIVIDER == 0) or now_ns >= self._next_idle_telemetry_ns:
+            self._sent_cycle = cycle
+            self._next_idle_telemetry_ns = now_ns + IDLE_TELEMETRY_NS
+            self._bench.send_telemetry()
+
+    def _deliver(self) -> None:
+        """Hand out what the bench sent, each bus in its own order, to everybody but the sender; then to the log."""
+        bench, hub = self._bench, self._hub
+        if bench.records:
+            records, bench.records = bench.records, []
+            for time_ns, frame, origin in records:
+                if frame.can_id < ERROR_FLAG:
+                    hub.send(ROBOT_BUS, time_ns, frame, exclude=origin)  # type: ignore[arg-type]
+                else:
+                    hub.send_error(ROBOT_BUS, time_ns, frame.can_id - ERROR_FLAG)
+            hub.flush()
+            self._send_to_ports(ROBOT_BUS, records)
+            if self._recorder is not None:
+                for record in records:
+                    self._recorder.frame(record)
+        if bench.bench_records:
+            records, bench.bench_records = bench.bench_records, []
+            for time_ns, frame, origin in records:
+                hub.send(BENCH_BUS, time_ns, frame, exclude=origin)  # type: ignore[arg-type]
+            hub.flush()
+            self._send_to_ports(BENCH_BUS, records)
+
+    def _send_to_ports(self, bus: str, records: Sequence[Record]) -> None:
+        """Error frames stay away from other buses, which have their own."""
+        for port in self._ports[bus]:
+            frames = [
+                (time_ns, frame)
+                for time_ns, frame, origin in records
+                if origin is not port and frame.can_id < ERROR_FLAG
+            ]
+            if frames:
+                port.send_stamped(frames)
+
+    def _count_clients(self, bus: str) -> ClientCounts:
+        return ClientCounts(self._hub.attached_to(bus), self._hub.dropped_on(bus))
+
+    def _fault_event(self, event: FaultEvent) -> None:
+        if self._recorder is not None:
+            self._recorder.fault(event)
+        self._on_event(event_text(event))
+
+    def _emergency_stop(self, is_on: bool) -> None:
+        self._note("emergency-stop", state="on" if is_on else "off")
+        self._on_event("emergency stop: the supply of all amplifiers is " + ("open" if is_on else "closed again"))
+
+    def _record_cycle(self, truth: CycleTruth) -> None:
+        assert self._recorder is not None
+        self._recorder.cycle(truth)
+
+    def _note(self, event: str, **details: object) -> None:
+        if self._recorder is not None:
+            self._recorder.event(self._bench.time_ns, event, cycle=self._bench.cycle, **details)

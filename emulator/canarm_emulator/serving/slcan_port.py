@@ -1,0 +1,351 @@
+"""slcan adapters as attachments of a bus: on a pseudo-terminal, or on a TCP port for pyserial's `socket://`.
+
+Owns terminals, sockets, the link that names a terminal, and one bounded output queue. It knows no CANopen, and the one
+clock it reads tells when a frame came. Whatever a client does costs nobody but itself.
+"""
+
+import contextlib
+import os
+import selectors
+import shlex
+import socket
+import tempfile
+import time
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.transport.port import BusPort, Discarded
+
+from ..errors import EmulatorError
+from .listening import listen
+from .slcan import SlcanAdapter
+
+SOCKET_URL = "socket://"
+"""pyserial's scheme for a serial line over TCP."""
+QUEUE_BYTES = 1 << 18
+READ_SIZE = 1 << 12
+"""Bounds the time that a client's input can take from a cycle."""
+
+_QUICKACK: int | None = getattr(socket, "TCP_QUICKACK", None)
+
+
+class SlcanError(EmulatorError):
+    """An slcan adapter cannot be offered where it was asked for."""
+
+
+class Line(Protocol):
+    """A stream of bytes that never blocks."""
+
+    def fileno(self) -> int:
+        """File descriptor to wait for."""
+        ...
+
+    def read(self, size: int) -> bytes:
+        """At most `size` bytes; nothing at the end. Raises `OSError`."""
+        ...
+
+    def write(self, data: bytearray) -> int:
+        """How many bytes were taken. Raises `OSError`."""
+        ...
+
+
+class SlcanPort(BusPort):
+    """An slcan adapter, used by one client at a time and by many one after the other.
+
+    `dropped` counts the frames that clients lost since they read too slowly: the queue holds `queue_bytes`.
+    """
+
+    def __init__(self, queue_bytes: int = QUEUE_BYTES) -> None:
+        self.description = "-i slcan"
+        self.discarded = Discarded()
+        self.dropped = 0
+        self._adapter = SlcanAdapter()
+        self._queue_bytes = queue_bytes
+        self._output = bytearray()
+        self._selector = selectors.DefaultSelector()
+        self._line: Line | None = None
+        self._awaited = 0
+
+    @property
+    def is_open(self) -> bool:
+        """A client has its channel open."""
+        return self._adapter.is_open
+
+    @property
+    def refused(self) -> int:
+        """Lines so far that made no sense, or none in the adapter's state."""
+        return self._adapter.refused
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Queue `frames` for the client, stamped with time 0. Never waits, never raises."""
+        self.send_stamped([(0, frame) for frame in frames])
+
+    def send_stamped(self, frames: Sequence[tuple[int, Frame]]) -> None:
+        """Queue (time in ns, frame) for the client; those that do not fit are dropped whole. Never waits or raises."""
+        if not self.is_open:
+            return
+        for time_ns, frame in frames:
+            line = self._adapter.line(frame, time_ns)
+            if len(self._output) + len(line) > self._queue_bytes:
+                self.dropped += 1
+            else:
+                self._output += line
+        self._flush()
+
+    def receive(self, timeout_s: float) -> list[tuple[int, Frame]]:
+        """Return what the client has sent; admit, answer and lose clients on the way. Never raises."""
+        frames: list[Frame] = []
+        for key, events in self._selector.select(timeout_s):
+            if key.fileobj is not self._line:
+                self._admit()
+                continue
+            if events & selectors.EVENT_READ:
+                frames += self._read()
+            self._flush()
+        now_ns = time.time_ns()
+        return [(now_ns, frame) for frame in frames]
+
+    def fileno(self) -> int | None:
+        """One descriptor for everything that is waited for, where the system has such a thing (epoll, kqueue)."""
+        fileno: Callable[[], int] | None = getattr(self._selector, "fileno", None)
+        return None if fileno is None else fileno()
+
+    def close(self) -> None:
+        """Give everything back. May be called again."""
+        self._line = None
+        self._adapter.reset()
+        self._output.clear()
+        self._selector.close()
+
+    def _admit(self) -> None:
+        """Something other than the line is readable."""
+
+    @abstractmethod
+    def _release(self) -> None:
+        """The client is gone: be ready for the next one."""
+
+    def _hear(self) -> None:
+        """The client has said something."""
+
+    def _attach(self, line: Line) -> None:
+        self._line, self._awaited = line, selectors.EVENT_READ
+        self._selector.register(line, self._awaited)
+
+    def _detach(self) -> None:
+        if self._line is not None:
+            self._selector.unregister(self._line)
+            self._line = None
+            self._adapter.reset()
+            self._output.clear()
+            self._release()
+
+    def _read(self) -> list[Frame]:
+        assert self._line is not None
+        try:
+            data = self._line.read(READ_SIZE)
+        except BlockingIOError:
+            return []
+        except OSError:
+            data = b""
+        if not data:
+            self._detach()
+            return []
+        self._hear()
+        frames, answers = self._adapter.feed(data)
+        # A client that asks much and reads nothing gets no further answers.
+        if len(self._output) + len(answers) <= self._queue_bytes:
+            self._output += answers
+        return frames
+
+    def _flush(self) -> None:
+        """One write; what does not go stays queued, and goes when there is room again."""
+        if self._line is None:
+            return
+        if self._output:
+            try:
+                del self._output[: self._line.write(self._output)]
+            except BlockingIOError:
+                pass
+            except OSError:
+                self._detach()
+                return
+        awaited = selectors.EVENT_READ | (selectors.EVENT_WRITE if self._output else 0)
+        if awaited != self._awaited:
+            self._awaited = awaited
+            self._selector.modify(self._line, awaited)
+
+
+class SlcanSocket(SlcanPort):
+    """An slcan adapter behind a TCP port. `address` is the (host, port) it listens on.
+
+    A second client is sent away as long as the first has its channel open; one that never opens it makes room.
+    """
+
+    def __init__(
+        self, host: str = "127.0.0.1", port: int = 0, *, allow_remote: bool = False, queue_bytes: int = QUEUE_BYTES
+    ) -> None:
+        """Listen on `host` and `port` (0 = any free one).
+
+        Raises `HubError`: address in use or not of this machine, or not loopback without `allow_remote`.
+        """
+        self._listener = listen(host, port, allow_remote, f"--slcan {SOCKET_URL}HOST:PORT")
+        super().__init__(queue_bytes)
+        self._connection: _SocketLine | None = None
+        bound_host, bound_port = self._listener.getsockname()[:2]
+        self.address: tuple[str, int] = (bound_host, bound_port)
+        shown_host = f"[{bound_host}]" if ":" in bound_host else bound_host
+        self.description = f"-i slcan -c {SOCKET_URL}{shown_host}:{bound_port}"
+        self._selector.register(self._listener, selectors.EVENT_READ)
+
+    def close(self) -> None:
+        """Close every socket. May be called again."""
+        super().close()
+        self._listener.close()
+        self._hang_up()
+
+    def _admit(self) -> None:
+        try:
+            connection, _ = self._listener.accept()
+        except OSError:  # gone before it was accepted
+            return
+        if self.is_open:
+            connection.close()
+            return
+        self._detach()
+        connection.setblocking(False)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        self._connection = _SocketLine(connection)
+        self._attach(self._connection)
+
+    def _release(self) -> None:
+        self._hang_up()
+
+    def _hang_up(self) -> None:
+        if self._connection is not None:
+            self._connection.socket.close()
+            self._connection = None
+
+
+class SlcanTerminal(SlcanPort):
+    """An slcan adapter on a pseudo-terminal, which a symbolic link gives a name that stays.
+
+    While nobody has the terminal open, this side holds it open itself: a pseudo-terminal without a user reports its
+    end for ever. With the first word of a client it lets go, so that the end of that client is seen.
+    """
+
+    def __init__(self, link: Path | None = None, *, queue_bytes: int = QUEUE_BYTES) -> None:
+        """Make the terminal, and `link` (default: `default_link()`) to it.
+
+        Raises `SlcanError`: no pseudo-terminals here, or something else has that name.
+        """
+        try:
+            import pty
+        except ImportError:
+            raise SlcanError(
+                f"--slcan: this system has no pseudo-terminals; take --slcan {SOCKET_URL}127.0.0.1:0"
+            ) from None
+        try:
+            master, self._held = pty.openpty()
+        except OSError as error:
+            raise SlcanError(f"--slcan: no pseudo-terminal to be had: {error.strerror or error}") from error
+        super().__init__(queue_bytes)
+        self._link = (default_link() if link is None else link).absolute()
+        self._terminal = _TerminalLine(master)
+        self._name = os.ttyname(self._held)
+        os.set_blocking(master, False)
+        self._prepare()
+        try:
+            _make_link(self._link, self._name)
+        except SlcanError:
+            self.close()
+            raise
+        self.description = f"-i slcan -c {shlex.quote(str(self._link))}"
+        self._attach(self._terminal)
+
+    def close(self) -> None:
+        """Give the terminal back and remove the link, unless it leads elsewhere by now. May be called again."""
+        super().close()
+        self._hear()
+        if self._terminal.master >= 0:
+            os.close(self._terminal.master)
+            self._terminal.master = -1
+        with contextlib.suppress(OSError):
+            if self._name and str(self._link.readlink()) == self._name:
+                self._link.unlink()
+        self._name = ""
+
+    def _prepare(self) -> None:
+        """Raw, and without what the last client left unread, half a line perhaps."""
+        import termios
+        import tty
+
+        tty.setraw(self._held)
+        termios.tcflush(self._held, termios.TCIOFLUSH)
+
+    def _hear(self) -> None:
+        if self._held >= 0:
+            os.close(self._held)
+            self._held = -1
+
+    def _release(self) -> None:
+        if self._held < 0:
+            self._held = os.open(self._name, os.O_RDWR | os.O_NOCTTY)
+        self._prepare()
+        self._attach(self._terminal)
+
+
+def default_link() -> Path:
+    """The name of a terminal unless another is wanted: in the user's runtime folder, or the one for temporary files."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if runtime and Path(runtime).is_dir():
+        return Path(runtime, "canarm-can0")
+    return Path(tempfile.gettempdir(), f"canarm-{os.getuid()}-can0")
+
+
+def _make_link(link: Path, terminal: str) -> None:
+    try:
+        # A killed emulator leaves its link. It leads nowhere, or to a terminal of the same name, which is ours now.
+        if link.is_symlink() and (not link.exists() or str(link.readlink()) == terminal):
+            link.unlink()
+        link.symlink_to(terminal)
+    except FileExistsError as error:
+        raise SlcanError(
+            f"--slcan {link}: that name is taken; if no other emulator uses it, remove it, or choose another PATH"
+        ) from error
+    except OSError as error:
+        raise SlcanError(f"--slcan {link}: {error.strerror or error}; choose another PATH") from error
+
+
+class _SocketLine:
+    def __init__(self, connection: socket.socket) -> None:
+        self.socket = connection
+
+    def fileno(self) -> int:
+        return self.socket.fileno()
+
+    def read(self, size: int) -> bytes:
+        if _QUICKACK is not None:
+            # Linux forgets it again. A client with Nagle's algorithm waits 40 ms for each delayed ACK.
+            self.socket.setsockopt(socket.IPPROTO_TCP, _QUICKACK, 1)
+        return self.socket.recv(size)
+
+    def write(self, data: bytearray) -> int:
+        return self.socket.send(data)
+
+
+class _TerminalLine:
+    def __init__(self, master: int) -> None:
+        self.master = master
+
+    def fileno(self) -> int:
+        return self.master
+
+    def read(self, size: int) -> bytes:
+        return os.read(self.master, size)
+
+    def write(self, data: bytearray) -> int:
+        return os.write(self.master, data)

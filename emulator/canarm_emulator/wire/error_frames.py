@@ -1,0 +1,62 @@
+"""What goes wrong on the wire, in the words of SocketCAN: events of the wire model become error frames.
+
+Classes and details as in linux/can/error.h, combined as Linux drivers do. Who is told of them never enters.
+"""
+
+from enum import IntFlag
+
+from canarm_protocol.canopen.frames import ERROR_FLAG, Frame
+
+from .confinement import PASSIVE_LIMIT, ErrorKind, ErrorState
+from .wire import ErrorFrame, Node, StateChange
+
+
+class ErrorClass(IntFlag):
+    """Error classes in `can_id` (linux/can/error.h, CAN_ERR_*)."""
+
+    CRTL = 0x004
+    PROT = 0x008
+    ACK = 0x020
+    BUSOFF = 0x040
+    BUSERROR = 0x080
+    RESTARTED = 0x100
+    CNT = 0x200
+
+
+TX_PASSIVE, RX_PASSIVE, ACTIVE = 0x20, 0x10, 0x40
+"""Byte 1 (CAN_ERR_CRTL_*)."""
+TYPE_BIT, TYPE_TX = 0x01, 0x80
+"""Byte 2 (CAN_ERR_PROT_*): a bit was wrong; it happened while sending."""
+LOCATION_CRC, LOCATION_ACK = 0x08, 0x19
+"""Byte 3 (CAN_ERR_PROT_LOC_*): CRC sequence, ACK slot."""
+
+_PROTOCOL_ERRORS = {
+    ErrorKind.BIT: (ErrorClass(0), TYPE_BIT, 0),
+    ErrorKind.CRC: (ErrorClass(0), 0, LOCATION_CRC),
+    ErrorKind.ACK: (ErrorClass.ACK, 0, LOCATION_ACK),
+}
+
+
+def error_frame(event: ErrorFrame | StateChange, was: ErrorState, node: Node | None) -> Frame:
+    """The error frame for an event at `node`, whose state `was` that before; None for one that has left the bus.
+
+    BUSERROR is set where an error on the bus is the cause: not when a node becomes error-active again.
+    """
+    error_class, control, kind, location = ErrorClass.CNT if node else ErrorClass(0), 0, 0, 0
+    tec, rec = (node.tec, node.rec) if node else (0, 0)
+    if isinstance(event, ErrorFrame):
+        more, kind, location = _PROTOCOL_ERRORS[event.kind]
+        error_class |= ErrorClass.PROT | ErrorClass.BUSERROR | more
+        kind |= TYPE_TX
+    elif event.state is ErrorState.BUS_OFF:
+        error_class |= ErrorClass.BUSOFF | ErrorClass.BUSERROR
+    elif event.state is ErrorState.PASSIVE:
+        error_class |= ErrorClass.CRTL | ErrorClass.BUSERROR
+        control = TX_PASSIVE * (tec > PASSIVE_LIMIT) | RX_PASSIVE * (rec > PASSIVE_LIMIT)
+    elif was is ErrorState.BUS_OFF:
+        error_class |= ErrorClass.RESTARTED
+    else:
+        error_class |= ErrorClass.CRTL
+        control = ACTIVE
+    details = bytes((0, control, kind, location, 0, 0, min(tec, 0xFF), min(rec, 0xFF)))
+    return Frame(int(ERROR_FLAG | error_class), details, is_extended=True)

@@ -1,0 +1,160 @@
+"""Reading a cell: a shipped name or a TOML file, with keys of the command line laid over it."""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from ..errors import CellError
+from ..text_file import read_text
+from .cell_checks import problems
+from .cell_messages import explain, keys_at, nearest
+from .model import Cell
+
+SETTABLE = ("control", "supervision")
+"""The tables whose keys `--set` takes."""
+
+LARGEST_BYTES = 1_000_000
+DEEPEST = 20
+MOST_PROBLEMS = 20
+LONGEST_LINE = 400
+"""What a cell file may be, and how much is said of a wrong one. A cell has a depth of 5 and some 10 kB."""
+
+
+def shipped_cells() -> dict[str, str]:
+    """Name and TOML text of every cell that ships with canarm."""
+    folder = resources.files("canarm_protocol") / "cells"
+    return {
+        Path(item.name).stem: item.read_text(encoding="utf-8")
+        for item in sorted(folder.iterdir(), key=lambda item: item.name)
+        if item.name.endswith(".toml")
+    }
+
+
+def load_cell(name_or_path: str, settings: Mapping[str, str] | None = None) -> Cell:
+    """Load and validate a cell.
+
+    `name_or_path` is the name of a shipped cell ("konkuk1") or the path of a TOML file. `settings` are keys laid over
+    it, dotted as on the command line ("control.mras.gamma_bias" → "10").
+
+    Raises `CellError`, one line a problem: file, key, value, and what would be right.
+    """
+    shipped = shipped_cells()
+    source = printable(name_or_path) or "''"
+    if name_or_path in shipped:
+        return parse_cell(shipped[name_or_path], f"cell {name_or_path}", settings)
+    try:
+        text = read_text(Path(name_or_path), LARGEST_BYTES, "a cell")
+    except FileNotFoundError:
+        hint = nearest(name_or_path, shipped)
+        raise CellError(f"{source}: no such file, and no cell of that name{hint}") from None
+    except OSError as error:
+        raise CellError(f"{source}: cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise CellError(f"{source}: {error}") from None
+    return parse_cell(text, source, settings)
+
+
+def printable(text: str) -> str:
+    """`text` on one line of bearable length, with escapes for what cannot be seen."""
+    if len(text) > LONGEST_LINE:
+        text = f"{text[: LONGEST_LINE // 2]} ... {text[-LONGEST_LINE // 2 :]}"
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
+
+
+def parse_cell(text: str, source: str, settings: Mapping[str, str] | None = None) -> Cell:
+    """Validate the TOML `text` of a cell; `source` names it in error messages. Raises `CellError`."""
+    try:
+        table = tomllib.loads(text)
+    except ValueError as error:  # TOMLDecodeError, and an integer of too many digits
+        raise CellError(f"{source}: not valid TOML: {printable(str(error))}") from None
+    except RecursionError:
+        raise _too_deep(source) from None
+    settings = settings or {}
+    for key, value in settings.items():
+        _lay_over(table, key, value)
+    table = _frozen(table, source)
+    try:
+        cell = Cell.model_validate(table)
+    except ValidationError as error:
+        wrong = [problem for problem in error.errors(include_url=False) if not _is_echo(problem)]
+        count, found = len(wrong), [explain(problem, table) for problem in wrong[:MOST_PROBLEMS]]
+    else:
+        found = list(problems(cell))
+        if not found:
+            return cell
+        count = len(found)
+    raise CellError("\n".join(_lines(found[:MOST_PROBLEMS], count, source, settings)))
+
+
+def _lines(found: Sequence[str], count: int, source: str, settings: Mapping[str, str]) -> list[str]:
+    """A line for each problem `found` of all `count` of them."""
+    lines = [f"{_source(line, source, settings)}: {printable(line)}" for line in found]
+    return [*lines, f"{source}: and {count - len(found)} more"] if count > len(found) else lines
+
+
+def setting_keys(cell: Cell) -> dict[str, object]:
+    """Every key that `--set` takes, with its nominal value: the leaves of `[control]` and `[supervision]`."""
+    keys: dict[str, object] = {}
+
+    def walk(prefix: str, table: Mapping[str, Any]) -> None:
+        for name, value in table.items():
+            if isinstance(value, Mapping):
+                walk(f"{prefix}.{name}", value)
+            elif value is not None:
+                keys[f"{prefix}.{name}"] = value
+
+    for name in SETTABLE:
+        walk(name, getattr(cell, name).model_dump())
+    return keys
+
+
+def _frozen(value: Any, source: str, depth: int = 0) -> Any:
+    """TOML arrays as tuples, which is what the strict schema takes. Raises `CellError` for what no cell can hold."""
+    if depth > DEEPEST:
+        raise _too_deep(source)
+    if isinstance(value, dict):
+        return {key: _frozen(item, source, depth + 1) for key, item in value.items()}
+    if isinstance(value, list):
+        return tuple(_frozen(item, source, depth + 1) for item in value)
+    if isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise CellError(f"{source}: an integer of {value.bit_length()} bits; TOML's have at most 64")
+    return value
+
+
+def _too_deep(source: str) -> CellError:
+    return CellError(f"{source}: tables or arrays are nested more than {DEEPEST} deep; those of a cell are not")
+
+
+def _lay_over(table: dict[str, Any], key: str, value: str) -> None:
+    where = printable(f"--set {key}={value}")
+    *parents, leaf = key.split(".")
+    if not parents or parents[0] not in SETTABLE:
+        raise CellError(f"{where}: keys begin with 'control.' or 'supervision.'; see `canarm check --keys`")
+    known = keys_at(tuple(parents))
+    if leaf not in known:
+        raise CellError(f"{where}: no such key (see `canarm check --keys`){nearest(leaf, known)}")
+    below = keys_at((*parents, leaf))
+    if below:
+        raise CellError(f"{where}: is a table; set one of its keys, {', '.join(below)}")
+    target: Any = table
+    for parent in parents:
+        target = target.setdefault(parent, {}) if isinstance(target, dict) else {}
+    try:
+        (target[leaf],) = tomllib.loads(f"value = {value}").values()
+    except (ValueError, RecursionError):
+        raise CellError(f"{where}: {printable(repr(value))} is not a value such as {target.get(leaf, 1.0)}") from None
+
+
+def _source(line: str, source: str, settings: Mapping[str, str]) -> str:
+    """Where a problem came from: the file, or a key laid over it."""
+    key = line.split(" = ")[0]
+    return f"{source} with --set" if key in settings else source
+
+
+def _is_echo(problem: Any) -> bool:
+    """Whether a problem only repeats that an element of an array, reported by itself, is wrong."""
+    return problem["type"] == "too_short" and len(problem["input"]) > 0

@@ -1,0 +1,130 @@
+"""What is wrong with a value of a cell file, in the words of who writes TOML: key, value, what would be right."""
+
+import difflib
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from pydantic import BaseModel
+
+from .model import Cell
+
+Location = tuple[str | int, ...]
+
+_NAME = "must be lower-case letters, digits, '-' and '_', beginning with a letter, at most 32"
+LONGEST_NODE_ID = 3
+"""Digits of a node-ID in decimal, 1 to 127; names have them in hexadecimal, node.0x12."""
+_SIGNAL = 'must be "<joint>.<quantity>", such as "joint2.potentiometer"'
+
+_RULES: dict[str, Callable[[Mapping[str, Any]], str]] = {
+    "greater_than": lambda limits: f"must be greater than {limits['gt']:g}",
+    "greater_than_equal": lambda limits: f"must be at least {limits['ge']}",
+    "less_than": lambda limits: f"must be less than {limits['lt']:g}",
+    "less_than_equal": lambda limits: f"must be at most {limits['le']}",
+    "finite_number": lambda _: "must be a finite number",
+    "int_type": lambda _: "must be a whole number",
+    "float_type": lambda _: "must be a number",
+    "bool_type": lambda _: "must be true or false",
+    "string_type": lambda _: 'must be text in "quotes"',
+    "string_too_long": lambda _: _NAME,
+    "literal_error": lambda allowed: f"must be {allowed['expected']}",
+    "enum": lambda allowed: f"must be {allowed['expected']}",
+    "too_short": lambda sizes: f"must have at least {sizes['min_length']} of them",
+    "too_long": lambda sizes: f"must have at most {sizes['max_length']} of them",
+    "tuple_type": lambda _: "must be an array, [...]",
+    "model_type": lambda _: "must be a table",
+}
+"""By the kinds of problem that pydantic tells apart."""
+
+
+def explain(problem: Mapping[str, Any], table: Mapping[str, Any]) -> str:
+    """One line for one problem of `ValidationError.errors()`, found in `table`."""
+    location, kind, value = problem["loc"], problem["type"], problem["input"]
+    key = spelled(location, table)
+    last = location[-1]
+    if kind == "missing":
+        return (
+            f"{key}: is missing"
+            if isinstance(last, str)
+            else f"{key} = {_toml(value, key)}: element {last + 1} is missing"
+        )
+    if kind == "extra_forbidden":
+        what = "table" if isinstance(value, Mapping) else "key"
+        return f"{key}: unknown {what}{nearest(str(last), keys_at(location[:-1]))}"
+    if last == "node_id" and isinstance(value, int):
+        return f"{key} = {_toml(value, key)}: node-IDs are 0x01 to 0x7F"
+    return f"{key} = {_toml(value, key)}: {_rule(kind, problem, last)}"
+
+
+def keys_at(location: Location) -> list[str]:
+    """The keys that the schema has in a table; none where `location` is no table."""
+    model: Any = Cell
+    for part in location:
+        if isinstance(part, int):
+            continue
+        field = model.model_fields.get(part)
+        annotation = field.annotation if field else None
+        model = next(
+            (argument for argument in getattr(annotation, "__args__", ()) if isinstance(argument, type)), annotation
+        )
+        if not (isinstance(model, type) and issubclass(model, BaseModel)):
+            return []
+    return list(model.model_fields)
+
+
+def nearest(word: str, known: Iterable[str], see: str = "") -> str:
+    """A hint at the known word that was probably meant, or at all of them; and at what to `see`."""
+    known = list(known)
+    meant = _meant(word.casefold(), {each.casefold(): each for each in known})
+    if meant is not None:
+        return f"; did you mean {meant!r}?" + (f" See {see}" if see else "")
+    return (f"; known are {', '.join(known)}" if known else "") + (f"; see {see}" if see else "")
+
+
+def _meant(word: str, known: Mapping[str, str]) -> str | None:
+    """Of the `known` words by their lower case: the same, or the only one that begins so, or a similar one."""
+    stem, _, number = word.rpartition(".")
+    if number.isdecimal() and len(number) <= LONGEST_NODE_ID and f"{stem}.{int(number):#04x}" in known:
+        return known[f"{stem}.{int(number):#04x}"]
+    longer = [each for each in known if each.startswith(word)]
+    if word in known or len(longer) == 1:
+        return known[word] if word in known else known[longer[0]]
+    close = difflib.get_close_matches(word, list(known), n=1)
+    return known[close[0]] if close else None
+
+
+def spelled(location: Location, table: Any) -> str:
+    """A key's path as people say it: elements of an array of tables by their name, `card 'adc'.slot`."""
+    text = ""
+    for part in location:
+        try:
+            table = table[part]
+        except (LookupError, TypeError):
+            table = None
+        if isinstance(part, str):
+            text += f".{part}" if text else part
+        elif isinstance(table, Mapping):
+            text += f" {table['name']!r}" if "name" in table else f" {table.get('number', f'#{part + 1}')}"
+    return text
+
+
+def _rule(kind: str, problem: Mapping[str, Any], last: str | int) -> str:
+    if kind == "string_pattern_mismatch":
+        return _SIGNAL if last == "signal" else _NAME
+    rule = _RULES.get(kind)
+    message: str = problem["msg"]
+    return rule(problem.get("ctx", {})) if rule else message[0].lower() + message[1:]
+
+
+def _toml(value: Any, key: str) -> str:
+    """A value as it stands in the file, shortened."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, int) and key.endswith("node_id"):
+        return f"0x{value:02X}"
+    if isinstance(value, Mapping):
+        return "{...}"
+    if isinstance(value, tuple):
+        return f"[{', '.join(_toml(item, key) for item in value)}]"
+    return str(value)

@@ -1,0 +1,182 @@
+"""A client of a bench node on the bench bus: faults and the emergency stop of a running bench, over any kind of bus.
+
+It claims an SDO channel of its own, so that several clients work at the same time. What a fault set may say is not
+known here: the bench refuses, and this passes the reason on.
+"""
+
+import contextlib
+import json
+import secrets
+import struct
+import time
+import zlib
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+from ..canopen.frames import Frame
+from ..canopen.sdo import SdoAborted, download, upload
+from ..cell import bench_objects as objects
+from ..cell.model import Cell
+from ..errors import BusError, FaultError
+from ..transport.port import BusPort
+from ..transport.sdo_session import SdoSession
+from .fault_toml import as_toml
+from .script import LARGEST_TEXT, FaultScript, clearing
+
+RENEW_S = objects.CLAIM_S / 2
+"""After so long a silence the channel may be another's soon, so it is claimed anew before it is used."""
+MOST_READS = 1000
+"""Bound on reading what came while nobody looked: a bus never falls silent while telemetry runs."""
+_REFUSED = "refused: "
+_TOKEN = struct.Struct("<I")
+
+T = TypeVar("T")
+
+
+class BenchClient:
+    """Faults of the bench of `cell` on the open bus `port`, which stays the caller's.
+
+    Use it in a `with` statement, or `close` it: its channel is given back. No answer is waited for longer than
+    `limit_s`. Every method raises `BusError` when the bus is lost or the bench node does not answer.
+    """
+
+    def __init__(self, port: BusPort, cell: Cell, limit_s: float = 5.0) -> None:
+        self._port, self._node_id, self._limit_s = port, cell.bus.bench_node_id, limit_s
+        self._token = 1 + secrets.randbelow(0xFFFF_FFFF)
+        self._used_s = time.monotonic()
+        self.channel = self._claim(objects.CLIENT_CHANNELS[self._token % len(objects.CLIENT_CHANNELS)])
+        """The number of its SDO channel."""
+
+    def inject(self, text: str) -> str:
+        """Have the fault set `text`, TOML, done as a whole; returns what was done. Raises `FaultError` if refused."""
+        if len(text) > LARGEST_TEXT:
+            raise FaultError(f"fault set: {len(text)} characters; must have at most {LARGEST_TEXT}")
+        try:
+            data = text.encode()
+        except UnicodeEncodeError as error:
+            raise FaultError(f"fault set: {text[error.start : error.end]!r} is no text, and cannot be sent") from None
+
+        def write(session: SdoSession) -> str:
+            try:
+                session.download(objects.FAULT_SET, 0, data)
+            except SdoAborted:
+                result = _text(session.upload(objects.FAULT_RESULT))
+                if result.startswith(_REFUSED):
+                    raise FaultError(result.removeprefix(_REFUSED)) from None
+                raise
+            return _text(session.upload(objects.FAULT_RESULT))
+
+        return self._ask(write)
+
+    def clear(self, name: str | None = None) -> str:
+        """End and forget the sets of that name, or all; returns what was done. Raises `FaultError` if there is none."""
+        return self.inject(as_toml(clearing(name)))
+
+    def trigger(self, name: str) -> str:
+        """Begin a set that waits; returns what was done. Raises `FaultError` where there is none."""
+        return self.inject(as_toml(FaultScript(trigger=name)))
+
+    def status(self) -> dict[str, Any]:
+        """`sets` (set, state, activations), `active` (set, tap, fault), `begun`; `time_ns`, `cycle`, `running`."""
+        return dict(json.loads(self._read(objects.FAULT_STATUS)))
+
+    def catalogue(self) -> list[dict[str, Any]]:
+        """One object a tap: tap, about, unit, kind, and faults with their parameters."""
+        return list(json.loads(self._unpacked(objects.PACKED_CATALOGUE)))
+
+    def events(self) -> list[dict[str, Any]]:
+        """The last beginnings and ends of faults, oldest first, as in `events.jsonl`."""
+        return [json.loads(line) for line in _text(self._unpacked(objects.PACKED_EVENTS)).splitlines() if line]
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether the emergency stop is on."""
+        return self._read(objects.EMERGENCY_STOP) != b"\0"
+
+    def emergency_stop(self, is_on: bool = True) -> None:
+        """Open the supply of all amplifiers, or close it again."""
+        self._ask(lambda session: session.download(objects.EMERGENCY_STOP, 0, bytes((is_on,))))
+
+    def close(self) -> None:
+        """Give the channel back. May be called again."""
+        channel, self.channel = self.channel, 0
+        if channel:
+            with contextlib.suppress(BusError, SdoAborted):
+                self._session(channel).download(objects.CHANNEL_OWNER, channel, _TOKEN.pack(0))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _read(self, index: int) -> bytes:
+        return self._ask(lambda session: session.upload(index))
+
+    def _unpacked(self, index: int) -> bytes:
+        return zlib.decompress(self._read(index))
+
+    def _ask(self, conversation: Callable[[SdoSession], T]) -> T:
+        """Talk to the node on a channel that is surely ours. Raises `BusError`."""
+        if not self.channel:
+            raise BusError(f"{self._where}: this client is closed")
+        if time.monotonic() - self._used_s > RENEW_S:
+            self.channel = self._claim(self.channel)
+        self._drain()
+        try:
+            return conversation(self._session(self.channel))
+        except (BusError, SdoAborted) as error:
+            raise BusError(f"{self._where}: {error}") from None
+        finally:
+            self._used_s = time.monotonic()
+
+    def _session(self, channel: int) -> SdoSession:
+        return SdoSession(self._port, *objects.sdo_channel(self._node_id, channel), limit_s=self._limit_s)
+
+    @property
+    def _where(self) -> str:
+        return f"bench node 0x{self._node_id:02X}"
+
+    def _claim(self, first: int) -> int:
+        """A channel of our own, `first` if it can be had."""
+        channels = objects.CLIENT_CHANNELS
+        self._drain()
+        for channel in sorted(channels, key=lambda each: (each - first) % len(channels)):
+            if self._ask_owner(channel) == self._token:
+                self._used_s = time.monotonic()
+                return channel
+        raise BusError(
+            f"{self._where} on {self._port.description}: all {len(channels)} channels for clients are taken; "
+            f"end one of them, or wait {objects.CLAIM_S:g} s"
+        )
+
+    def _ask_owner(self, channel: int) -> int:
+        """Claim `channel` and ask whose it is. Others may talk on the same channel of the node: their answers are no
+        less true, and name the object that they are about.
+        """
+        request_id, answer_id = objects.sdo_channel(self._node_id, objects.CLAIM_CHANNEL)
+        reading = upload(objects.CHANNEL_OWNER, channel)
+        claim = next(download(objects.CHANNEL_OWNER, channel, _TOKEN.pack(self._token)))
+        self._port.send([Frame(request_id, claim), Frame(request_id, next(reading))])
+        expected = struct.pack("<BHB", 0x43, objects.CHANNEL_OWNER, channel)
+        deadline_s = time.monotonic() + self._limit_s
+        while (left_s := deadline_s - time.monotonic()) > 0.0:
+            for _, frame in self._port.receive(left_s):
+                if frame.can_id == answer_id and not frame.is_extended and frame.data.startswith(expected):
+                    return int(_TOKEN.unpack_from(frame.data, 4)[0])
+        raise BusError(
+            f"{self._where} on {self._port.description} has not answered within {self._limit_s:g} s; does an emulator "
+            "serve this bus, and this cell?"
+        )
+
+    def _drain(self) -> None:
+        for _ in range(MOST_READS):
+            if not self._port.receive(0.0):
+                break
+
+
+def _text(data: bytes) -> str:
+    return data.decode("ascii", "replace")

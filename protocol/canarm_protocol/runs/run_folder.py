@@ -1,0 +1,212 @@
+"""The run folder: which files a run leaves and how each is written, so that what was written survives a `kill -9`.
+
+Several processes may write into one folder, each its own files; `run.json` and `events.jsonl` they share. Text formats
+only, so that candump's friends, pandas and PlotJuggler read them without this project.
+"""
+
+import contextlib
+import json
+import os
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from ..canopen.frames import Frame
+from ..errors import ProtocolError
+
+RUN_FILE, EVENTS_FILE, CAN_LOG_FILE, SIGNALS_FOLDER = "run.json", "events.jsonl", "can0.log", "signals"
+CONTROLLER_SIGNALS = f"{SIGNALS_FOLDER}/controller.csv"
+FLUSH_EVERY = 200
+"""Lines between two flushes of a log: at most half a second of a run is lost with the process."""
+LOCK_S = 5.0
+
+
+class RunFolderError(ProtocolError):
+    """A run folder cannot be written or read."""
+
+
+def create_run_folder(path: Path, reuse: bool = False) -> Path:
+    """Make the folder of a run. An earlier run in it is refused unless `reuse`. Raises `RunFolderError`."""
+    if not reuse and any((path / file).exists() for file in (CAN_LOG_FILE, CONTROLLER_SIGNALS)):
+        raise _taken(path)
+    try:
+        (path / SIGNALS_FOLDER).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFolderError(f"--out {path}: cannot be made: {error.strerror}") from None
+    return path
+
+
+def _taken(path: Path) -> RunFolderError:
+    return RunFolderError(f"--out {path}: holds a run already; name another folder, or remove it")
+
+
+def claim_run_folder(path: Path) -> Path:
+    """Make the folder of a run for one emulator: of several that try at the same time, all but one are refused.
+
+    Raises `RunFolderError`.
+    """
+    create_run_folder(path)
+    try:
+        os.close(os.open(path / CAN_LOG_FILE, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    except FileExistsError:
+        raise _taken(path) from None
+    except OSError as error:
+        raise RunFolderError(f"{path / CAN_LOG_FILE}: cannot be written: {error.strerror}") from None
+    return path
+
+
+def new_run_folder(base: Path = Path("runs")) -> Path:
+    """A folder below `base` that no run has used, named by date and time."""
+    stamp = time.strftime("%Y%m%d-%H%M%S")
+    for suffix in range(1000):
+        path = base / (stamp if not suffix else f"{stamp}-{suffix}")
+        try:
+            path.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise RunFolderError(f"{path}: cannot be made: {error.strerror}") from None
+        return create_run_folder(path)
+    raise RunFolderError(f"{base}: no free folder name for {stamp}")
+
+
+def update_run_file(folder: Path, section: str, content: Any) -> None:
+    """Set one section of `run.json`, in one piece: a reader sees the file before or after, never half of it.
+
+    Raises `RunFolderError` for a file that cannot be read, `OSError` with its name for one that cannot be written.
+    """
+    with _locked(folder / f".{RUN_FILE}.lock"):
+        path = folder / RUN_FILE
+        document = read_run_file(folder) if path.exists() else {}
+        document[section] = content
+        draft = folder / f".{RUN_FILE}.{os.getpid()}"
+        try:
+            draft.write_text(json.dumps(document, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+            draft.replace(path)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                draft.unlink()
+            raise OSError(error.errno, error.strerror, str(path)) from None
+
+
+def read_run_file(folder: Path) -> dict[str, Any]:
+    """`run.json` as a dict. Raises `RunFolderError`."""
+    try:
+        document = json.loads((folder / RUN_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RunFolderError(f"{folder / RUN_FILE}: cannot be read: {error}") from None
+    return dict(document)
+
+
+@contextlib.contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """A lock between processes by an exclusively created file; one left behind by a killed process is taken over."""
+    limit = time.monotonic() + LOCK_S
+    while True:
+        try:
+            os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
+            break
+        except FileExistsError:
+            if time.monotonic() > limit:
+                break
+            time.sleep(0.01)
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+
+
+class _LineFile:
+    """A text file, written out in whole lines now and then: neither a reader nor a `kill -9` finds half a line."""
+
+    def __init__(self, path: Path, mode: str = "w") -> None:
+        try:
+            self._file = path.open(f"{mode}b", buffering=0)
+        except OSError as error:
+            raise RunFolderError(f"{path}: cannot be written: {error.strerror}") from None
+        self._lines: list[str] = []
+        self._size = 0
+
+    def _write(self, line: str) -> None:
+        self._lines.append(line)
+        if len(self._lines) >= FLUSH_EVERY:
+            self._flush()
+
+    def _flush(self) -> None:
+        """Write what has gathered in one piece. Raises `OSError`; what is on disk then ends with a whole line."""
+        data = "".join(self._lines).encode("ascii", errors="backslashreplace")
+        self._lines.clear()
+        written = 0
+        try:
+            while written < len(data):
+                written += self._file.write(data[written:])
+        except OSError:
+            with contextlib.suppress(OSError):
+                self._file.truncate(self._size + data.rfind(b"\n", 0, written) + 1)
+            raise
+        self._size += len(data)
+
+    def close(self) -> None:
+        """Write out what is left. May be called again."""
+        try:
+            if self._lines:
+                self._flush()
+        finally:
+            self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def candump_line(time_ns: int, channel: str, frame: Frame) -> str:
+    """One line of a candump log file (`candump -l`, can-utils lib.c): `(seconds.microseconds) channel id#data`."""
+    microseconds = time_ns // 1000
+    stamp = f"({microseconds // 1_000_000:010d}.{microseconds % 1_000_000:06d})"
+    identifier = f"{frame.can_id:08X}" if frame.is_extended else f"{frame.can_id:03X}"
+    return f"{stamp} {channel} {identifier}#{'R' if frame.is_remote else frame.data.hex().upper()}\n"
+
+
+class CanLog(_LineFile):
+    """A candump log of one bus."""
+
+    def __init__(self, path: Path, channel: str = "can0") -> None:
+        super().__init__(path)
+        self._channel = channel
+
+    def write(self, time_ns: int, frame: Frame) -> None:
+        """Append one frame."""
+        self._write(candump_line(time_ns, self._channel, frame))
+
+
+class SignalLog(_LineFile):
+    """Signals of a run as CSV, a row a cycle. The first two columns are `tick` and `time_s`; units are in the names."""
+
+    def __init__(self, path: Path, columns: Sequence[str]) -> None:
+        super().__init__(path)
+        self._write(",".join(("tick", "time_s", *columns)) + "\n")
+        self._flush()
+        self._row = "%d,%.6f" + ",%.9g" * len(columns) + "\n"
+
+    def write(self, tick: int, time_ns: int, values: Sequence[float]) -> None:
+        """Append one row."""
+        self._write(self._row % (tick, time_ns * 1e-9, *values))
+
+
+class EventLog(_LineFile):
+    """Events as JSON lines; appended whole, so that several processes can share the file."""
+
+    def __init__(self, path: Path, source: str) -> None:
+        super().__init__(path, "a")
+        self._source = source
+
+    def write(self, time_ns: int, event: str, **details: Any) -> None:
+        """Append one event at once. Keys: `time_ns` (virtual time in lockstep), `source`, `event`, and the details."""
+        record = {"time_ns": time_ns, "source": self._source, "event": event, **details}
+        self._file.write(json.dumps(record).encode("ascii") + b"\n")
