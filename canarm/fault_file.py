@@ -3,13 +3,13 @@
 from dataclasses import replace
 from pathlib import Path
 
-from canarm_emulator.bench.bench import Bench
 from canarm_emulator.faults.engine import FaultEngine
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.script import FaultScript, read_faults
 
 
-def load_faults(path: Path, bench: Bench) -> FaultScript:
+def load_faults(path: Path, bench: FaultBench) -> FaultScript:
     """The script in the file `path`, which `bench` supports; the bench stays as it is.
 
     Raises `FaultError`: file, set, fault, what would be right.

@@ -11,7 +11,7 @@ from canarm_controller.laws.loading import load_law
 from canarm_controller.reference.trajectory import make_trajectory
 from canarm_controller.run.controller import Controller
 from canarm_controller.run.loop import ControlLoop
-from canarm_emulator.bench.bench import Bench
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.schedulability import cell_verdict
@@ -33,9 +33,9 @@ __all__ = [
 ]
 
 
-def make_bench(cell: Cell, truth: Mapping[str, str], clock: Clock, seed: int, with_wire: bool = False) -> Bench:
+def make_bench(cell: Cell, truth: Mapping[str, str], clock: Clock, seed: int, with_wire: bool = False) -> FaultBench:
     """The emulated bench. Raises `TruthError`."""
-    return Bench(cell, Truth.from_settings(cell, truth), clock, seed, with_wire)
+    return FaultBench(cell, Truth.from_settings(cell, truth), clock, seed, with_wire)
 
 
 def make_controller(

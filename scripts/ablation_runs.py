@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from canarm.rig.rig import RigJoint
 
 from canarm import Rig
+from canarm.rig.rig import RigJoint
 from canarm_controller.laws.mras import HIGHEST, LOWEST
 from canarm_controller.run.controller import State
 from canarm_controller.supervision.detection import DETECTORS

@@ -12,8 +12,8 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from canarm_emulator.bench.bench import Bench
 from canarm_emulator.errors import EmulatorError, TruthError
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.serving.hub import Hub
 from canarm_emulator.serving.recording import Recorder
 from canarm_emulator.serving.runner import EmulatorRunner
@@ -251,7 +251,7 @@ def _wire_text(figures: Mapping[str, Any]) -> str:
     )
 
 
-def _figures(bench: Bench, runner: EmulatorRunner) -> dict[str, Any]:
+def _figures(bench: FaultBench, runner: EmulatorRunner) -> dict[str, Any]:
     """Of the whole session, but for `cycles`: SYNCs since the cards were started last."""
     steps = bench.world.saturated_steps
     return {

@@ -1,6 +1,7 @@
 """A tachometer that is stuck is noticed within 25 ms, by name, and the run goes on without it."""
 
 import pytest
+
 from canarm.rig.rig import State
 
 FLOOR_RAD_S = 0.125

@@ -4,9 +4,9 @@ import gc
 import sys
 
 import pytest
-from canarm.rig.rig import FRAMES_KEPT
 
 from canarm import Rig
+from canarm.rig.rig import FRAMES_KEPT
 
 CYCLE_S = 0.0025
 KEPT_BY_THE_ASSESSOR = 4096

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from canarm.rig.rig import State
 
 import canarm
 from canarm import Rig
+from canarm.rig.rig import State
 from canarm.usage import UsageError
 from canarm_controller.errors import ControllerError, LawError, TrajectoryError
 from canarm_emulator.errors import EmulatorError, TruthError

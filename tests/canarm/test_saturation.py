@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from canarm.rig.rig import State
 
 from canarm import Rig
+from canarm.rig.rig import State
 
 HEAVY_KG, NOMINAL_KG = 2.1, 0.6
 LIMIT_A = 1.5

@@ -21,7 +21,7 @@ import can
 import canopen
 import pytest
 
-from canarm_emulator.bench.bench import Bench
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.dictionary import eds_text
 from canarm_protocol.canopen.frames import Frame
@@ -51,7 +51,7 @@ SYNC, TIME = 0x080, 0x100
 class InProcessBus(can.BusABC):
     """The bench as a python-can bus: what is sent is answered before `send` returns, stamped with virtual time."""
 
-    def __init__(self, bench: Bench, deliver: Callable[[can.Message], None]) -> None:
+    def __init__(self, bench: FaultBench, deliver: Callable[[can.Message], None]) -> None:
         self.bench, self._deliver = bench, deliver
         super().__init__(channel="bench")
 
@@ -193,7 +193,7 @@ class ExactLink(Link):
 
     def __init__(self) -> None:
         super().__init__(Clock.SYNC)
-        self.bench = Bench(CELL, Truth.from_settings(CELL, SILENT), Clock.SYNC, seed=0)
+        self.bench = FaultBench(CELL, Truth.from_settings(CELL, SILENT), Clock.SYNC, seed=0)
         self.bench.start()
         self.bus = InProcessBus(self.bench, self._deliver)
         self.network.bus = self.bus

@@ -6,7 +6,7 @@ import tracemalloc
 
 import pytest
 
-from canarm_emulator.bench.bench import Bench
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame, sync_frame
 from canarm_protocol.canopen.sdo import download, upload
@@ -76,7 +76,7 @@ class Fuzzer:
         return bytes((self._random.choice([0x00, 0x10, 0x01, 0x11, 0x60, 0x70, 0x80]),)) + self._bytes(7)
 
 
-def fuzz(bench: Bench, fuzzer: Fuzzer, count: int) -> None:
+def fuzz(bench: FaultBench, fuzzer: Fuzzer, count: int) -> None:
     sent = 0
     while sent < count:
         for frame in fuzzer.frames():
@@ -95,7 +95,7 @@ def fuzz(bench: Bench, fuzzer: Fuzzer, count: int) -> None:
 @pytest.mark.timeout(1800)
 def test_no_frame_breaks_the_cards_and_none_makes_them_grow(count: int, clock: Clock) -> None:
     """Everything at once: ID, length, RTR, extended, SDO sequences cut anywhere (in-process link alone)."""
-    bench = Bench(CELL, Truth.from_settings(CELL, {}), clock, seed=0)
+    bench = FaultBench(CELL, Truth.from_settings(CELL, {}), clock, seed=0)
     bench.start()
     fuzzer = Fuzzer(seed=count)
     fuzz(bench, fuzzer, count // 2)

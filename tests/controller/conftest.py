@@ -6,7 +6,8 @@ import pytest
 
 from canarm.session import make_bench, make_controller
 from canarm_controller.run.controller import Controller, State
-from canarm_emulator.bench.bench import Bench, CycleTruth
+from canarm_emulator.bench.bench import CycleTruth
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
@@ -35,7 +36,7 @@ class Pair:
         truth: Mapping[str, str] | None = None,
     ) -> None:
         self.cell = cell or load_cell("konkuk1")
-        self.bench: Bench = make_bench(self.cell, truth or {}, bench_clock or clock, seed=0)
+        self.bench: FaultBench = make_bench(self.cell, truth or {}, bench_clock or clock, seed=0)
         self.controller: Controller = make_controller(self.cell, law, "sine", feedforward, clock, ticks, listen_ns)
         self.to_controller: Wire = straight
         self.to_bench: Wire = straight

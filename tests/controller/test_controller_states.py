@@ -7,7 +7,7 @@ import pytest
 
 from canarm_controller.errors import BringUpError, ClockMismatchError, ControllerError
 from canarm_controller.run.controller import State
-from canarm_emulator.bench.bench import Bench
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.frames import Emergency, Frame, NmtState, time_frame
 from canarm_protocol.clock import Clock
@@ -492,7 +492,7 @@ def test_a_jump_of_virtual_time_stops_the_robot_and_does_not_hang_it(pair) -> No
 
 def test_the_wires_delays_are_no_foreign_time(make_pair) -> None:
     pair = make_pair(ticks=800)
-    pair.bench = Bench(pair.cell, Truth.from_settings(pair.cell, {}), Clock.SYNC, 0, with_wire=True)
+    pair.bench = FaultBench(pair.cell, Truth.from_settings(pair.cell, {}), Clock.SYNC, 0, with_wire=True)
     pair.bench.start()
     pair.run_to_end()
     assert (pair.controller.state, pair.controller.missed) == (State.DONE, 0), pair.controller.reason

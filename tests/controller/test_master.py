@@ -8,7 +8,7 @@ import pytest
 from canarm_controller.bus.master import ANSWER_NS, Ask, Silence, bring_up, read_input, start_frames, stop_frames
 from canarm_controller.errors import BringUpError
 from canarm_controller.run.controller import State
-from canarm_emulator.bench.bench import Bench
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_protocol.canopen.frames import Frame, NmtState
 from canarm_protocol.canopen.sdo import upload
 from canarm_protocol.cell.cell_file import load_cell
@@ -17,7 +17,7 @@ from canarm_protocol.cell.wiring import card_nodes
 DAC, LATCH, ADC = 0x12, 0x13, 0x14
 
 
-def read(bench: Bench, node_id: int, index: int, subindex: int = 0) -> int:
+def read(bench: FaultBench, node_id: int, index: int, subindex: int = 0) -> int:
     """An object of a card by SDO, unsigned."""
     transfer = upload(index, subindex)
     request = next(transfer)
@@ -32,7 +32,7 @@ def read(bench: Bench, node_id: int, index: int, subindex: int = 0) -> int:
 
 
 @pytest.fixture
-def configured(pair) -> Bench:
+def configured(pair) -> FaultBench:
     """The bench of a run that was ended as soon as its cards were configured."""
     pair.begin()
     pair.run_until(lambda: pair.controller.state is State.RUNNING)
@@ -42,7 +42,7 @@ def configured(pair) -> Bench:
 
 
 @pytest.mark.parametrize("node_id", [DAC, LATCH, ADC])
-def test_every_card_watches_the_controller_and_shows_itself(configured: Bench, node_id: int) -> None:
+def test_every_card_watches_the_controller_and_shows_itself(configured: FaultBench, node_id: int) -> None:
     # CiA 301, 7.5.2.19: node-ID in bits 16 to 22, time in ms below; the cell says 100 ms, 20 ms and 2500 us.
     assert read(configured, node_id, 0x1016, 1) == 1 << 16 | 100
     assert read(configured, node_id, 0x1017) == 20
@@ -50,7 +50,7 @@ def test_every_card_watches_the_controller_and_shows_itself(configured: Bench, n
     assert read(configured, node_id, 0x1029, 1) == 0  # communication error: to PRE-OPERATIONAL
 
 
-def test_outputs_go_to_zero_on_errors(configured: Bench) -> None:
+def test_outputs_go_to_zero_on_errors(configured: FaultBench) -> None:
     for channel in range(1, 5):
         assert (read(configured, DAC, 0x6443, channel), read(configured, DAC, 0x6444, channel)) == (1, 0)
     assert (read(configured, LATCH, 0x6206, 1), read(configured, LATCH, 0x6207, 1)) == (0xFF, 0)
@@ -66,7 +66,7 @@ def test_outputs_go_to_zero_on_errors(configured: Bench) -> None:
     ],
 )
 def test_pdos_are_synchronous_and_map_the_wired_channels_only(
-    configured: Bench, node_id: int, communication: int, cob_id: int, mapping: list[int]
+    configured: FaultBench, node_id: int, communication: int, cob_id: int, mapping: list[int]
 ) -> None:
     # COB-IDs of the predefined connection set; mapping entries are index, sub-index and bits.
     assert read(configured, node_id, communication, 1) & 0x8000_07FF == cob_id

@@ -7,7 +7,7 @@ import pytest
 from canarm.session import make_bench, make_controller
 from canarm_controller.run.controller import State
 from canarm_controller.run.runner import Runner, RunResult
-from canarm_emulator.bench.bench import Bench
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
@@ -32,7 +32,7 @@ class BenchPort(BusPort):
 
     description = "-i fake"
 
-    def __init__(self, bench: Bench, clock: FakeClock, is_robot: bool = True) -> None:
+    def __init__(self, bench: FaultBench, clock: FakeClock, is_robot: bool = True) -> None:
         self.discarded = Discarded()
         self._bench, self._clock, self._is_robot = bench, clock, is_robot
         self._start_ns = clock.now_ns

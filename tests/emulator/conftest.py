@@ -6,10 +6,11 @@ from random import Random
 
 import pytest
 
-from canarm_emulator.bench.bench import Bench, Record
+from canarm_emulator.bench.bench import Record
 from canarm_emulator.bench.fault_hooks import FaultHooks
 from canarm_emulator.faults.catalogue import make_fault
 from canarm_emulator.faults.declaration import Context, JointFault, SignalFault
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.faults.taps import taps_of
 from canarm_emulator.robot.truth import Truth
 from canarm_emulator.robot.world import JointState
@@ -44,7 +45,7 @@ class Driven:
 
     def __init__(self, text: str, clock: Clock, with_wire: bool, seed: int, is_started: bool) -> None:
         cell = load_cell("konkuk1")
-        self.bench = Bench(cell, Truth.from_settings(cell), clock, seed, with_wire)
+        self.bench = FaultBench(cell, Truth.from_settings(cell), clock, seed, with_wire)
         self.log: list[Record] = []
         self.joints: list[tuple[JointState, ...]] = []
         self.sent = 0

@@ -6,8 +6,8 @@ import struct
 import numpy as np
 import pytest
 
-from canarm_emulator.bench.bench import Bench
 from canarm_emulator.bench_node.assessor import KEPT_CYCLES, SETTLING_CYCLES, SHORTEST_STRETCH, Assessor, SpeedRipple
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_emulator.robot.world import JointState
 from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame, sync_frame
@@ -168,7 +168,7 @@ def test_a_reference_in_single_precision_is_still_steady() -> None:
 # Over the bench bus
 
 
-def read(bench: Bench, index: int, subindex: int, format_: str) -> float:
+def read(bench: FaultBench, index: int, subindex: int, format_: str) -> float:
     """One expedited SDO upload from the bench node."""
     transfer = upload(index, subindex)
     bench.receive_bench(Frame(0x670, next(transfer)))
@@ -178,9 +178,9 @@ def read(bench: Bench, index: int, subindex: int, format_: str) -> float:
 
 
 @pytest.fixture(scope="module")
-def assessed() -> tuple[Bench, np.ndarray, np.ndarray, np.ndarray]:
+def assessed() -> tuple[FaultBench, np.ndarray, np.ndarray, np.ndarray]:
     """A bench after a run whose references came by RPDO, every fourth cycle as a controller sends them."""
-    bench = Bench(CELL, Truth.from_settings(CELL, {}), Clock.SYNC, seed=3)
+    bench = FaultBench(CELL, Truth.from_settings(CELL, {}), Clock.SYNC, seed=3)
     bench.start()
     pdos, truth, references, limited = bench_pdos(CELL), [], [], [[0, 0]]
     bench.on_cycle = lambda cycle: (
@@ -229,7 +229,7 @@ def test_truth_and_report_can_be_read_by_sdo(assessed) -> None:
 
 
 def test_the_controllers_report_is_kept_as_it_came() -> None:
-    bench = Bench(CELL, Truth.from_settings(CELL, {}), Clock.SYNC, seed=0)
+    bench = FaultBench(CELL, Truth.from_settings(CELL, {}), Clock.SYNC, seed=0)
     bench.start()
     pdos = bench_pdos(CELL)
     for layout, values in (

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canarm_emulator.bench.bench import Bench, CycleTruth, Record
+from canarm_emulator.bench.bench import CycleTruth, Record
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.frames import Frame, NmtCommand, heartbeat_frame, nmt_frame, sync_frame, time_frame
 from canarm_protocol.canopen.frames import NmtState as State
@@ -27,38 +28,38 @@ NOISELESS = {f"{joint}.noise_lsb": "0" for joint in CELL.joint_names}
 CLOCKWISE, COUNTER_CLOCKWISE = 0b01, 0b10
 
 
-def new_bench(clock: Clock = Clock.SYNC, seed: int = 0, settings: dict[str, str] | None = None) -> Bench:
-    bench = Bench(CELL, Truth.from_settings(CELL, settings or {}), clock, seed)
+def new_bench(clock: Clock = Clock.SYNC, seed: int = 0, settings: dict[str, str] | None = None) -> FaultBench:
+    bench = FaultBench(CELL, Truth.from_settings(CELL, settings or {}), clock, seed)
     bench.start()
     return bench
 
 
-def take(bench: Bench) -> list[tuple[int, Frame]]:
+def take(bench: FaultBench) -> list[tuple[int, Frame]]:
     """What is on the robot's bus since the last look: time and frame."""
     records, bench.records = bench.records, []
     return [(record.time_ns, record.frame) for record in records]
 
 
-def ids(bench: Bench) -> list[tuple[int, int]]:
+def ids(bench: FaultBench) -> list[tuple[int, int]]:
     return [(time_ns, frame.can_id) for time_ns, frame in take(bench)]
 
 
-def write(bench: Bench, node_id: int, index: int, subindex: int, data: bytes) -> None:
+def write(bench: FaultBench, node_id: int, index: int, subindex: int, data: bytes) -> None:
     """One expedited SDO download."""
     bench.receive(Frame(0x600 + node_id, next(download(index, subindex, data))))
     assert bench.records[-1].frame.data[0] == 0x60
 
 
-def watch(bench: Bench, node_id: int, watched: int, timeout_ms: int) -> None:
+def watch(bench: FaultBench, node_id: int, watched: int, timeout_ms: int) -> None:
     write(bench, node_id, 0x1016, 1, struct.pack("<I", watched << 16 | timeout_ms))
 
 
-def send_outputs(bench: Bench, codes: tuple[int, int], directions: tuple[int, int]) -> None:
+def send_outputs(bench: FaultBench, codes: tuple[int, int], directions: tuple[int, int]) -> None:
     for cob_id, data in OutputFrames(CELL, NODES).pack(codes, directions):
         bench.receive(Frame(cob_id, data + bytes(8 - len(data)) if cob_id == 0x312 else data))
 
 
-def run_cycles(bench: Bench, count: int) -> list[Record]:
+def run_cycles(bench: FaultBench, count: int) -> list[Record]:
     """Cycles of a controller that swings both arms."""
     records: list[Record] = []
     for k in range(count):
@@ -214,7 +215,7 @@ def test_nmt_reaches_the_node_that_it_names() -> None:
 # Heartbeats, and lockstep without its master
 
 
-def lost_at(bench: Bench) -> dict[int, int]:
+def lost_at(bench: FaultBench) -> dict[int, int]:
     return {frame.can_id: time_ns for time_ns, frame in take(bench) if frame.data[:2] == b"\x30\x81"}
 
 
@@ -473,7 +474,7 @@ def test_no_frame_makes_the_bench_fail(clock: Clock, frames: list[tuple[Frame, b
 # The bench bus, and the same run again
 
 
-def bench_client(bench: Bench) -> None:
+def bench_client(bench: FaultBench) -> None:
     """Everything that a dashboard does, and a few things that it does not."""
     request_id, _ = sdo_channel(BENCH, 2)
     pdos = bench_pdos(CELL)

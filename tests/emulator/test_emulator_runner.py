@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from canarm_emulator.bench.bench import Bench, Record
+from canarm_emulator.bench.bench import Record
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_emulator.serving import runner as runner_module
 from canarm_emulator.serving.hub import Hub, Received
@@ -44,7 +45,7 @@ class Emulator:
     def __init__(
         self, clock: Clock, folder: Path | None, sync_timeout_s: float, ports: dict[str, list[BusPort]] | None
     ) -> None:
-        self.bench = Bench(CELL, Truth.from_settings(CELL, {}), clock, seed=0)
+        self.bench = FaultBench(CELL, Truth.from_settings(CELL, {}), clock, seed=0)
         self.hub = Hub(port=0)
         self.recorder = Recorder(folder, CELL) if folder else None
         self.told: list[str] = []
@@ -358,7 +359,7 @@ def test_error_frames_stay_away_from_other_buses() -> None:
 
 def test_a_stall_is_caught_up_with_no_more_than_a_bus_could_have_carried(monkeypatch) -> None:
     """A client that floods must not keep the emulator for itself: at 1 Mbit/s a frame has 47 bits at least."""
-    bench = Bench(CELL, Truth.from_settings(CELL), Clock.WALL, 0, with_wire=True)
+    bench = FaultBench(CELL, Truth.from_settings(CELL), Clock.WALL, 0, with_wire=True)
     hub = Hub(port=0)
     asked = 0
 
@@ -390,7 +391,7 @@ def test_a_stall_is_caught_up_with_no_more_than_a_bus_could_have_carried(monkeyp
 def test_syncs_that_queued_up_in_a_stall_came_one_cycle_apart_until_now(
     monkeypatch, queued: int, expected_ms: list[float]
 ) -> None:
-    bench = Bench(CELL, Truth.from_settings(CELL), Clock.WALL, 0)
+    bench = FaultBench(CELL, Truth.from_settings(CELL), Clock.WALL, 0)
     hub = Hub(port=0)
     sync = Received("can0", 1, sync_frame(1))
     answers = iter([[Received("can0", 1, nmt_frame(NmtCommand.START)), sync], [sync] * queued])

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import pytest
 
-from canarm_emulator.bench.bench import Bench
 from canarm_emulator.bench_node.fault_objects import event_text
 from canarm_emulator.faults import declaration
 from canarm_emulator.faults.declaration import (
@@ -30,6 +29,7 @@ from canarm_emulator.faults.declaration import (
     parameter,
 )
 from canarm_emulator.faults.engine import SetState
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import JointTruth, Truth
 from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame, sync_frame
 from canarm_protocol.cell.cell_file import load_cell
@@ -51,7 +51,7 @@ class Run:
     """A bench in lockstep whose faults' beginnings and ends are noted: (cycle, set, whether it begins)."""
 
     def __init__(self, seed: int = 0, is_started: bool = True) -> None:
-        self.bench = Bench(CELL, Truth.from_settings(CELL), Clock.SYNC, seed)
+        self.bench = FaultBench(CELL, Truth.from_settings(CELL), Clock.SYNC, seed)
         self.bench.start()
         self.happened: list[Happening] = []
         self.codes: list[tuple[float, ...]] = []
@@ -451,7 +451,7 @@ def test_a_set_that_would_end_as_soon_as_it_begins_is_refused() -> None:
 
 
 def test_times_count_from_cycle_0_where_the_first_set_comes_in_mid_run() -> None:
-    bench = Bench(CELL, Truth.from_settings(CELL), Clock.SYNC, 0)
+    bench = FaultBench(CELL, Truth.from_settings(CELL), Clock.SYNC, 0)
     bench.start()
     bench.receive(nmt_frame(NmtCommand.START))
     begun: list[int] = []

@@ -6,9 +6,9 @@ from random import Random
 
 import pytest
 
-from canarm_emulator.bench.bench import Bench
 from canarm_emulator.faults.catalogue import make_fault
 from canarm_emulator.faults.declaration import Context, Family, Fault, TapKind, declared_faults
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.faults.points import TruthPoint
 from canarm_emulator.faults.taps import taps_of
 from canarm_emulator.robot.truth import JointTruth, Truth
@@ -36,7 +36,7 @@ ELASTIC = {"joint2.wire": "1", "joint3.wire": "1"}
 class Rigged:
     """A bench whose arm moves, held up by constant currents, with the one point where truths are changed."""
 
-    bench: Bench
+    bench: FaultBench
     point: TruthPoint
 
     @property
@@ -60,7 +60,7 @@ class Rigged:
 
 
 def rigged(settings: dict[str, str] = RIGID, currents_a: tuple[float, float] = (0.6, 0.2)) -> Rigged:
-    bench = Bench(CELL, Truth.from_settings(CELL, settings), Clock.SYNC, 0)
+    bench = FaultBench(CELL, Truth.from_settings(CELL, settings), Clock.SYNC, 0)
     for joint, current_a in enumerate(currents_a):
         bench.world.set_dac_output(joint, abs(current_a) / 1.5 * 255 / 256)
         bench.world.set_direction(joint, Direction.COUNTER_CLOCKWISE if current_a > 0 else Direction.CLOCKWISE)
@@ -142,7 +142,7 @@ def test_with_0_3_kg_at_the_tip_a_horizontal_arm_takes_0_87_a_and_0_39_a_to_hold
     }
     moved = []
     for factor in (0.97, 1.03):
-        bench = Bench(CELL, Truth.from_settings(CELL, still), Clock.SYNC, 0)
+        bench = FaultBench(CELL, Truth.from_settings(CELL, still), Clock.SYNC, 0)
         arm = Rigged(bench, TruthPoint(bench))
         arm.begin("joint3.link", "payload-change", mass=0.3)
         for joint, current_a in enumerate(holding_a):

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import pytest
 
-from canarm_emulator.bench.bench import Bench
 from canarm_emulator.faults.catalogue import Entry, catalogue
 from canarm_emulator.faults.declaration import Family, TapKind
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_emulator.robot.world import JointState
 from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame, sync_frame
@@ -45,8 +45,8 @@ def outputs(cycle: int) -> tuple[tuple[int, int], tuple[int, int]]:
     return (cycle * 16 % 256, 255 - cycle * 16 % 256), (direction, direction)
 
 
-def run(text: str = "") -> tuple[Bench, list[Cycle]]:
-    bench = Bench(CELL, TRUTH, Clock.SYNC, 0)
+def run(text: str = "") -> tuple[FaultBench, list[Cycle]]:
+    bench = FaultBench(CELL, TRUTH, Clock.SYNC, 0)
     bench.start()
     bench.receive(nmt_frame(NmtCommand.START))
     if text:

@@ -9,7 +9,7 @@ from typing import Any
 import canopen
 import pytest
 
-from canarm_emulator.bench.bench import Bench
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_emulator.serving.recording import Recorder
 from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame, sync_frame
@@ -39,7 +39,7 @@ value = 5.0
 class Client:
     """A client of the bench node's on one SDO channel, as one of several on the bus."""
 
-    def __init__(self, bench: Bench, channel: int, origin: object) -> None:
+    def __init__(self, bench: FaultBench, channel: int, origin: object) -> None:
         self.bench, self.channel, self.origin = bench, channel, origin
 
     def request(self, data: bytes, channel: int | None = None) -> bytes | None:
@@ -86,18 +86,18 @@ class Client:
 
 
 @pytest.fixture
-def bench() -> Bench:
-    bench = Bench(CELL, Truth.from_settings(CELL, {}), Clock.SYNC, seed=0)
+def bench() -> FaultBench:
+    bench = FaultBench(CELL, Truth.from_settings(CELL, {}), Clock.SYNC, seed=0)
     bench.start()
     return bench
 
 
 @pytest.fixture
-def client(bench: Bench) -> Client:
+def client(bench: FaultBench) -> Client:
     return Client(bench, 0, "client")
 
 
-def run_cycles(bench: Bench, count: int, codes: tuple[int, int] = (0, 0)) -> None:
+def run_cycles(bench: FaultBench, count: int, codes: tuple[int, int] = (0, 0)) -> None:
     if bench.cycle < 0:
         bench.receive(nmt_frame(NmtCommand.START))
     for _ in range(count):
@@ -109,7 +109,7 @@ def run_cycles(bench: Bench, count: int, codes: tuple[int, int] = (0, 0)) -> Non
 # What is written is done
 
 
-def test_a_set_is_done_and_its_result_is_read_back(bench: Bench, client: Client) -> None:
+def test_a_set_is_done_and_its_result_is_read_back(bench: FaultBench, client: Client) -> None:
     run_cycles(bench, 3)
     client.inject(STUCK.format(name="dies"))
     assert client.text(objects.FAULT_RESULT) == "accepted 'dies'"
@@ -130,7 +130,7 @@ def test_a_set_is_done_and_its_result_is_read_back(bench: Bench, client: Client)
     assert client.read(objects.BEGUN_FAULTS) == b"\1\0\0\0"
 
 
-def test_events_tell_time_cycle_and_place_of_beginnings_and_ends(bench: Bench, client: Client) -> None:
+def test_events_tell_time_cycle_and_place_of_beginnings_and_ends(bench: FaultBench, client: Client) -> None:
     assert client.text(objects.FAULT_EVENTS) == "\n"
     run_cycles(bench, 3)
     client.inject(STUCK.format(name="dies"))
@@ -141,7 +141,7 @@ def test_events_tell_time_cycle_and_place_of_beginnings_and_ends(bench: Bench, c
     assert ends == {"time_ns": 17_500_000, "event": "fault-ends", **where, "cycle": 7}
 
 
-def test_no_more_events_are_kept_than_the_last_hundred(bench: Bench, client: Client) -> None:
+def test_no_more_events_are_kept_than_the_last_hundred(bench: FaultBench, client: Client) -> None:
     fault = '[[set.fault]]\ntap = "joint2.tachometer"\nfault = "offset"\n'
     client.inject('[[set]]\nname = "many"\n' + 60 * fault)
     client.inject('clear = ""')
@@ -150,7 +150,7 @@ def test_no_more_events_are_kept_than_the_last_hundred(bench: Bench, client: Cli
     assert client.status()["begun"] == 60
 
 
-def test_sets_are_cleared_and_triggered_by_texts_of_their_own(bench: Bench, client: Client) -> None:
+def test_sets_are_cleared_and_triggered_by_texts_of_their_own(bench: FaultBench, client: Client) -> None:
     client.inject(STUCK.format(name="by hand").replace("duration = 0.01", "manual = true"))
     run_cycles(bench, 2)
     assert client.status()["active"] == []
@@ -213,7 +213,7 @@ def test_the_packed_catalogue_says_the_same_in_a_tenth_of_the_bytes(client: Clie
     assert 10 * len(packed) < len(plain)
 
 
-def test_packed_events_say_the_same_in_a_fifth_of_the_bytes(bench: Bench, client: Client) -> None:
+def test_packed_events_say_the_same_in_a_fifth_of_the_bytes(bench: FaultBench, client: Client) -> None:
     assert zlib.decompress(client.read(objects.PACKED_EVENTS)) == client.read(objects.FAULT_EVENTS)
     client.inject(STUCK.format(name="again").replace("duration = 0.01", "duration = 0.0025\nrepeat = 100"))
     run_cycles(bench, 200)
@@ -231,7 +231,9 @@ def test_the_catalogue_has_every_tap_with_faults_parameters_and_limits(client: C
     assert (value["name"], value["unit"], value["minimum"], value["maximum"]) == ("value", "V", 0.0, 5.0)
 
 
-def test_reading_makes_no_fault_engine_that_would_cost_something_in_every_cycle(bench: Bench, client: Client) -> None:
+def test_reading_makes_no_fault_engine_that_would_cost_something_in_every_cycle(
+    bench: FaultBench, client: Client
+) -> None:
     for index in range(objects.FAULT_RESULT, objects.BEGUN_FAULTS + 1):
         client.read(index)
     assert bench._faults is None
@@ -247,7 +249,7 @@ def test_the_fault_set_itself_cannot_be_read(client: Client) -> None:
 
 
 def test_the_emergency_stop_takes_the_current_from_a_motor_that_is_driven_and_gives_it_back(
-    bench: Bench, client: Client
+    bench: FaultBench, client: Client
 ) -> None:
     told: list[bool] = []
     bench.device.on_emergency_stop = told.append
@@ -271,7 +273,7 @@ def test_the_emergency_stop_takes_the_current_from_a_motor_that_is_driven_and_gi
     assert caught.value.code == AbortCode.TOO_HIGH
 
 
-def test_telemetry_shows_active_faults_and_the_emergency_stop(bench: Bench, client: Client) -> None:
+def test_telemetry_shows_active_faults_and_the_emergency_stop(bench: FaultBench, client: Client) -> None:
     layout = objects.bench_pdos(CELL).faults
     client.inject(STUCK.format(name="x"))
     client.run(download(objects.EMERGENCY_STOP, 0, b"\1"))
@@ -284,7 +286,7 @@ def test_telemetry_shows_active_faults_and_the_emergency_stop(bench: Bench, clie
 # Several clients
 
 
-def test_each_channel_has_results_of_its_own(bench: Bench) -> None:
+def test_each_channel_has_results_of_its_own(bench: FaultBench) -> None:
     first, second = Client(bench, 2, 1), Client(bench, 3, 2)
     first.inject(STUCK.format(name="a"))
     with pytest.raises(SdoAborted):
@@ -293,7 +295,7 @@ def test_each_channel_has_results_of_its_own(bench: Bench) -> None:
     assert second.text(objects.FAULT_RESULT).startswith("refused: ")
 
 
-def test_half_a_transfer_of_a_slow_client_holds_up_nobody_and_can_go_on_later(bench: Bench) -> None:
+def test_half_a_transfer_of_a_slow_client_holds_up_nobody_and_can_go_on_later(bench: FaultBench) -> None:
     slow, quick = Client(bench, 2, 1), Client(bench, 3, 2)
     transfer = download(objects.FAULT_SET, 0, STUCK.format(name="slow").encode())
     request = next(transfer)
@@ -307,7 +309,7 @@ def test_half_a_transfer_of_a_slow_client_holds_up_nobody_and_can_go_on_later(be
     assert [each["set"] for each in quick.status()["sets"]] == ["quick", "slow"]
 
 
-def test_a_channel_is_claimed_by_one_client_and_refused_to_the_next(bench: Bench) -> None:
+def test_a_channel_is_claimed_by_one_client_and_refused_to_the_next(bench: FaultBench) -> None:
     first, second = Client(bench, 0, 1), Client(bench, 0, 2)
     assert first.claim(4, 111) == 0
     assert second.claim(4, 222) == AbortCode.DEVICE_STATE
@@ -316,7 +318,7 @@ def test_a_channel_is_claimed_by_one_client_and_refused_to_the_next(bench: Bench
     assert owners == [111, 222, 0]
 
 
-def test_a_stranger_on_a_claimed_channel_is_not_answered_and_breaks_no_transfer(bench: Bench) -> None:
+def test_a_stranger_on_a_claimed_channel_is_not_answered_and_breaks_no_transfer(bench: FaultBench) -> None:
     owner, stranger = Client(bench, 0, 1), Client(bench, 4, 2)
     owner.claim(4, 111)
     transfer = upload(objects.FAULT_CATALOGUE, 0)
@@ -330,7 +332,9 @@ def test_a_stranger_on_a_claimed_channel_is_not_answered_and_breaks_no_transfer(
     assert answer[0] & 0xE0 == 0x00  # the next segment
 
 
-def test_a_channel_is_free_when_given_back_when_its_client_leaves_and_after_ten_silent_seconds(bench: Bench) -> None:
+def test_a_channel_is_free_when_given_back_when_its_client_leaves_and_after_ten_silent_seconds(
+    bench: FaultBench,
+) -> None:
     first, second, channels = Client(bench, 0, 1), Client(bench, 0, 2), bench.device.channels
     first.claim(4, 111)
     first.run(download(objects.CHANNEL_OWNER, 4, bytes(4)))
@@ -347,13 +351,13 @@ def test_a_channel_is_free_when_given_back_when_its_client_leaves_and_after_ten_
     assert first.claim(4, 111) == AbortCode.DEVICE_STATE
 
 
-def test_a_client_may_claim_its_channel_anew_and_has_one_at_most(bench: Bench) -> None:
+def test_a_client_may_claim_its_channel_anew_and_has_one_at_most(bench: FaultBench) -> None:
     client = Client(bench, 0, 1)
     assert [client.claim(4, 111), client.claim(4, 111), client.claim(5, 111)] == [0, 0, 0]
     assert [bench.device.channels.owner(channel) for channel in (4, 5)] == [0, 111]
 
 
-def test_a_channel_that_somebody_uses_without_a_claim_is_not_taken_from_under_him(bench: Bench) -> None:
+def test_a_channel_that_somebody_uses_without_a_claim_is_not_taken_from_under_him(bench: FaultBench) -> None:
     channels = bench.device.channels
     Client(bench, 4, 1).read(objects.CYCLE)
     claimant = Client(bench, 0, 2)
@@ -362,18 +366,18 @@ def test_a_channel_that_somebody_uses_without_a_claim_is_not_taken_from_under_hi
     assert claimant.claim(4, 222) == 0
 
 
-def test_the_default_channel_the_controllers_and_that_for_claims_cannot_be_claimed(bench: Bench) -> None:
+def test_the_default_channel_the_controllers_and_that_for_claims_cannot_be_claimed(bench: FaultBench) -> None:
     for channel in (1, objects.CLAIM_CHANNEL):
         assert Client(bench, 0, 1).claim(channel, 111) == AbortCode.READ_ONLY
 
 
-def test_a_claim_over_another_channel_than_that_for_claims_is_refused(bench: Bench) -> None:
+def test_a_claim_over_another_channel_than_that_for_claims_is_refused(bench: FaultBench) -> None:
     with pytest.raises(SdoAborted) as caught:
         Client(bench, 0, 1).run(download(objects.CHANNEL_OWNER, 4, b"\1\0\0\0"))
     assert caught.value.code == AbortCode.DEVICE_STATE
 
 
-def test_a_new_owner_does_not_read_the_result_of_the_one_before(bench: Bench) -> None:
+def test_a_new_owner_does_not_read_the_result_of_the_one_before(bench: FaultBench) -> None:
     first, second = Client(bench, 0, 1), Client(bench, 0, 2)
     first.claim(4, 111)
     first.inject(STUCK.format(name="a"))
@@ -388,7 +392,7 @@ def test_a_new_owner_does_not_read_the_result_of_the_one_before(bench: Bench) ->
 class Link(canopen.Network):
     """A network without a bus: what the library sends is answered before `send_message` returns."""
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: FaultBench) -> None:
         super().__init__()
         self._bench = bench
 
@@ -400,7 +404,7 @@ class Link(canopen.Network):
                 self.notify(frame.can_id, bytearray(frame.data), time_ns * 1e-9)
 
 
-def test_python_canopen_injects_by_its_stock_client_on_the_default_channel(bench: Bench) -> None:
+def test_python_canopen_injects_by_its_stock_client_on_the_default_channel(bench: FaultBench) -> None:
     eds = io.StringIO(export_eds(CELL)["konkuk1_bench.eds"])
     eds.name = "konkuk1_bench.eds"
     node = Link(bench).add_node(NODE, eds)
@@ -418,7 +422,9 @@ def test_python_canopen_injects_by_its_stock_client_on_the_default_channel(bench
 # The record
 
 
-def test_a_run_folder_has_beginnings_and_ends_with_time_since_power_on_and_cycle(bench: Bench, tmp_path: Any) -> None:
+def test_a_run_folder_has_beginnings_and_ends_with_time_since_power_on_and_cycle(
+    bench: FaultBench, tmp_path: Any
+) -> None:
     recorder = Recorder(create_run_folder(tmp_path / "run"), CELL)
     bench.device.faults.on_event = recorder.fault
     bench.on_cycle = recorder.cycle

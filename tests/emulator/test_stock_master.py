@@ -6,7 +6,7 @@ from typing import Any
 import canopen
 import pytest
 
-from canarm_emulator.bench.bench import Bench
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.dictionary import eds_text
 from canarm_protocol.canopen.frames import Frame
@@ -23,7 +23,7 @@ MILLISECOND = 1_000_000
 class Link(canopen.Network):
     """A network without a bus: what the master sends is answered before `send_message` returns."""
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: FaultBench) -> None:
         super().__init__()
         self.bench = bench
         self.deliver()
@@ -52,7 +52,7 @@ class Link(canopen.Network):
 
 @pytest.fixture
 def link() -> Link:
-    bench = Bench(CELL, Truth.from_settings(CELL, SILENT), Clock.SYNC, seed=0)
+    bench = FaultBench(CELL, Truth.from_settings(CELL, SILENT), Clock.SYNC, seed=0)
     bench.start()
     return Link(bench)
 
@@ -167,7 +167,7 @@ def test_remote_frames_are_not_taken_for_data(link: Link) -> None:
 
 
 def test_the_library_reads_the_bench_node_too() -> None:
-    bench = Bench(CELL, Truth.from_settings(CELL, SILENT), Clock.SYNC, seed=0)
+    bench = FaultBench(CELL, Truth.from_settings(CELL, SILENT), Clock.SYNC, seed=0)
     bench.start()
 
     class BenchLink(canopen.Network):

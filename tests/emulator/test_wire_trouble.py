@@ -15,8 +15,9 @@ from pathlib import Path
 import can
 import pytest
 
-from canarm_emulator.bench.bench import Bench, Record
+from canarm_emulator.bench.bench import Record
 from canarm_emulator.bench_node.bus_figures import ClientCounts
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_emulator.serving.hub import Hub
 from canarm_emulator.serving.recording import Recorder
@@ -42,13 +43,13 @@ CURRENTS, DIRECTIONS = Frame(0x312, b"\x80\x7f" + bytes(6)), Frame(0x213, b"\x02
 TPDO = 0x294
 MASTER = "master"
 
-MakeBench = Callable[..., Bench]
+MakeBench = Callable[..., FaultBench]
 
 
 @pytest.fixture
 def make_bench() -> MakeBench:
-    def make(clock: Clock = Clock.SYNC, with_wire: bool = True) -> Bench:
-        bench = Bench(CELL, Truth.from_settings(CELL), clock, 0, with_wire)
+    def make(clock: Clock = Clock.SYNC, with_wire: bool = True) -> FaultBench:
+        bench = FaultBench(CELL, Truth.from_settings(CELL), clock, 0, with_wire)
         bench.start()
         # 1.5 A while it runs; the card's heartbeat is a frame that it sends by itself.
         write(bench, DAC, 0x1017, 0, struct.pack("<H", 1))
@@ -58,11 +59,11 @@ def make_bench() -> MakeBench:
     return make
 
 
-def write(bench: Bench, node_id: int, index: int, subindex: int, data: bytes) -> None:
+def write(bench: FaultBench, node_id: int, index: int, subindex: int, data: bytes) -> None:
     bench.receive(Frame(0x600 + node_id, next(download(index, subindex, data))), MASTER)
 
 
-def cycles(bench: Bench, count: int, *frames: Frame, origin: object = MASTER) -> list[Record]:
+def cycles(bench: FaultBench, count: int, *frames: Frame, origin: object = MASTER) -> list[Record]:
     bench.records.clear()
     for _ in range(count):
         for frame in frames:
@@ -84,7 +85,7 @@ def classes(records: list[Record]) -> list[int]:
     return [record.frame.can_id & ~(ERROR_FLAG | 0x200) for record in records if record.frame.is_error]
 
 
-def slave(bench: Bench, node_id: int):
+def slave(bench: FaultBench, node_id: int):
     return next(each for each in bench.slaves if each.node_id == node_id)
 
 
@@ -341,7 +342,7 @@ def test_clients_see_error_frames_and_go_on_receiving(make_bench: MakeBench, int
     assert [message.arbitration_id for message in heard].count(0x100) == 3
 
 
-def read(bench: Bench, index: int, subindex: int = 0) -> bytes:
+def read(bench: FaultBench, index: int, subindex: int = 0) -> bytes:
     bench.bench_records.clear()
     bench.receive_bench(Frame(0x600 + BENCH_NODE, next(upload(index, subindex))), "client")
     answer = bench.bench_records[-1].frame.data
@@ -349,11 +350,11 @@ def read(bench: Bench, index: int, subindex: int = 0) -> bytes:
     return answer[4 : 8 - (answer[0] >> 2 & 3)]
 
 
-def number(bench: Bench, index: int, subindex: int = 0) -> int:
+def number(bench: FaultBench, index: int, subindex: int = 0) -> int:
     return int.from_bytes(read(bench, index, subindex), "little")
 
 
-def measured(bench: Bench, index: int) -> float:
+def measured(bench: FaultBench, index: int) -> float:
     return struct.unpack("<f", read(bench, index))[0]
 
 

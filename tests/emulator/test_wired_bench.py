@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from canarm_emulator.bench.bench import Bench, Record
+from canarm_emulator.bench.bench import Record
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.frames import Cob, Frame, NmtCommand, nmt_frame, sync_frame
 from canarm_protocol.cell.cell_file import parse_cell, shipped_cells
@@ -18,15 +19,15 @@ INTERMISSION_BITS = 3  # ISO 11898-1: between two frames
 CURRENTS, DIRECTIONS = Frame(0x312, b"\x80\x7f" + bytes(6)), Frame(0x213, b"\x02")
 MASTER = "master"
 
-MakeBench = Callable[..., Bench]
+MakeBench = Callable[..., FaultBench]
 
 
 @pytest.fixture
 def make_bench() -> MakeBench:
-    def make(bitrate: int = 1_000_000, clock: Clock = Clock.SYNC) -> Bench:
+    def make(bitrate: int = 1_000_000, clock: Clock = Clock.SYNC) -> FaultBench:
         text = shipped_cells()["konkuk1"].replace("bitrate = 1_000_000", f"bitrate = {bitrate}")
         cell = parse_cell(text, "konkuk1")
-        bench = Bench(cell, Truth.from_settings(cell), clock, 0, with_wire=True)
+        bench = FaultBench(cell, Truth.from_settings(cell), clock, 0, with_wire=True)
         bench.start()
         bench.receive(nmt_frame(NmtCommand.START), MASTER)
         return bench
@@ -34,7 +35,7 @@ def make_bench() -> MakeBench:
     return make
 
 
-def cycle(bench: Bench, *frames: Frame) -> list[Record]:
+def cycle(bench: FaultBench, *frames: Frame) -> list[Record]:
     bench.records.clear()
     for frame in frames:
         bench.receive(frame, MASTER)

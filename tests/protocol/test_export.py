@@ -19,7 +19,7 @@ from canarm import Rig
 from canarm.commands.export import export
 from canarm.options import CellOptions
 from canarm.usage import UsageError
-from canarm_emulator.bench.bench import Bench
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.bench_objects import bench_dictionary
@@ -218,7 +218,7 @@ class EmulatedBus(canopen.Network):
 
     def __init__(self) -> None:
         super().__init__()
-        self.bench = Bench(CELL, Truth.from_settings(CELL, {}), Clock.SYNC, 0)
+        self.bench = FaultBench(CELL, Truth.from_settings(CELL, {}), Clock.SYNC, 0)
         self.bench.start()
         self.bench.records.clear()
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from canarm_protocol.runs.histogram import Histogram
 
 

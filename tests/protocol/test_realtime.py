@@ -6,8 +6,8 @@ import os
 import sys
 
 import pytest
-from canarm.rig.rig import Rig
 
+from canarm.rig.rig import Rig
 from canarm_protocol.transport import realtime
 from canarm_protocol.transport.realtime import COLLECT_CYCLES, PATIENCE, Collector, ask_for_realtime, undisturbed
 

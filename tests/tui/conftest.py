@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from canarm_emulator.bench.bench import Bench
+from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol import clock as clocks
 from canarm_protocol.canopen.frames import Frame
@@ -127,7 +127,7 @@ class BenchOnABus(BusPort):
     def __init__(self, cell: Cell) -> None:
         self.description = "-i loop -c bench"
         self.discarded = Discarded()
-        self.bench = Bench(cell, Truth.from_settings(cell, {}), clocks.Clock.SYNC, seed=0)
+        self.bench = FaultBench(cell, Truth.from_settings(cell, {}), clocks.Clock.SYNC, seed=0)
         self.bench.start()
         self.bench.bench_records.clear()
         self.is_silent = self.is_broken = self.is_closed = False

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from canarm_protocol.cell.model import ObserverGains
 
-from ..laws.base import Cycle
+from ..cycle import Cycle
 
 Acceleration = Callable[[Sequence[float], Sequence[float], Sequence[float]], Sequence[float]]
 """From positions (rad), speeds (rad/s) and applied torques (N·m) to accelerations (rad/s²)."""

@@ -6,55 +6,10 @@ from typing import ClassVar, Literal
 
 from canarm_protocol.cell.model import Control
 
+from ..cycle import Cycle
 from ..dynamics import NominalArm
 
-
-class Cycle:
-    """What a law sees in one cycle, filled anew by the loop; one entry a joint in every sequence, which is a tuple.
-
-    `feedforward_nm` is the feed-forward torque for this command; `applied_nm` is what the amplifier could deliver of
-    the last command, and `saturated` whether that was less than asked for. A law has an object of its own: what it
-    changes there changes nothing that is recorded, reported or judged.
-    """
-
-    __slots__ = (
-        "applied_nm",
-        "current_a",
-        "feedforward_nm",
-        "position_rad",
-        "reference_rad",
-        "reference_rad_s",
-        "reference_rad_s2",
-        "saturated",
-        "tick",
-        "velocity_rad_s",
-    )
-
-    def __init__(self, joint_count: int) -> None:
-        zeros = (0.0,) * joint_count
-        self.tick: int = 0
-        self.reference_rad: Sequence[float] = zeros
-        self.reference_rad_s: Sequence[float] = zeros
-        self.reference_rad_s2: Sequence[float] = zeros
-        self.position_rad: Sequence[float] = zeros
-        self.velocity_rad_s: Sequence[float] = zeros
-        self.current_a: Sequence[float] = zeros
-        self.feedforward_nm: Sequence[float] = zeros
-        self.applied_nm: Sequence[float] = zeros
-        self.saturated: Sequence[bool] = (False,) * joint_count
-
-    def copy_from(self, other: "Cycle") -> None:
-        """Take all values of `other`."""
-        self.tick = other.tick
-        self.reference_rad = other.reference_rad
-        self.reference_rad_s = other.reference_rad_s
-        self.reference_rad_s2 = other.reference_rad_s2
-        self.position_rad = other.position_rad
-        self.velocity_rad_s = other.velocity_rad_s
-        self.current_a = other.current_a
-        self.feedforward_nm = other.feedforward_nm
-        self.applied_nm = other.applied_nm
-        self.saturated = other.saturated
+__all__ = ["ControlLaw", "Cycle"]
 
 
 class ControlLaw(ABC):

@@ -6,14 +6,13 @@ runs in a process of its own or inside a test.
 """
 
 from collections.abc import Callable, Collection, Hashable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from canarm_protocol.canopen.dictionary import load_dictionary
 from canarm_protocol.canopen.frames import Cob, Frame, NmtCommand, parse_nmt, time_frame
 from canarm_protocol.cell.model import Card, Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FrameError
-from canarm_protocol.faults.script import FaultScript
 
 from ..bench_node.assessor import Assessor
 from ..bench_node.bench_device import BenchDevice
@@ -29,12 +28,9 @@ from ..robot.world import JointState, World
 from ..timing import NEVER
 from ..wire.wire import Wire
 from .card_nodes import CardNodes
-from .fault_hooks import FaultHooks, SecondCard
+from .fault_hooks import FaultHooks, Faults, SecondCard
 from .input_scan import InputScan
 from .robot_bus import RobotBus, is_sync
-
-if TYPE_CHECKING:
-    from ..faults.engine import FaultEngine
 
 __all__ = ["Bench", "CycleTruth", "Record"]
 
@@ -68,6 +64,9 @@ class Bench:
     of the frame: all of them on the wall clock; in lockstep those of a running cycle but for SYNC and TIME, which carry
     time itself, and NMT and SDO, whose answer nobody could wait for while time stands still. No card sees the SYNC of a
     client in bus-off, and a card in bus-off sees none.
+
+    What breaks it comes from outside, and is told of time once a cycle and whenever it passes without cycles
+    (`attach_faults`).
     """
 
     def __init__(self, cell: Cell, truth: Truth, clock: Clock, seed: int, with_wire: bool = False) -> None:
@@ -80,8 +79,7 @@ class Bench:
         self.rack = Rack(cell, self.world, truth)
         self.hooks = FaultHooks()
         """What faults have changed."""
-        self._faults: FaultEngine | None = None
-        self._seed = seed
+        self._faults: Faults | None = None
         self._next_sync_ns = 0
         self._may_move_on = False
         self._last_cycle_ns = 0
@@ -95,7 +93,7 @@ class Bench:
         self._off = self.trouble.off
         self.slaves.extend(self.make_card(card, card.node_id) for card in cell.card)
         figures = BusFigures(self.wire, self.trouble, [slave.node_id for slave in self.slaves])
-        faults = FaultObjects(cell, self.inject, self._time_and_run)
+        faults = FaultObjects(self._time_and_run)
         self.device = BenchDevice(cell, self.assessor, figures, faults, self._set_emergency_stop)
         self.device.truth = self.world.state()
         self.node = BenchNode(cell, clock, self._time, self.device, with_wire)
@@ -253,30 +251,13 @@ class Bench:
         """The bench node sends its TPDOs: for a runner that knows that somebody listens."""
         self.node.send_telemetry()
 
-    @property
-    def faults(self) -> "FaultEngine":
-        """What is broken, or will be."""
-        if self._faults is None:
-            from ..faults.engine import FaultEngine
-
-            self._faults = FaultEngine(self, self._seed)
-            self.device.faults.attach(self._faults)
-        return self._faults
-
-    def inject(self, script: FaultScript) -> str:
-        """Do what a fault script asks for; returns what was done. Raises `FaultError` with the reason of a refusal."""
-        done = self.faults.accept(script)
-        if not self.bus.is_cycling:
-            self.catch_up()
-            self.faults.update(self._time.time_ns, self._time.cycle)
-        return done
+    def attach_faults(self, faults: Faults) -> None:
+        """From now on `faults` are told of time as it passes."""
+        self._faults = faults
 
     def change_truth(self, truth: Truth) -> None:
-        """The true robot is another one from now on; what faults change about it they change about the new one."""
-        if self._faults is None:
-            self.world.change(truth)
-        else:
-            self._faults.truth_point.change_base(truth, self._time.time_ns)
+        """The true robot is another one from now on."""
+        self.world.change(truth)
 
     def _time_and_run(self) -> tuple[int, int, bool]:
         """Virtual time, cycle, and whether a run is on: fault times count from its cycle 0."""

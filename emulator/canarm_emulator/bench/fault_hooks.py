@@ -5,20 +5,42 @@ State only: the bench asks it on its way; `card_port.py` and the points of `faul
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 from canarm_protocol.canopen.frames import Frame
 
 from ..node.slave import Slave
 from ..timing import NEVER
 
-if TYPE_CHECKING:
-    from ..faults.messages import MessagePoint
-
 SyncFilter = Callable[[int], bool]
 SendFilter = Callable[[Frame], Frame | None]
 CycleLength = Callable[[int, int], int]
 """From the nominal cycle and the time of a SYNC to the time until the next one, ns."""
+
+
+class Faults(Protocol):
+    """What acts on the bench from outside as time goes on."""
+
+    def update(self, now_ns: int, cycle: int) -> None:
+        """Time has come to `now_ns`; `cycle` is the number of the cycle that begins now, -1 before the first."""
+        ...
+
+
+class MessageGate(Protocol):
+    """Where frames of one direction pass, or are held back for a while."""
+
+    @property
+    def due_ns(self) -> int:
+        """When `release` has something to do."""
+        ...
+
+    def take(self, time_ns: int, frame: Frame, origin: object) -> None:
+        """A frame comes from `origin`."""
+        ...
+
+    def release(self, until_ns: int) -> None:
+        """Let go what is due by `until_ns`."""
+        ...
 
 
 class SecondCard(NamedTuple):
@@ -50,8 +72,8 @@ class CardTrouble:
 class FaultHooks:
     """By node-ID where it concerns cards."""
 
-    towards_cards: "MessagePoint | None" = None
-    from_cards: "MessagePoint | None" = None
+    towards_cards: MessageGate | None = None
+    from_cards: MessageGate | None = None
     halted: set[int] = field(default_factory=set)
     """Cards whose timers stand still."""
     cards: dict[int, list[CardTrouble]] = field(default_factory=dict)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from canarm_protocol.cell import bench_objects as objects
 from canarm_protocol.cell.model import Cell
 
-from ..cards.device import Getter, ReadObject, Setter
+from ..node.io_device import Getter, ReadObject, Setter
 from ..robot.world import JointState
 from .assessor import Assessor
 from .bus_figures import BusFigures

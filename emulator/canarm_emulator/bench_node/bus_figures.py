@@ -9,7 +9,7 @@ from typing import NamedTuple
 from canarm_protocol.canopen.frames import EXTENDED_FLAG
 from canarm_protocol.cell import bench_objects as objects
 
-from ..cards.device import Getter
+from ..node.io_device import Getter
 from ..wire.bus_trouble import BusTrouble
 from ..wire.confinement import ErrorState
 from ..wire.wire import Node, Wire

@@ -3,26 +3,22 @@
 Texts in, texts out. What a text means and when faults act is the engine's business; who writes is `sdo_channels`'s.
 """
 
-import importlib
 import json
 import zlib
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 from canarm_protocol.canopen.sdo import AbortCode
 from canarm_protocol.cell import bench_objects as objects
-from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.fault_events import FaultEvent, event_as_plain
 from canarm_protocol.faults.script import FaultScript, parse_faults
 
 from ..node.store import SdoRefused
 
-if TYPE_CHECKING:
-    from ..faults.engine import FaultEngine
-
 NOTHING_YET = "nothing was written on this channel yet"
+NO_FAULTS = "no faults can be injected on this bench"
 NO_LINES = "\n"
 """An object without any byte cannot be read by SDO."""
 LONGEST_RESULT = 4000
@@ -30,19 +26,37 @@ U8 = 0xFF
 SOURCE = "fault set"
 
 
+class FaultDesk(Protocol):
+    """Who does what the texts ask for."""
+
+    def inject(self, script: FaultScript) -> str:
+        """Do it; returns what was done. Raises `FaultError` with the reason of a refusal."""
+        ...
+
+    def plain_sets(self) -> list[dict[str, Any]]:
+        """Every set that was accepted and not cleared: `set`, `state`, `activations`."""
+        ...
+
+    def plain_catalogue(self) -> list[dict[str, Any]]:
+        """What can be injected where: one object per tap."""
+        ...
+
+    def load(self) -> None:
+        """Load now what the first fault would need."""
+        ...
+
+
 class FaultObjects:
     """Faults of one bench as its node shows them. `time` gives virtual time, cycle, and whether a run is on; `on_event`
     is told of events.
     """
 
-    def __init__(
-        self, cell: Cell, inject: Callable[[FaultScript], str], time: Callable[[], tuple[int, int, bool]]
-    ) -> None:
+    def __init__(self, time: Callable[[], tuple[int, int, bool]]) -> None:
         self.on_event: Callable[[FaultEvent], None] | None = None
         self.begun = 0
         """How many faults have begun so far."""
-        self._cell, self._inject, self._time = cell, inject, time
-        self._engine: FaultEngine | None = None
+        self._time = time
+        self._desk: FaultDesk | None = None
         self._results: dict[int, str] = {}
         self._events: deque[FaultEvent] = deque(maxlen=objects.MOST_EVENTS)
         self._acting: list[tuple[str, str, str]] = []
@@ -51,13 +65,13 @@ class FaultObjects:
 
     def prepare(self) -> None:
         """Load and make now what would take several cycles of the wall clock when it is first needed."""
-        importlib.import_module("canarm_emulator.faults.engine")
+        if self._desk is not None:
+            self._desk.load()
         self.packed_catalogue()
 
-    def attach(self, engine: "FaultEngine") -> None:
-        """The bench has an engine from now on."""
-        self._engine = engine
-        engine.on_event = self.note
+    def attach(self, desk: FaultDesk) -> None:
+        """Faults of the bench are `desk`'s from now on."""
+        self._desk = desk
 
     def note(self, event: FaultEvent) -> None:
         """A fault has begun or ended."""
@@ -79,7 +93,10 @@ class FaultObjects:
     def write(self, data: bytes, channel: int) -> None:
         """Do what the text `data` asks for. Raises `SdoRefused`; the reason is in `result`."""
         try:
-            done = self._inject(parse_faults(data.decode("utf-8-sig"), SOURCE))
+            script = parse_faults(data.decode("utf-8-sig"), SOURCE)
+            if self._desk is None:
+                raise FaultError(NO_FAULTS)
+            done = self._desk.inject(script)
         except (FaultError, UnicodeDecodeError) as error:
             reason = str(error) if isinstance(error, FaultError) else f"{SOURCE}: is not UTF-8: {error}"
             self._results[channel] = f"refused: {reason}"[:LONGEST_RESULT]
@@ -97,16 +114,13 @@ class FaultObjects:
     def status(self) -> str:
         """Sets with state and activations, active faults, how many have begun; time, cycle, whether a run is on."""
         time_ns, cycle, is_running = self._time()
-        sets = [] if self._engine is None else self._engine.status()
         return _json(
             {
                 "time_ns": time_ns,
                 "cycle": cycle,
                 "running": is_running,
                 "begun": self.begun,
-                "sets": [
-                    {"set": each.name, "state": each.state.value, "activations": each.activations} for each in sets
-                ],
+                "sets": [] if self._desk is None else self._desk.plain_sets(),
                 "active": [{"set": name, "tap": tap, "fault": fault} for name, tap, fault in self._acting],
             }
         )
@@ -122,10 +136,7 @@ class FaultObjects:
     def catalogue(self) -> str:
         """What can be injected where. Made at the first call."""
         if not self._catalogue:
-            # The faults are many modules, and most runs need none.
-            from ..faults.catalogue import as_plain, catalogue
-
-            self._catalogue = _json(as_plain(catalogue(self._cell)))
+            self._catalogue = _json([] if self._desk is None else self._desk.plain_catalogue())
         return self._catalogue
 
     def packed_catalogue(self) -> bytes:

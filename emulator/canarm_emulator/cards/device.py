@@ -5,7 +5,6 @@ frames, no states and no time-outs; `slave.py` owns those. What its methods do, 
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol
 
 from canarm_protocol.canopen.dictionary import (
     ANALOGUE_ERROR_MODE,
@@ -21,49 +20,17 @@ from canarm_protocol.canopen.dictionary import (
     DIGITAL_OUTPUT,
 )
 
+from ..node.io_device import Getter, ReadObject, Setter
 from ..signals import Distortion
 from .adc0809 import Adc0809Card
 from .dac0808 import CHANNELS as DAC_CHANNELS
 from .dac0808 import Dac0808Card
 from .sc300 import Sc300Card
 
-Setter = Callable[[Any], None]
-Getter = Callable[[], float | str | bytes]
-"""Writes and reads an object's value: an int, a float, a text or bytes, as its data type says."""
-ReadObject = Callable[[int, int], int]
-
 NIBBLE = 4
 TO_8_BITS = 8
 """Left-adjusted 16 bits to left-adjusted 8 bits: of a card's 8-bit code the sign leaves room for the upper seven."""
 ALL_BITS = 0xFF
-
-
-class IoDevice(Protocol):
-    """A card's process data as CiA 401 objects."""
-
-    def setter(self, index: int, subindex: int) -> Setter | None:
-        """How to write an output object, or None where there is none."""
-        ...
-
-    def getter(self, index: int, subindex: int) -> Getter | None:
-        """How to read an input or output object, or None where there is none."""
-        ...
-
-    def refresh(self, index: int, subindex: int) -> None:
-        """Bring an input up to date because it is about to be read outside the cycle."""
-        ...
-
-    def configure(self, read: ReadObject) -> None:
-        """Take over parameters, at a reset and after a client has changed one; `read(index, subindex)` gives them."""
-        ...
-
-    def power_off(self) -> None:
-        """The outputs are as the hardware has them without power."""
-        ...
-
-    def take_error_values(self, read: ReadObject) -> None:
-        """Set the outputs to the values configured for errors; `read(index, subindex)` gives the configuration."""
-        ...
 
 
 class DacDevice:

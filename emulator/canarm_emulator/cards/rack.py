@@ -9,13 +9,14 @@ from canarm_protocol.canopen.dictionary import ANALOGUE_INPUT, ANALOGUE_INPUT_8
 from canarm_protocol.canopen.pdo import MappedObject
 from canarm_protocol.cell.model import Card, CardModel, Cell, Quantity
 
+from ..node.io_device import IoDevice
 from ..robot.sensors import DistortedSource
 from ..robot.truth import Truth
 from ..robot.world import Source, World
 from ..signals import Distortion
 from .adc0809 import Adc0809Card
 from .dac0808 import Dac0808Card
-from .device import AdcDevice, DacDevice, IoDevice, LatchDevice
+from .device import AdcDevice, DacDevice, LatchDevice
 from .sc300 import Sc300Card
 
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from canarm_protocol.canopen.dictionary import SCAN_PERIOD
 from canarm_protocol.canopen.pdo import COMMUNICATION, PdoLayout
 
-from ..cards.device import IoDevice
 from ..timing import INHIBIT_UNIT, MILLISECOND, NEVER
 from .analogue_events import AnalogueEvents
+from .io_device import IoDevice
 from .pdo_rules import EVENT_DRIVEN_TYPES
 from .store import ObjectStore
 

@@ -30,7 +30,6 @@ from canarm_protocol.canopen.pdo import COMMUNICATION, DISABLED, PDO_COUNT, Kind
 from canarm_protocol.canopen.sdo import AbortCode
 from canarm_protocol.errors import DictionaryError
 
-from ..cards.device import Getter, IoDevice, Setter
 from ..timing import MICROSECOND, MILLISECOND
 from ..timing import NEVER as NEVER
 from ..wire.confinement import ErrorState
@@ -39,6 +38,7 @@ from .analogue_events import AnalogueEvents
 from .emergency import EmergencyProducer
 from .event_pdos import EVENT_TIMER, EventPdos
 from .heartbeats import HeartbeatConsumer
+from .io_device import Getter, IoDevice, Setter
 from .pdo_rules import (
     EVENT_DRIVEN_TYPES,
     NO_REMOTE,

@@ -12,10 +12,11 @@ from canarm_protocol.faults.script import FaultScript
 from canarm_protocol.transport.port import BusPort
 from canarm_protocol.transport.realtime import Collector, undisturbed
 
-from ..bench.bench import Bench, CycleTruth, Record
+from ..bench.bench import CycleTruth, Record
 from ..bench.robot_bus import is_sync
 from ..bench_node.bus_figures import ClientCounts
 from ..bench_node.fault_objects import event_text
+from ..faults.fault_bench import FaultBench
 from ..node.slave import NEVER
 from .arrival import SyncArrival
 from .hub import Attached, Detached, Event, Hub, Ready, Received
@@ -54,7 +55,7 @@ class EmulatorRunner:
 
     def __init__(
         self,
-        bench: Bench,
+        bench: FaultBench,
         hub: Hub,
         ports: Mapping[str, Sequence[BusPort]] | None = None,
         recorder: Recorder | None = None,

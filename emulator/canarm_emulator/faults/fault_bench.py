@@ -1,0 +1,68 @@
+"""A bench on which faults can be injected: the bench and the engine of its faults, put together.
+
+The faults are many modules, and most runs need none: they are loaded when something is first asked of them.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.clock import Clock
+from canarm_protocol.faults.script import FaultScript
+
+from ..bench.bench import Bench
+from ..robot.truth import Truth
+
+if TYPE_CHECKING:
+    from .engine import FaultEngine
+
+
+class FaultBench(Bench):
+    """A `Bench` with a fault engine, which serves the fault objects of its node as well."""
+
+    def __init__(self, cell: Cell, truth: Truth, clock: Clock, seed: int, with_wire: bool = False) -> None:
+        super().__init__(cell, truth, clock, seed, with_wire)
+        self._seed = seed
+        self._engine: FaultEngine | None = None
+        self.device.faults.attach(self)
+
+    @property
+    def faults(self) -> "FaultEngine":
+        """What is broken, or will be."""
+        if self._engine is None:
+            from .engine import FaultEngine
+
+            self._engine = FaultEngine(self, self._seed)
+            self._engine.on_event = self.device.faults.note
+            self.attach_faults(self._engine)
+        return self._engine
+
+    def inject(self, script: FaultScript) -> str:
+        """Do what a fault script asks for; returns what was done. Raises `FaultError` with the reason of a refusal."""
+        done = self.faults.accept(script)
+        if not self.bus.is_cycling:
+            self.catch_up()
+            self.faults.update(self.time_ns, self.cycle)
+        return done
+
+    def change_truth(self, truth: Truth) -> None:
+        """The true robot is another one from now on; what faults change about it they change about the new one."""
+        if self._engine is None:
+            super().change_truth(truth)
+        else:
+            self._engine.truth_point.change_base(truth, self.time_ns)
+
+    def plain_sets(self) -> list[dict[str, Any]]:
+        """Every set that was accepted and not cleared, for JSON: `set`, `state`, `activations`."""
+        sets = [] if self._engine is None else self._engine.status()
+        return [{"set": each.name, "state": each.state.value, "activations": each.activations} for each in sets]
+
+    def plain_catalogue(self) -> list[dict[str, Any]]:
+        """What can be injected where, for JSON: one object per tap."""
+        from .catalogue import as_plain, catalogue
+
+        return as_plain(catalogue(self.cell))
+
+    def load(self) -> None:
+        """Load now what the first fault would need: several cycles of the wall clock."""
+        importlib.import_module(".engine", __package__)
