@@ -3,14 +3,16 @@
 import math
 import random
 import statistics
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from canarm_emulator.errors import EmulatorError
+from canarm_emulator.robot.scan_schedule import ScanSchedule
 from canarm_emulator.robot.truth import Truth
-from canarm_emulator.robot.world import Direction, SaturatedSteps, World
+from canarm_emulator.robot.world import Direction, SaturatedSteps, Source, World
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell, Quantity
 
@@ -37,6 +39,10 @@ def set_currents(world: World, *amperes: float) -> None:
         world.set_direction(joint, Direction.COUNTER_CLOCKWISE if current_a > 0 else Direction.CLOCKWISE)
 
 
+def in_sequence(sources: Sequence[Source], conversion_ns: int) -> ScanSchedule:
+    return ScanSchedule.merged([(sources, conversion_ns)])
+
+
 def angles(world: World) -> list[float]:
     return [joint.angle_rad for joint in world.state()]
 
@@ -49,7 +55,7 @@ def test_the_arm_stays_parked_until_a_bridge_is_on_while_time_passes() -> None:
     world.set_direction(0, Direction.CLOCKWISE)
     world.set_direction(0, Direction.OFF)
     world.set_direction(1, 0b11)
-    world.scan([world.source(0, Quantity.POTENTIOMETER)], 100_000)
+    world.scan(in_sequence([world.source(0, Quantity.POTENTIOMETER)], 100_000))
     world.advance(2_000_000_000)
     assert world.parked
     assert angles(world) == home
@@ -125,7 +131,7 @@ def test_each_source_is_sampled_at_its_own_time() -> None:
         world.source(0, Quantity.CURRENT_SENSE),
         world.source(0, Quantity.POTENTIOMETER),
     ]
-    volts = world.scan(sources, 100_000)
+    volts = world.scan(in_sequence(sources, 100_000))
     assert world.time_ns == start_ns + 800_000
 
     for index, (source, sampled_v) in enumerate(zip(sources, volts, strict=True)):
@@ -134,8 +140,23 @@ def test_each_source_is_sampled_at_its_own_time() -> None:
         twin.advance(20 * CYCLE_NS)
         set_currents(twin, 1.5, 0.6)
         twin.advance(start_ns + index * 100_000)
-        (expected_v,) = twin.scan([source], 100_000)
+        (expected_v,) = twin.scan(in_sequence([source], 100_000))
         assert sampled_v == pytest.approx(expected_v, abs=2e-3), (index, source.quantity)  # 1 LSB is 0.0196 V
+
+
+def test_converters_that_begin_together_sample_side_by_side_each_at_its_own_times() -> None:
+    """100 us a channel beside 150 us a channel: samples at 0, 0, 100, 150 and 200 us, and the end after 300 us."""
+    world, twin = new_world(SILENT), new_world(SILENT, max_step_us=10)
+    for each in (world, twin):
+        set_currents(each, -1.5, 0.6)
+    fast, slow = world.source(0, Quantity.CURRENT_SENSE), world.source(1, Quantity.CURRENT_SENSE)
+    schedule = ScanSchedule.merged([([fast] * 3, 100_000), ([slow] * 2, 150_000)])
+    assert schedule.offsets_ns == (0, 0, 100_000, 150_000, 200_000)
+    volts = world.scan(schedule)
+    assert world.time_ns == 300_000
+    for offset_ns, source, sampled_v in zip(schedule.offsets_ns, schedule.sources, volts, strict=True):
+        twin.advance(offset_ns)
+        assert sampled_v == pytest.approx(twin.sample(source), abs=1e-9)
 
 
 SENSED = (Quantity.POTENTIOMETER, Quantity.TACHOMETER, Quantity.CURRENT_SENSE)
@@ -144,7 +165,7 @@ SENSED = (Quantity.POTENTIOMETER, Quantity.TACHOMETER, Quantity.CURRENT_SENSE)
 def test_the_current_sense_follows_the_rise_of_the_current_from_sample_to_sample() -> None:
     world = new_world(SILENT)
     set_currents(world, -1.5, 0.1)
-    volts = world.scan([world.source(0, Quantity.CURRENT_SENSE)] * 8, 100_000)
+    volts = world.scan(in_sequence([world.source(0, Quantity.CURRENT_SENSE)] * 8, 100_000))
     assert volts == pytest.approx([5 * (1 - math.exp(-i * 100 / 500)) for i in range(8)], abs=1e-12)
 
 
@@ -153,9 +174,8 @@ def test_with_an_elastic_wire_the_potentiometer_sits_on_the_joint_and_the_tachom
     set_currents(world, 1.5, 0.1)
     world.advance(4_000_000)
     joint = world.state()[0]
-    potentiometer_v, tachometer_v = world.scan(
-        [world.source(0, Quantity.POTENTIOMETER), world.source(0, Quantity.TACHOMETER)], 1
-    )
+    sources = [world.source(0, Quantity.POTENTIOMETER), world.source(0, Quantity.TACHOMETER)]
+    potentiometer_v, tachometer_v = world.scan(in_sequence(sources, 1))
     assert potentiometer_v == pytest.approx(2.5 + math.degrees(joint.angle_rad) * 5 / 270, abs=1e-6)
     assert tachometer_v == pytest.approx(2.5 + joint.motor_speed_rad_s, abs=1e-6)
     assert joint.motor_speed_rad_s - joint.speed_rad_s > 0.1
@@ -173,7 +193,7 @@ def test_a_rigid_wire_moves_motor_and_joint_as_one() -> None:
 def test_the_noise_has_the_level_of_the_cell() -> None:
     world = new_world()
     source = world.source(0, Quantity.POTENTIOMETER)
-    volts = [world.scan([source], 100_000)[0] for _ in range(20_000)]
+    volts = [world.scan(in_sequence([source], 100_000))[0] for _ in range(20_000)]
     lsb_v = 5 / 255
     assert statistics.stdev(volts) == pytest.approx(0.3 * lsb_v, rel=0.02)  # 4 standard errors of 20000 samples
     assert statistics.fmean(volts) == pytest.approx(2.5 + 20 * 5 / 270, abs=4 * 0.3 * lsb_v / math.sqrt(20_000))
@@ -185,7 +205,7 @@ def recording(seed: int) -> list[float]:
     record: list[float] = []
     for k in range(1, 200):
         set_currents(world, 0.6 + 0.3 * math.sin(k / 30), 0.2 * math.cos(k / 20))
-        record += world.scan(sources, 100_000)
+        record += world.scan(in_sequence(sources, 100_000))
         world.advance(k * CYCLE_NS)
         record += [value for joint in world.state() for value in joint]
     return record
@@ -257,10 +277,10 @@ def test_time_does_not_run_backwards() -> None:
 
 def test_a_scan_needs_time_and_an_empty_one_takes_none() -> None:
     world = new_world()
-    assert world.scan([], 100_000) == []
+    assert world.scan(in_sequence([], 100_000)) == []
     assert world.time_ns == 0
     with pytest.raises(ValueError, match="conversion_ns = 0"):
-        world.scan([world.source(0, Quantity.TACHOMETER)], 0)
+        world.scan(in_sequence([world.source(0, Quantity.TACHOMETER)], 0))
 
 
 def test_an_integration_that_diverges_is_an_error_and_not_a_number() -> None:
@@ -279,7 +299,7 @@ def test_a_sample_is_the_first_of_a_scan_and_takes_no_time() -> None:
         for quantity in SENSED:
             sampled_v = world.sample(world.source(joint, quantity))
             assert world.time_ns == twin.time_ns
-            assert [sampled_v] == twin.scan([twin.source(joint, quantity)], 1)
+            assert [sampled_v] == twin.scan(in_sequence([twin.source(joint, quantity)], 1))
             world.advance(twin.time_ns)
 
 
@@ -299,7 +319,8 @@ def test_a_change_to_the_same_truth_changes_no_bit_of_the_motion_to_come(setting
             worlds[2].change(Truth.from_settings(CELL, settings))
         for world in worlds:
             set_currents(world, 0.6 + 0.3 * math.sin(k / 30), 0.2 * math.cos(k / 20))
-            volts = world.scan([world.source(joint, quantity) for joint in range(2) for quantity in SENSED], 100_000)
+            sources = [world.source(joint, quantity) for joint in range(2) for quantity in SENSED]
+            volts = world.scan(in_sequence(sources, 100_000))
             world.advance(k * CYCLE_NS)
             assert (volts, world.state()) == (volts, worlds[0].state())
 

@@ -3,9 +3,9 @@
 When a SYNC comes never enters.
 """
 
-from canarm_protocol.canopen.pdo import MappedObject, PdoLayout
+from canarm_protocol.canopen.pdo import PdoLayout
 
-from ..cards.rack import Rack
+from ..cards.rack import Mapped, Rack
 from ..node.slave import Slave
 from ..robot.world import World
 from ..timing import NEVER
@@ -17,22 +17,31 @@ class InputScan:
 
     def __init__(self, rack: Rack, world: World, hooks: FaultHooks) -> None:
         self.due_ns = NEVER
-        """When the conversions are done; `NEVER` while there are none."""
+        """When the next card's conversions are done; `NEVER` while there are none."""
         self._rack, self._world, self._hooks = rack, world, hooks
         self._pdos: list[tuple[Slave, PdoLayout]] = []
-        self._mapped: tuple[tuple[int, MappedObject], ...] = ()
+        self._mapped: Mapped = ()
         """The objects in them, by node-ID; they are the same in nearly every cycle."""
+        self._due: list[tuple[int, list[tuple[Slave, PdoLayout]]]] = []
+        """What is still to be sent, and when, in order of time."""
 
     def begin(self, pdos: list[tuple[Slave, PdoLayout]], now_ns: int) -> None:
         """Convert the inputs of `pdos`; the world moves on meanwhile."""
         if pdos != self._pdos:
             self._pdos = pdos
             self._mapped = tuple((slave.node_id, each) for slave, layout in pdos for each in layout.objects)
-        self._rack.convert(tuple(dict.fromkeys(self._mapped)) if self._hooks.doubles else self._mapped)
-        self.due_ns = max(self._world.time_ns, now_ns)
+        begin_ns = max(self._world.time_ns, now_ns)
+        durations_ns = self._rack.convert(tuple(dict.fromkeys(self._mapped)) if self._hooks.doubles else self._mapped)
+        due: dict[int, list[tuple[Slave, PdoLayout]]] = {}
+        for pdo in pdos:
+            due.setdefault(begin_ns + durations_ns.get(pdo[0].node_id, 0), []).append(pdo)
+        self._due = sorted(due.items())
+        self.due_ns = self._due[0][0]
 
     def finish(self, now_ns: int) -> None:
-        """The conversions are done: the TPDOs leave."""
-        self.due_ns = NEVER
-        for slave, layout in self._pdos:
-            slave.send_tpdo(layout, now_ns)
+        """A card's conversions are done, or those of several: their TPDOs leave."""
+        while self._due and self._due[0][0] <= now_ns:
+            _, pdos = self._due.pop(0)
+            for slave, layout in pdos:
+                slave.send_tpdo(layout, now_ns)
+        self.due_ns = self._due[0][0] if self._due else NEVER

@@ -3,6 +3,7 @@
 Owns which channel drives or measures which joint. Knows no frames, no states and no order of events.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from canarm_protocol.canopen.dictionary import ANALOGUE_INPUT, ANALOGUE_INPUT_8
@@ -10,6 +11,7 @@ from canarm_protocol.canopen.pdo import MappedObject
 from canarm_protocol.cell.model import Card, CardModel, Cell, Quantity
 
 from ..node.io_device import IoDevice
+from ..robot.scan_schedule import ScanSchedule
 from ..robot.sensors import DistortedSource
 from ..robot.truth import Truth
 from ..robot.world import Source, World
@@ -32,7 +34,22 @@ class _Converter:
     conversion_ns: int
 
 
-def _measured(converter: _Converter, mapped: tuple[tuple[int, MappedObject], ...]) -> list[int]:
+Mapped = tuple[tuple[int, MappedObject], ...]
+"""Objects of the cards' TPDOs, each with its node-ID."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """A scan: its samples in order of time, where each goes, and when each card is done after its start."""
+
+    schedule: ScanSchedule
+    stores: tuple[tuple[AdcDevice, int], ...]
+    """Device and channel (from 0) of each sample."""
+    durations_ns: dict[int, int]
+    """By node-ID; cards that convert nothing are not among them."""
+
+
+def _measured(converter: _Converter, mapped: Mapped) -> list[int]:
     """The channels (from 0) of a converter among these objects, in their order."""
     return [
         each.subindex - 1
@@ -43,29 +60,41 @@ def _measured(converter: _Converter, mapped: tuple[tuple[int, MappedObject], ...
     ]
 
 
+def _plan(converters: list[_Converter], mapped: Mapped) -> _Plan:
+    """All converters begin at once, each converts its channels one after the other."""
+    busy = [(each, channels) for each in converters if (channels := _measured(each, mapped))]
+    sequences = [([each.sources[channel] for channel in channels], each.conversion_ns) for each, channels in busy]
+    schedule = ScanSchedule.merged(sequences)
+    stores = tuple((busy[number][0].device, busy[number][1][place]) for number, place in schedule.places)
+    durations_ns = {each.node_id: len(channels) * each.conversion_ns for each, channels in busy}
+    return _Plan(schedule, stores, durations_ns)
+
+
 class Rack:
     """Every card of `cell` as a device, by node-ID."""
 
     def __init__(self, cell: Cell, world: World, truth: Truth) -> None:
         self._cell, self._world, self._truth = cell, world, truth
         self._converters: list[_Converter] = []
-        self._mapped: tuple[tuple[int, MappedObject], ...] | None = None
-        self._channels: list[list[int]] = []
-        """Which channels of each converter the last scan has measured: nearly always those of the next one."""
+        self._mapped: Mapped | None = None
+        self._plan = _plan([], ())
+        """Of the last scan: nearly always the next one's too."""
         self._dacs: dict[int, tuple[Dac0808Card, int]] = {}
         """By joint: the card that drives it, and the channel."""
         self._latches: dict[int, tuple[Sc300Card, int]] = {}
         self.devices: dict[int, IoDevice] = {card.node_id: self._plug_in(card) for card in cell.card}
 
-    def convert(self, mapped: tuple[tuple[int, MappedObject], ...]) -> None:
-        """Scan the analogue inputs among these (node-ID, object), one after the other; the world moves on meanwhile."""
+    def convert(self, mapped: Mapped) -> Mapping[int, int]:
+        """Scan the analogue inputs among these objects, all cards at once; the world moves on to the end meanwhile.
+
+        Returns how long each card takes, in ns by node-ID; those that convert nothing are not among them.
+        """
         if mapped is not self._mapped:
-            self._mapped, self._channels = mapped, [_measured(converter, mapped) for converter in self._converters]
-        for converter, channels in zip(self._converters, self._channels, strict=True):
-            sources, store = converter.sources, converter.device.store
-            volts = self._world.scan([sources[channel] for channel in channels], converter.conversion_ns)
-            for channel, value in zip(channels, volts, strict=True):
-                store(channel, value)
+            self._mapped, self._plan = mapped, _plan(self._converters, mapped)
+        plan = self._plan
+        for (device, channel), volts in zip(plan.stores, self._world.scan(plan.schedule), strict=True):
+            device.store(channel, volts)
+        return plan.durations_ns
 
     def spare(self, card: Card) -> IoDevice:
         """Another card of the same kind, wired to nothing."""
@@ -83,6 +112,7 @@ class Rack:
                 if (source.joint_index, source.quantity) == (joint, quantity):
                     broken = None if distortion is None else DistortedSource.of(source, distortion)
                     converter.sources[channel] = broken or source
+        self._mapped = None
 
     def distort_conversion(self, node_id: int, channel: int, distortion: Distortion | None) -> None:
         """Change the code of an ADC's channel (from 0)."""

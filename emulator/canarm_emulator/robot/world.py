@@ -5,7 +5,6 @@ belong to the cards.
 """
 
 import functools
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,6 +15,7 @@ from ..signals import Distortion
 from . import sensors
 from .electrics import Direction, Drive, decay_over
 from .plant import Plant
+from .scan_schedule import ScanSchedule
 from .sensors import Source
 from .truth import Truth
 
@@ -52,17 +52,17 @@ class _Grid:
     decays: tuple[tuple[float, float], ...]
 
 
-@functools.lru_cache(maxsize=64)
-def _samples(count: int, step_count: int) -> tuple[tuple[tuple[int, float], ...], ...]:
+def _samples(schedule: ScanSchedule, step_count: int) -> list[list[tuple[int, float]]]:
     """For every step of a scan, its samples: the number of each, and where in the step it lies, from 0 to 1.
 
-    Sample i lies i·step_count/count steps after the start of the scan; integers keep it in the right step.
+    A sample lies offset·step_count/duration steps after the start of the scan; integers keep it in the right step.
     """
     steps: list[list[tuple[int, float]]] = [[] for _ in range(step_count)]
-    for sample in range(count):
-        step = sample * step_count // count
-        steps[step].append((sample, sample * step_count / count - step))
-    return tuple(map(tuple, steps))
+    duration_ns = schedule.duration_ns
+    for sample, offset_ns in enumerate(schedule.offsets_ns):
+        step = offset_ns * step_count // duration_ns
+        steps[step].append((sample, offset_ns * step_count / duration_ns - step))
+    return steps
 
 
 class World:
@@ -79,6 +79,9 @@ class World:
         self._torque_nm = [0.0] * len(self._drives)
         self._deviates = sensors.normal_deviates(seed)
         self._grid = functools.lru_cache(maxsize=256)(self._cut)
+        self._schedule: ScanSchedule | None = None
+        """That of the last scan: nearly always the next one's too."""
+        self._schedule_samples: list[list[tuple[int, float]]] = []
 
     def set_dac_output(self, joint_index: int, fraction: float) -> None:
         """Output of the joint's DAC0808, I_out/I_ref from 0 to 255/256; it acts from `time_ns` on."""
@@ -174,23 +177,23 @@ class World:
                 self._step(grid)
         self.time_ns = until_ns
 
-    def scan(self, sources: Sequence[Source], conversion_ns: int) -> list[float]:
-        """Volts at the ADC's pins, source i sampled at `time_ns` + i·`conversion_ns`; time passes meanwhile.
+    def scan(self, schedule: ScanSchedule) -> list[float]:
+        """Volts at the ADCs' pins, each source sampled at its own time after `time_ns`; time passes until the end.
 
         Returns one value a source, 0 to full_scale_v. Inside a step angles and speeds run linearly (at 650 µs and
         50 rad/s² off by 3e-6 rad) and the current exponentially, as the integration has it.
-        Raises `ValueError` if `conversion_ns` is not positive, `EmulatorError` if the integration diverges.
+        Raises `EmulatorError` if the integration diverges.
         """
-        if conversion_ns <= 0:
-            raise ValueError(f"conversion_ns = {conversion_ns}: must be positive")
+        sources, duration_ns = schedule.sources, schedule.duration_ns
         volts: list[float] = []
-        if not sources:
+        if not duration_ns:
             return volts
-        duration_ns = len(sources) * conversion_ns
         plant, drives, deviates = self._plant, self._drives, self._deviates
         grid = self._grid(duration_ns)
+        if schedule is not self._schedule:
+            self._schedule, self._schedule_samples = schedule, _samples(schedule, grid.step_count)
         rests = self._rests()
-        for samples in _samples(len(sources), grid.step_count):
+        for samples in self._schedule_samples:
             old_angle, old_speed, old_current = plant.angle, plant.speed, [drive.current_a for drive in drives]
             if not rests:
                 self._step(grid)

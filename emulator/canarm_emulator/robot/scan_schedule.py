@@ -1,0 +1,41 @@
+"""When the sensors of a cell are sampled after a SYNC: the sequences of all its converters, merged in order of time.
+
+Which channels a converter has, and what becomes of the samples, belongs to the cards.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+from .sensors import Source
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanSchedule:
+    """`sources` in the order of `offsets_ns`, the times after the start of the scan, which lasts `duration_ns`.
+
+    Made once and used in every cycle; it is told apart by identity.
+    """
+
+    sources: tuple[Source, ...]
+    offsets_ns: tuple[int, ...]
+    places: tuple[tuple[int, int], ...]
+    """Of each sample: the sequence that it belongs to, and which one of it."""
+    duration_ns: int
+
+    @classmethod
+    def merged(cls, sequences: Sequence[tuple[Sequence[Source], int]]) -> Self:
+        """Of converters that begin together: the sources of each, one after the other, and the ns that each takes.
+
+        Of samples at the same time the one of the earlier sequence comes first. Raises `ValueError` where a conversion
+        takes no time.
+        """
+        samples: list[tuple[int, Source, tuple[int, int]]] = []
+        for number, (sources, conversion_ns) in enumerate(sequences):
+            if conversion_ns <= 0:
+                raise ValueError(f"conversion_ns = {conversion_ns}: must be positive")
+            samples += [(place * conversion_ns, source, (number, place)) for place, source in enumerate(sources)]
+        samples.sort(key=lambda sample: sample[0])
+        offsets_ns, sources_in_time, places = zip(*samples, strict=True) if samples else ((), (), ())
+        duration_ns = max((len(sources) * conversion_ns for sources, conversion_ns in sequences), default=0)
+        return cls(sources_in_time, offsets_ns, places, duration_ns)
