@@ -23,14 +23,15 @@ _ENDS = re.compile(r"[\n=,\[\]{}]")
 """What a dotted key does not reach beyond."""
 
 
-def read_text(path: Path, largest_bytes: int, kind: str) -> str:
+def read_text(path: Path, largest_bytes: int, kind: str, form: str = "TOML") -> str:
     """The text of the regular file `path` in UTF-8, with or without a byte order mark.
 
-    `kind` says in errors what it was taken for, such as "a cell". Raises `OSError` where it cannot be read, and
-    `ValueError`, with what is wrong in a few words, where it is no such file, too large or no text.
+    `kind` says in errors what it was taken for, such as "a cell", and `form` what such a file is. Raises `OSError`
+    where it cannot be read, and `ValueError`, with what is wrong in a few words, where it is no such file, too large or
+    no text.
     """
     if not stat.S_ISREG(path.stat().st_mode):
-        raise ValueError(f"is no regular file; {kind} is a TOML file")
+        raise ValueError(f"is no regular file; {kind} is a {form} file")
     with path.open("rb") as file:
         data = file.read(largest_bytes + 1)
     if len(data) > largest_bytes:
@@ -38,7 +39,7 @@ def read_text(path: Path, largest_bytes: int, kind: str) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise ValueError(f"is not a text in UTF-8; {kind} is a TOML file") from None
+        raise ValueError(f"is not a text in UTF-8; {kind} is a {form} file") from None
 
 
 def parse_toml(text: str) -> dict[str, Any]:
