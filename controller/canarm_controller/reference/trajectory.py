@@ -18,6 +18,7 @@ from canarm_protocol.cell.model import Cell
 
 from ..dynamics import Arm, nominal_arm
 from ..errors import TrajectoryError
+from .built_in import swings as swings_of
 from .spline import RestToRestSpline
 from .trajectory_file import read_trajectory_csv
 
@@ -29,8 +30,9 @@ BLEND_S = 2.0
 CHECKED_AT_ONCE = 4096
 """Samples of a trajectory that are held at a time while it is checked."""
 BUILT_IN = ("sine", "trapezoid")
-LONGEST_PERIOD_S = 5.12
-"""Of the built-in motions: limits that hold for so long hold for ever."""
+TRAPEZOID_PERIOD_S = 5.12
+CHECKED_S = 4 * TRAPEZOID_PERIOD_S
+"""Of the built-in motions, whose joints have periods of their own: limits that hold for so long hold for ever."""
 STEADY_RAD_S2 = 1e-3
 """A joint of a file's trajectory that accelerates less than this moves at constant speed."""
 MOVING_RAD_S = 5.0 / 255
@@ -255,8 +257,8 @@ def make_trajectory(spec: str, cell: Cell) -> Trajectory:
     """
     limits = Limits.of(cell)
     if spec in BUILT_IN:
-        trajectory: Trajectory = _built_in(spec, limits)
-        duration_s = LONGEST_PERIOD_S
+        trajectory: Trajectory = _built_in(spec, limits, cell)
+        duration_s = CHECKED_S
     elif not Path(spec).exists():
         close = difflib.get_close_matches(spec, BUILT_IN, n=1)
         hint = f"; did you mean {close[0]!r}?" if close else ""
@@ -283,16 +285,15 @@ def blend_from(trajectory: Trajectory, start_rad: Sequence[float], blend_s: floa
     return blended
 
 
-def _built_in(name: str, limits: Limits) -> Trajectory:
-    """The two test motions of konkuk1's joints 2 and 3."""
-    if len(limits.joint_names) != 2:
-        raise TrajectoryError(
-            f"{name}: is for 2 joints, and the cell has {len(limits.joint_names)}; give a CSV file with the columns "
-            f"time_s, {', '.join(limits.joint_names)}"
-        )
+def _built_in(name: str, limits: Limits, cell: Cell) -> Trajectory:
+    """The two test motions, for the joints of `cell`."""
+    home_deg = [joint.home_deg for joint in cell.joints]
+    swings = swings_of(home_deg, limits.low_deg, limits.high_deg, limits.speed_rad_s)
+    centre, amplitude = [each.centre_deg for each in swings], [each.amplitude_deg for each in swings]
     if name == "sine":
-        return Sine(limits, centre_deg=(20.0, 0.0), amplitude_deg=(35.0, 30.0), period_s=(2.56, 1.7))
-    return Trapezoid(limits, low_deg=(-15.0, -30.0), high_deg=(55.0, 30.0), period_s=LONGEST_PERIOD_S, blend_s=0.15)
+        return Sine(limits, centre, amplitude, [each.period_s for each in swings])
+    low, high = ([c + way * a for c, a in zip(centre, amplitude, strict=True)] for way in (-1.0, 1.0))
+    return Trapezoid(limits, low, high, period_s=TRAPEZOID_PERIOD_S, blend_s=0.15)
 
 
 def _times(first_tick: int, count: int, period_s: float) -> Floats:
