@@ -29,16 +29,15 @@ SERIAL = "slcan"
 LONGEST_S = 1e6
 """Eleven days: waiting longer is not meant, and some systems cannot."""
 
+SLOWEST_PACE = 0.01
+"""Of slow motion: a cycle of 2.5 ms takes a quarter of a second then, and nobody takes the controller for lost."""
+DEFAULT_SYNC_TIMEOUT_S = 10.0
+"""Longer than a busy machine, a compiler or a page fault takes; a process that ends is noticed at once."""
+
 
 def _positive(type_: object, value: float | None) -> None:
     if value is not None and not (math.isfinite(value) and value > 0.0):
         raise ValueError("must be a number of seconds above 0.")
-
-
-def _sensible(type_: object, value: float) -> None:
-    _positive(type_, value)
-    if value > LONGEST_S:
-        raise ValueError(f"must be at most {LONGEST_S:g} s.")
 
 
 def _not_negative(type_: object, value: int) -> None:
@@ -54,12 +53,64 @@ def named_file(type_: object, tokens: Sequence[Token]) -> Path:
     return Path(text)
 
 
+def _seconds_or_none(type_: object, tokens: Sequence[Token]) -> float:
+    """A number of seconds, or `none`, which is to wait for as long as it takes: infinity."""
+    text = tokens[0].value
+    try:
+        value = math.inf if text.lower() == "none" else float(text)
+    except ValueError:
+        value = math.nan
+    if not value > 0.0 or (value > LONGEST_S and text.lower() != "none"):
+        raise ValueError(f"must be a number of seconds above 0 and at most {LONGEST_S:g} s, or none.")
+    return value
+
+
+def _pace(type_: object, tokens: Sequence[Token]) -> float:
+    """A multiple of real time, or `max`: infinity."""
+    text = tokens[0].value
+    try:
+        value = math.inf if text.lower() == "max" else float(text)
+    except ValueError:
+        value = math.nan
+    if not value >= SLOWEST_PACE or (math.isinf(value) and text.lower() != "max"):
+        raise ValueError(f"must be a multiple of real time, {SLOWEST_PACE:g} or more, or max.")
+    return value
+
+
+def wait_text(seconds: float) -> str:
+    """A time-out as its option takes it."""
+    return f"{seconds:g}" if math.isfinite(seconds) else "none"
+
+
+def pace_text(pace: float) -> str:
+    """A pace as `--pace` takes it."""
+    return f"{pace:g}" if math.isfinite(pace) else "max"
+
+
 Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
 Wire = Annotated[
     Flag, Parameter(help="Wire model: frames queue, arbitrate and take their time at the cell's bit rate.")
 ]
 Seconds = Annotated[float, Parameter(metavar="SECONDS", validator=_positive, show_default=lambda value: f"{value:g} s")]
-Timeout = Annotated[float, Parameter(metavar="SECONDS", validator=_sensible, show_default=lambda value: f"{value:g} s")]
+SyncTimeout = Annotated[
+    float,
+    Parameter(
+        metavar="SECONDS|none",
+        converter=_seconds_or_none,
+        show_default=lambda value: f"{value:g} s",
+        help="Lockstep: wall time after which a silent partner, sender of SYNC or emulator, is taken for lost; none "
+        "lets a debugger hold it for as long as it likes.",
+    ),
+]
+Pace = Annotated[
+    float,
+    Parameter(
+        metavar="X|max",
+        converter=_pace,
+        show_default=pace_text,
+        help="Lockstep: virtual time passes at most X times as fast as the wall clock; max does not wait.",
+    ),
+]
 Address = Annotated[str, Parameter(metavar="HOST:PORT")]
 Seed = Annotated[int, Parameter(validator=_not_negative, help="Seed of the sensor noise.")]
 Words = Annotated[list[str], Parameter(negative=(), metavar="KEY=VALUE", show_default=False)]
@@ -264,6 +315,12 @@ class NamedBus:
             if isinstance(error.__cause__, TypeError | ValueError | KeyError):
                 raise UsageError(str(error)) from None
             raise
+
+
+def check_pace(clock: str, pace: float | None) -> None:
+    """Refuse a pace where the wall clock sets it. Raises `UsageError`."""
+    if clock == "wall" and pace is not None and math.isfinite(pace):
+        raise UsageError(f"--pace {pace_text(pace)}: the wall clock has one pace; leave it out, or take --clock sync")
 
 
 def check_clock(clock: str, *buses: NamedBus | None) -> None:

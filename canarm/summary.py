@@ -37,6 +37,8 @@ class Summary:
     missed: int
     late: int
     real_time_factor: float | None
+    starved: str | None = None
+    """Why many cycles were left out, if they were."""
     joints: Mapping[str, JointFigures] = field(default_factory=dict)
     out: str | None = None
     faults: int | None = None
@@ -56,8 +58,7 @@ class Summary:
             f"clock {self.clock}",
             f"{self.ticks} cycles{speed}, {self.missed} missed, {self.late} late",
         ]
-        if self.reason:
-            lines.insert(1, self.reason)
+        lines[1:1] = [text for text in (self.starved, self.reason) if text]
         if self.joints:
             lines.append(f"{'joint':<10}{'RMS error':>12}{'max error':>12}{'peak current':>14}{'ripple':>9}  amplifier")
         for name, joint in self.joints.items():

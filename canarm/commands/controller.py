@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -22,6 +23,7 @@ from canarm_protocol.transport.realtime import ask_for_realtime
 from ..options import (
     BENCH_BUS,
     DEFAULT_ADDRESS,
+    DEFAULT_SYNC_TIMEOUT_S,
     ROBOT_BUS,
     Address,
     BenchBusOptions,
@@ -33,10 +35,14 @@ from ..options import (
     MoreBusWords,
     NamedBus,
     OutputOptions,
+    Pace,
     Seconds,
+    SyncTimeout,
     WallClockOptions,
     WithParent,
     check_clock,
+    check_pace,
+    pace_text,
     parse_address,
 )
 from ..session import make_controller, provenance, tick_count, traffic_warning
@@ -61,6 +67,8 @@ def controller(
         Seconds | None,
         Parameter(show_default=False, help="Length of the run in robot time; unlimited unless given."),
     ] = None,
+    pace: Pace = math.inf,
+    sync_timeout: SyncTimeout = DEFAULT_SYNC_TIMEOUT_S,
     wall: WallClockOptions = WallClockOptions(),
     progress: Annotated[Flag, Parameter(help="Report the state of the run on stderr.")] = False,
     with_parent: WithParent = False,
@@ -73,6 +81,7 @@ def controller(
     robot_bus, bench_bus = bus.named(bus_options), bench.named()
     check_clock(clock, robot_bus, bench_bus)
     wall.check(clock, nominal)
+    check_pace(clock, pace)
     ticks = None if seconds is None else tick_count(nominal, seconds)
     host, port = parse_address("--connect", connect)
     if robot_bus is None:
@@ -88,7 +97,9 @@ def controller(
     warning = None if with_parent else traffic_warning(nominal, cell.cell)
     if warning is not None:
         _tell(warning)
-    stop = StopRequest(None, with_parent, lambda: f"the controller sent nothing after cycle {built.tick}")
+    is_watched = math.isfinite(sync_timeout)
+    place = (lambda: f"the controller sent nothing after cycle {built.tick}") if is_watched else None
+    stop = StopRequest(None, with_parent, place)
     if output.out is not None:
         _make_folder(output.out)
     if wall.realtime:
@@ -102,13 +113,15 @@ def controller(
         "feedforward": built.loop.feedforward_kind,
         "clock": clock,
         "seconds": seconds,
+        **({} if clock == "wall" else {"pace": pace_text(pace)}),
     }
 
     def on_open() -> None:
         if output.out is not None:
             follower.recorder = _start_recording(output.out, built, given)
 
-    result = _run(built, follower, robot_bus, bench_bus, on_open, wall.spin * 1000)
+    pacing = {"spin_ns": wall.spin * 1000, "pace": pace, "answer_s": sync_timeout}
+    result = _run(built, follower, robot_bus, bench_bus, on_open, pacing)
     stop.is_over()
     recorder = follower.recorder
     out = None if recorder is None else output.out
@@ -175,7 +188,7 @@ def _run(
     robot_bus: NamedBus,
     bench_bus: NamedBus | None,
     on_open: Callable[[], None],
-    spin_ns: int,
+    pacing: Mapping[str, Any],
 ) -> RunResult:
     """Open the buses and run; a bus that cannot be opened is a failed run, without `on_open`."""
     with contextlib.ExitStack() as stack:
@@ -187,7 +200,7 @@ def _run(
             follower.on_state(controller.state)
             return RunResult(controller.state, controller.reason, 0, 0, 0, 0.0, None)
         on_open()
-        return Runner(controller, port, bench, follower.on_state, follower.should_stop, spin_ns=spin_ns).run()
+        return Runner(controller, port, bench, follower.on_state, follower.should_stop, **pacing).run()
 
 
 def _make_folder(folder: Path) -> None:
@@ -245,6 +258,7 @@ def _summary(
         ticks=result.ticks,
         missed=result.missed,
         late=result.late,
+        starved=result.starved,
         real_time_factor=result.real_time_factor if result.ticks else None,
         joints={
             name: JointFigures(

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -23,6 +24,7 @@ from ..fault_file import load_faults
 from ..options import (
     BENCH_BUS,
     DEFAULT_HOST,
+    DEFAULT_SYNC_TIMEOUT_S,
     ROBOT_BUS,
     Address,
     CellOptions,
@@ -31,11 +33,16 @@ from ..options import (
     FaultFile,
     Flag,
     OutputOptions,
+    Pace,
     Seconds,
     Seed,
+    SyncTimeout,
     Truth,
     Wire,
+    check_pace,
+    pace_text,
     parse_address,
+    wait_text,
 )
 from ..serving import attach_flags, is_remote
 from ..session import make_bench, make_controller, tick_count, traffic_warning
@@ -47,6 +54,10 @@ START_S = 60.0
 """How long the emulator may take to offer its bus: a cold start reads a physics engine from disk."""
 SLOWEST = 10.0
 """A run may take this many times its robot time, and START_S, before it is given up."""
+PACE_HELP = (
+    "Lockstep: virtual time passes at most X times as fast as the wall clock; max does not wait. "
+    "1 on a terminal, else max."
+)
 WRONG_USAGE = 2
 END_STATUS = {0: 0, WRONG_USAGE: WRONG_USAGE}
 """Exit statuses of the controller that are passed on; every other one is a failed run."""
@@ -56,7 +67,9 @@ def demo(
     *,
     cell: CellOptions = CellOptions(),
     control: ControlOptions = ControlOptions(),
-    clock: ClockName = "wall",
+    clock: ClockName = "sync",
+    pace: Annotated[Pace | None, Parameter(show_default=False, help=PACE_HELP)] = None,
+    sync_timeout: SyncTimeout = DEFAULT_SYNC_TIMEOUT_S,
     seconds: Annotated[Seconds, Parameter(help="Length of the run in robot time.")] = 10.24,
     seed: Seed = 0,
     truth: Truth | None = None,
@@ -73,12 +86,17 @@ def demo(
 ) -> int:
     """Run emulator and controller against each other over the virtual bus; with the dashboard on a terminal.
 
+    Time stands still until every part of a cycle is done (lockstep), so a busy machine makes it slower, never wrong.
     Ends with a summary. The run is recorded in --out, or in a new folder below runs/. Ctrl-C stops the robot safely.
     """
     nominal = cell.load()
     settings = truth or []
     host = _served_host(serve)
-    with_dashboard = not no_tui and not output.json and _is_terminal()
+    is_terminal = _is_terminal()
+    with_dashboard = not no_tui and not output.json and is_terminal
+    check_pace(clock, pace)
+    if clock == "sync" and pace is None:
+        pace = 1.0 if is_terminal else math.inf
     say = keep_stdout()
     _check(nominal, control, clock, seconds, settings)
     if faults is not None:
@@ -88,6 +106,7 @@ def demo(
         _tell(warning)
     folder = create_run_folder(output.out) if output.out is not None else new_run_folder()
     common = ["--cell", cell.cell, "--clock", clock, "--out", str(folder), "--json"]
+    common += ["--sync-timeout", wait_text(sync_timeout)]
     common += _each("--set", cell.settings)
     robot = ["--serve", serve, "--seed", str(seed), *_each("--truth", settings)]
     if wire:
@@ -97,12 +116,15 @@ def demo(
     with Child("emulator", [*common, *robot], quiet=with_dashboard) as emulator:
         port = _port_of(emulator)
         arguments = [*common, *_controller_arguments(control, f"{host}:{port}", seconds)]
+        if pace is not None:
+            arguments += ["--pace", pace_text(pace)]
         if not with_dashboard:
             arguments.append("--progress")
         for bus in (ROBOT_BUS, BENCH_BUS):
             _tell(f"to attach to {bus}: {attach_flags(bus, host, port)}")
         with Child("controller", arguments, quiet=with_dashboard) as controller:
-            limit_s = START_S + SLOWEST * seconds
+            # A debugger may hold what waits for ever.
+            limit_s = START_S + SLOWEST * seconds / min(pace or 1.0, 1.0) if math.isfinite(sync_timeout) else math.inf
             deadline_s = time.monotonic() + limit_s
             try:
                 if with_dashboard:

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import os
 import re
 import sys
@@ -31,6 +32,7 @@ from ..fault_file import load_faults
 from ..options import (
     BENCH_BUS,
     DEFAULT_ADDRESS,
+    DEFAULT_SYNC_TIMEOUT_S,
     ROBOT_BUS,
     Address,
     BenchBusOptions,
@@ -43,7 +45,7 @@ from ..options import (
     OutputOptions,
     Seconds,
     Seed,
-    Timeout,
+    SyncTimeout,
     Truth,
     Wire,
     WithParent,
@@ -64,9 +66,7 @@ class WorldOptions:
     """The robot as it truly is, and what drives its time."""
 
     clock: ClockName = "wall"
-    sync_timeout: Annotated[
-        Timeout, Parameter(help="Lockstep: wall time after which a silent sender of SYNC is taken for lost.")
-    ] = 2.0
+    sync_timeout: SyncTimeout = DEFAULT_SYNC_TIMEOUT_S
     seed: Seed = 0
     truth: Truth = field(default_factory=list)
     wire: Wire = False
@@ -131,7 +131,7 @@ def emulator(
                 "clock": world.clock,
                 "seed": world.seed,
                 "truth": settings,
-                "sync_timeout_s": world.sync_timeout,
+                "sync_timeout_s": world.sync_timeout if math.isfinite(world.sync_timeout) else None,
                 "faults": None if script is None else as_toml(script),
             }
             recorder = stack.enter_context(contextlib.closing(_start_recording(output.out, nominal, given)))

@@ -11,12 +11,13 @@ import pytest
 from canarm import cli
 
 OPTIONS = {
-    "demo": "--cell --set --law --feedforward --trajectory --seconds --clock --seed --truth --wire --out --no-tui "
-    "--json",
+    "demo": "--cell --set --law --feedforward --trajectory --seconds --clock --pace --sync-timeout --seed --truth "
+    "--wire --out --no-tui --json",
     "emulator": "--serve --allow-remote --slcan --cell --set --clock --sync-timeout --seed --truth --wire --seconds "
     "--out --json "
     "--interface -i --channel -c --bus-kwargs --bench-interface --bench-channel --bench-bus-kwargs",
-    "controller": "--connect --cell --set --law --feedforward --trajectory --clock --seconds --out --json "
+    "controller": "--connect --cell --set --law --feedforward --trajectory --clock --pace --sync-timeout --seconds "
+    "--out --json "
     "--interface -i --channel -c --bus-kwargs --bench-interface --bench-channel --bench-bus-kwargs",
     "tui": "--connect --cell --set --bench-interface --bench-channel --bench-bus-kwargs",
     "check": "--cell --set --keys",
@@ -114,6 +115,10 @@ def test_version_is_the_distributions(canarm):
         ("emulator --serve 0.0.0.0:0", "0.0.0.0:0", "--allow-remote"),
         ("emulator --serve nowhere.invalid:0", "nowhere.invalid", "127.0.0.1"),
         ("emulator --sync-timeout 0", "--sync-timeout", "above 0"),
+        ("demo --sync-timeout soon", "--sync-timeout", "or none"),
+        ("demo --pace 0", "--pace", "0.01 or more, or max"),
+        ("demo --clock wall --pace 1", "--pace 1", "the wall clock has one pace"),
+        ("controller --pace inf", "--pace", "or max"),
         ("emulator -i udp_multicast --clock sync", "udp_multicast", "--clock wall"),
         ("controller --bench-interface udp_multicast -i udp_multicast --clock sync", "udp_multicast", "--clock wall"),
         ("controller --connect localhost", "--connect localhost", "HOST:PORT"),

@@ -39,7 +39,7 @@ def test_the_last_line_is_the_summary_as_json(canarm, run_folder):
 
 
 def test_without_json_it_ends_with_a_summary_for_people_and_records_below_runs(canarm, run_folder):
-    demo = canarm("demo", "--clock", "sync", "--seconds", "0.5")
+    demo = canarm("demo", "--seconds", "0.5")
     assert demo.wait() == 0, demo
     assert demo.stdout[0].startswith("DONE: konkuk1, mras on sine")
     assert demo.stdout[-1].startswith("recorded in runs/")
@@ -54,7 +54,7 @@ def test_options_reach_the_process_that_they_are_for(canarm, run_folder):
     )
     demo = canarm(
         *f"demo --clock sync --no-tui --out run {options}".split(),
-        env={"CANARM_SECONDS": "0.25", "CANARM_SYNC_TIMEOUT": "7"},
+        env={"CANARM_SECONDS": "0.25", "CANARM_SYNC_TIMEOUT": "7", "CANARM_PACE": "2"},
     )
     assert demo.wait() == 0, demo
     run = run_folder(canarm.folder / "run").check().run
@@ -62,7 +62,8 @@ def test_options_reach_the_process_that_they_are_for(canarm, run_folder):
     assert run["controller"]["trajectory"] == "trapezoid"
     assert run["controller"]["cell"]["control"]["damping_ratio"] == 0.9
     assert run["emulator"]["truth"] == {"joint3.mass": "0.9"}
-    assert run["emulator"]["sync_timeout_s"] == 2.0
+    assert run["emulator"]["sync_timeout_s"] == 7.0
+    assert run["controller"]["pace"] == "2"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -124,9 +125,7 @@ def test_an_emulator_that_is_killed_is_reported(canarm, run_folder):
 
 @pytest.mark.skipif(shutil.which("script") is None, reason="script(1) of util-linux is not installed")
 def test_on_a_terminal_it_shows_the_dashboard_and_then_the_summary(canarm):
-    demo = shlex.join(
-        [sys.executable, "-m", "canarm", "demo", *canarm.for_clock("wall"), "--seconds", "1", "--out", "run"]
-    )
+    demo = shlex.join([sys.executable, "-m", "canarm", "demo", "--seconds", "1", "--out", "run"])
     terminal = canarm.run(
         "script", "--quiet", "--return", "--command", demo, "/dev/null", env={"TERM": "xterm-256color"}
     )
@@ -134,7 +133,8 @@ def test_on_a_terminal_it_shows_the_dashboard_and_then_the_summary(canarm):
     terminal.wait_for("recorded in run")
     assert terminal.wait() == 0, terminal
     assert any("joint3" in line and "\x1b[" in line for line in terminal.stdout)
-    assert json.loads((canarm.folder / "run" / "run.json").read_text())["summary"]["clock"] == "wall"
+    run = json.loads((canarm.folder / "run" / "run.json").read_text())
+    assert (run["summary"]["clock"], run["controller"]["pace"]) == ("sync", "1")
 
 
 IN_LOCKSTEP = ("demo", "--clock", "sync", "--no-tui")
@@ -225,7 +225,7 @@ def test_a_run_without_an_end_in_sight_can_be_stopped(canarm):
 def test_a_wait_beyond_reason_is_refused(canarm):
     emulator = canarm("emulator", "--sync-timeout", "1e300")
     assert emulator.wait() == 2
-    assert "must be at most 1e+06 s." in emulator.complaint
+    assert "must be a number of seconds above 0 and at most 1e+06 s, or none." in emulator.complaint
 
 
 def test_of_two_demos_started_together_into_one_folder_one_is_refused(canarm, run_folder):

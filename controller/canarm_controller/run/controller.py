@@ -96,6 +96,8 @@ class Controller:
         """Called with every detection; may raise as `on_tick` may."""
         self.without: Collection[str] = ()
         """Names of detectors that are switched off."""
+        self.starved_by: Callable[[str, str], str | None] = lambda detector, detail: None
+        """Asked with every detection: the lack of computing time that explains it, as whoever owns the clock knows."""
         self._ticks = ticks
         self._nodes = nodes
         self._supervisor = Supervisor(cell, nodes)
@@ -422,6 +424,11 @@ class Controller:
         if detector in self.without:
             return False
         reaction = reaction or DETECTORS[detector].reaction
+        if (cause := self.starved_by(detector, detail)) is not None:
+            if not reaction.stops:
+                return False
+            detail = f"{cause}; {detector} followed from it"
+            detector, where = "deadline-missed", None
         key = detector, where
         is_new = self.tick - self._noted.get(key, -REPEAT_CYCLES) >= REPEAT_CYCLES or (
             reaction.stops and self.state is State.RUNNING

@@ -4,7 +4,7 @@ Owns the way from code to radian, reference, feed-forward, law and current; know
 beyond what it returns.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.wiring import FULL_SCALE_CODE, InputSlot, sensor_scale
@@ -75,6 +75,10 @@ class ControlLoop:
         self._law_cycle = Cycle(len(cell.joints))
         self.saturated_cycles = [0] * len(cell.joints)
         """Cycles in which the law asked for more current than the amplifier has."""
+        self.stopwatch: Callable[[], int] | None = None
+        """Monotonic ns; where it is given, the law's own computing time is measured."""
+        self.law_ns = 0
+        """How long the law took in the last cycle, if that is measured."""
         self._limits_a = limits_a
         self._torque_per_ampere = list(self.arm.torque_per_ampere)
         conversion_s = {channel.signal: card.conversion_us * 1e-6 for card in cell.card for channel in card.channel}
@@ -166,10 +170,15 @@ class ControlLoop:
         cycle, law_cycle = self.cycle, self._law_cycle
         cycle.feedforward_nm = tuple(self._feedforward.torque_nm(cycle.tick))
         law_cycle.copy_from(cycle)
+        stopwatch = self.stopwatch
+        begun_ns = 0 if stopwatch is None else stopwatch()
         try:
             return self.law.update(law_cycle)
         except BaseException as error:
             raise law_failure(type(self.law), "update", error) from error
+        finally:
+            if stopwatch is not None:
+                self.law_ns = stopwatch() - begun_ns
 
     def outputs(self, torque_nm: Sequence[float]) -> tuple[list[int], list[int]]:
         """DAC codes and direction bits of the torques, limited to what the amplifiers have."""

@@ -1,7 +1,7 @@
-"""Deadlines on the wall clock, and how well they were kept.
+"""When cycles are due by the wall clock, and how well that was kept.
 
-Owns the grid of deadlines and the counts. It waits for nothing and sends nothing: that is the runner's. What "late" and
-"missed" mean is said in docs/wall-clock.md.
+Owns the grid of deadlines, the counts, and the pace of lockstep. It waits for nothing and sends nothing: that is the
+runner's. What "late" and "missed" mean is said in docs/wall-clock.md.
 """
 
 import time
@@ -14,6 +14,9 @@ LATE_FRACTION = 10
 """A SYNC that leaves more than a tenth of the period after its time is late."""
 STALL_NS = 100_000_000
 """A longer delay is a stall: the machine slept, or the process was stopped. Cards wait no longer for our heartbeat."""
+
+LAG_NS = 100_000_000
+"""So much lockstep may run faster than its pace to make up for a hitch; more would be seen as a jump."""
 
 
 class Pacer:
@@ -31,6 +34,8 @@ class Pacer:
         """From SYNC to the last TPDO of its cycle."""
         self.computing = Histogram()
         """From the last TPDO of a cycle to the moment at which its outputs have been handed to the bus."""
+        self.law = Histogram()
+        """The law's part of that."""
         self.late = 0
         self.missed = 0
         """Deadlines that were left out."""
@@ -59,14 +64,18 @@ class Pacer:
             self.missed += skipped
         self.next_ns += period_ns * (1 + skipped)
 
-    def controlled(self, inputs_ns: int) -> None:
-        """The outputs of this cycle have just been handed to the bus; its inputs were complete at `inputs_ns`."""
+    def controlled(self, inputs_ns: int, law_ns: int = 0) -> None:
+        """The outputs of this cycle have just been handed to the bus; its inputs were complete at `inputs_ns`.
+
+        `law_ns` is what the law took of that.
+        """
         self.computing.add(self._clock() - inputs_ns)
+        self.law.add(law_ns)
         if self._sync_ns is not None:
             self.answer.add(inputs_ns - self._sync_ns)
 
     def summary(self) -> dict[str, Any]:
-        """Counts, and the four durations as `Histogram.summary` gives them."""
+        """Counts, and the five durations as `Histogram.summary` gives them."""
         return {
             "period_us": self._period_ns / 1000.0,
             "late": self.late,
@@ -76,4 +85,24 @@ class Pacer:
             "jitter": self.jitter.summary(),
             "answer": self.answer.summary(),
             "computing": self.computing.summary(),
+            "law": self.law.summary(),
         }
+
+
+class LockstepPace:
+    """Holds lockstep back: virtual time passes `rate` times as fast as the wall clock at most.
+
+    A cycle that is due gives no reason to hurry: what a slow machine has lost beyond `LAG_NS` is not made up for.
+    """
+
+    def __init__(self, period_ns: int, rate: float, clock: Callable[[], int] = time.perf_counter_ns) -> None:
+        self._interval_ns = period_ns / rate
+        self._clock = clock
+        self._start_ns: float = clock()
+
+    def left_s(self, tick: int) -> float:
+        """Seconds until the SYNC of `tick` may leave; 0 when it may."""
+        late_ns = self._clock() - self._start_ns - tick * self._interval_ns
+        if late_ns > LAG_NS:
+            self._start_ns += late_ns
+        return max(-late_ns * 1e-9, 0.0)

@@ -1,5 +1,6 @@
 """Drives a controller over real buses: the edge that owns ports, wall clock and pacing."""
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,11 +16,12 @@ from canarm_protocol.transport.sdo_session import SdoSession
 from ..bus.assessment import JointAssessment, name_internals, read_assessment
 from ..errors import ControllerError
 from .controller import Controller, State
-from .pacing import Pacer
+from .pacing import LockstepPace, Pacer
 from .report import BenchReport
+from .starvation import Starvation, explains, long_law
 
-ANSWER_NS = 2_000_000_000
-"""How long lockstep may wait for the emulator's TIME, whatever else arrives meanwhile."""
+ANSWER_S = 10.0
+"""How long lockstep waits for the emulator's TIME, whatever else arrives meanwhile, unless told otherwise."""
 POLL_S = 0.1
 """How often a wait is broken off to ask whether the user wants to stop."""
 LISTEN_NS = 250_000_000
@@ -40,6 +42,8 @@ class RunResult:
     joints: dict[str, JointAssessment] = field(default_factory=dict)
     note: str | None = None
     """Why something is missing in `joints`, if it is."""
+    starved: str | None = None
+    """Why many cycles were left out, if they were."""
 
 
 class Runner:
@@ -47,7 +51,8 @@ class Runner:
 
     `on_state` is called with every change of state; `should_stop` is asked once a cycle and answers with a reason to
     stop safely. `clock` gives monotonic ns. On the wall clock, the last `spin_ns` before a deadline are not slept but
-    polled away: a busy core for a SYNC on time.
+    polled away: a busy core for a SYNC on time. In lockstep virtual time passes at most `pace` times as fast as
+    `clock`, and `answer_s` bounds the wait for the emulator's TIME; infinite where a debugger may hold it.
     """
 
     def __init__(
@@ -59,6 +64,9 @@ class Runner:
         should_stop: Callable[[], str | None] = lambda: None,
         clock: Callable[[], int] = time.perf_counter_ns,
         spin_ns: int = 0,
+        pace: float = math.inf,
+        answer_s: float = ANSWER_S,
+        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._controller, self._port, self._bench = controller, port, bench
         self._on_state, self._should_stop, self._clock = on_state, should_stop, clock
@@ -67,6 +75,9 @@ class Runner:
         self._state = State.IDLE
         self._note: str | None = None if bench is not None else "no bench bus: the true error is not known here"
         self._pacer: Pacer | None = None
+        self._pace, self._answer_s, self._sleep = pace, answer_s, sleep
+        self._lockstep_pace: LockstepPace | None = None
+        self._starvation = Starvation(controller.cell.bus.cycle_ns)
         self._collector: Collector | None = None
         self._record: Callable[[], None] | None = None
         self._is_tick_untold = False
@@ -91,6 +102,7 @@ class Runner:
     def _run(self) -> RunResult:
         controller = self._controller
         self._record, controller.on_tick = controller.on_tick, self._on_tick
+        controller.loop.stopwatch, controller.starved_by = self._clock, self._starved_by
         try:
             self._bring_up()
             self._started_ns = self._clock()
@@ -116,7 +128,9 @@ class Runner:
             return
         if pacer is not None and inputs_ns is not None:
             self._flush()
-            pacer.controlled(inputs_ns)
+            law_ns = self._controller.loop.law_ns
+            self._starvation.law(law_ns)
+            pacer.controlled(inputs_ns, law_ns)
         self._tell_tick()
         if pacer is not None and self._collector is not None:
             self._collector.cycle_done(pacer.next_ns - self._clock())
@@ -150,14 +164,16 @@ class Runner:
     def _run_lockstep(self) -> None:
         controller, port = self._controller, self._port
         tick, sent_ns = controller.tick, self._clock()
+        if math.isfinite(self._pace):
+            self._lockstep_pace = LockstepPace(controller.cell.bus.cycle_ns, self._pace, self._clock)
         while not controller.is_finished:
             self._flush()
             self._take(port.receive(POLL_S))
             if controller.tick != tick:
                 tick, sent_ns = controller.tick, self._clock()
-            elif self._clock() - sent_ns > ANSWER_NS:
+            elif (self._clock() - sent_ns) * 1e-9 > self._answer_s:
                 controller.lose(
-                    ControllerError(f"no TIME from the emulator within {ANSWER_NS / 1e9:g} s of SYNC {controller.tick}")
+                    ControllerError(f"no TIME from the emulator within {self._answer_s:g} s of SYNC {controller.tick}")
                 )
             self._publish()
             self._ask_to_stop()
@@ -171,6 +187,7 @@ class Runner:
             left_out = pacer.missed
             pacer.begin(counts=controller.state is State.RUNNING)
             if pacer.missed > left_out:
+                self._starvation.left_out(self._clock(), pacer.missed - left_out)
                 controller.note_missed_deadlines(pacer.missed - left_out)
             controller.open_cycle(self._clock())
             self._flush()
@@ -200,8 +217,25 @@ class Runner:
     def _flush(self) -> None:
         controller = self._controller
         if controller.outbox:
+            if self._lockstep_pace is not None:
+                self._hold_back(self._lockstep_pace)
             frames, controller.outbox = controller.outbox, []
             self._port.send(frames)
+
+    def _hold_back(self, pace: LockstepPace) -> None:
+        """Wait until the SYNC of the cycle may leave. Who wants to stop need not wait for it."""
+        while (left_s := pace.left_s(self._controller.tick)) > 0.0:
+            self._sleep(min(left_s, POLL_S))
+            self._ask_to_stop()
+
+    def _starved_by(self, detector: str, detail: str) -> str | None:
+        controller = self._controller
+        is_lockstep = controller.clock is Clock.SYNC
+        if not explains(detector, detail, is_lockstep=is_lockstep):
+            return None
+        if is_lockstep:
+            return long_law(controller.loop.law_ns, controller.loop.cycle.tick)
+        return self._starvation.cause(self._clock())
 
     def _publish(self, everything: bool = False) -> None:
         if self._report is None or self._bench is None or not self._owns_the_bus:
@@ -271,4 +305,5 @@ class Runner:
             pacing=pacer,
             joints=joints,
             note=self._note,
+            starved=self._starvation.of_the_run(controller.controlled_ticks + self.missed),
         )

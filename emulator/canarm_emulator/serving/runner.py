@@ -50,7 +50,8 @@ class EmulatorRunner:
     """Ties a bench to its buses.
 
     `ports` are further buses beside the hub, by bus name ("can0", "bench"). `sync_timeout_s` bounds a silent controller
-    in lockstep. `should_stop` is asked in every round. `faults` are injected as soon as the bench has started.
+    in lockstep; infinity waits for it. `should_stop` is asked in every round. `faults` are injected as soon as the
+    bench has started.
     """
 
     def __init__(
@@ -69,7 +70,7 @@ class EmulatorRunner:
         self._ports: dict[str, list[BusPort]] = {bus: list(ports.get(bus, ())) for bus in (ROBOT_BUS, BENCH_BUS)}
         self._bus_of = {id(port): bus for bus, group in self._ports.items() for port in group}
         self._polled = [port for group in self._ports.values() for port in group if port.fileno() is None]
-        self._sync_timeout_ns = int(sync_timeout_s * 1e9)
+        self._sync_timeout_ns = sync_timeout_s * 1e9
         self._should_stop, self._on_event = should_stop, on_event
         self._script = faults
         self._sync_sender: object = None
