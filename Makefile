@@ -14,7 +14,8 @@ unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV CONDA_PREFIX UV_PROJECT_ENVIRONMENT U
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
 .PHONY: help setup demo test check check-format check-lint check-types check-imports check-lock check-wheels \
-	check-socketcan bench ablation matrix format lock clean
+	check-docs check-install \
+	check-socketcan bench ablation matrix docs notice format lock clean
 
 help: ## List the targets
 	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12] [NO_UV=1] [JOBS=2]'
@@ -26,9 +27,15 @@ demo: setup ## Run the robot, the controller and the dashboard (ARGS="--law mras
 test: setup ## Run the tests (ARGS="-k encoder -m 'not slow'")
 	$(BIN)/python -m pytest -n $(JOBS) $(ARGS)
 
-check: check-format check-lint check-types check-imports check-lock test check-wheels ## Run everything that CI runs
+check: check-format check-lint check-types check-imports check-lock check-docs test check-wheels check-install ## Run everything that CI runs
 
-check-format: setup ## Formatting
+check-docs: check-docs ## Build the documentation as a searchable site: build/site/index.html
+	@echo build/site/index.html
+
+notice: setup ## Write NOTICE: the licences of what an installed canarm brings along
+	$(BIN)/python scripts/notice.py
+
+format: setup ## Formatting
 	$(BIN)/python -m ruff format --check .
 
 check-lint: setup ## Lint rules
@@ -43,6 +50,13 @@ check-imports: setup ## Which package may import which
 check-lock: setup ## Does uv.lock fit the pyproject.toml files, and name the public index only?
 	$(BIN)/python scripts/locked.py check
 	scripts/uv_lock.sh --check
+
+check-docs: setup ## Build the documentation; a link that leads nowhere fails
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	$(BIN)/python scripts/notice.py --check
+
+check-install: setup ## Install as the README says, in an empty environment of every Python from 3.11 to 3.14 that is there
+	$(BIN)/python scripts/try_install.py
 
 check-wheels: setup ## Build the wheels, install them alone, run them
 	$(BIN)/python scripts/smoke_wheels.py
@@ -65,6 +79,12 @@ ablation: setup ## Write docs/ablation.md anew: what each term of the laws is wo
 
 matrix: setup ## Run the fault matrix of konkuk1 against its golden copy; takes minutes (ARGS=--update-golden)
 	$(BIN)/python scripts/fault_matrix.py $(ARGS)
+
+docs: check-docs ## Build the documentation as a searchable site: build/site/index.html
+	@echo build/site/index.html
+
+notice: setup ## Write NOTICE: the licences of what an installed canarm brings along
+	$(BIN)/python scripts/notice.py
 
 format: setup ## Format the code and mend what lint can mend
 	$(BIN)/python -m ruff check --fix --exit-zero --quiet .

@@ -1,0 +1,75 @@
+"""Install canarm as the README says, in an empty environment of every supported Python on this machine, and run it.
+
+The line is read from the README, so that what is tried is what people are told.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+VERSIONS = ("3.11", "3.12", "3.13", "3.14")
+LINE = re.compile(r"^pip (install \./.+)$", re.MULTILINE)
+INSTALL_LIMIT_S, RUN_LIMIT_S = 900, 180
+IS_VERSION = "import sys; print('%d.%d' % sys.version_info[:2])"
+
+
+def interpreter(version: str) -> str | None:
+    """A Python of this version that runs, or None. (Version managers put names on PATH that do not.)"""
+    for name in (f"python{version}", sys.executable):
+        found = shutil.which(name)
+        if (
+            found
+            and subprocess.run([found, "-c", IS_VERSION], capture_output=True, text=True).stdout.strip() == version
+        ):
+            return found
+    return None
+
+
+def run(command: list[str], folder: Path, limit_s: float) -> None:
+    """Raises `CalledProcessError` or `TimeoutExpired`."""
+    ours = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")
+    clean = {key: value for key, value in os.environ.items() if key not in ours}
+    subprocess.run(command, cwd=folder, env=clean, stdin=subprocess.DEVNULL, timeout=limit_s, check=True)
+
+
+def try_out(python: str, line: str) -> None:
+    """Install into an empty environment from a copy of what git knows, and run a short demo from elsewhere."""
+    with tempfile.TemporaryDirectory(prefix="canarm-install-") as name:
+        work = Path(name)
+        clone, environment = work / "clone", work / "environment"
+        run(["git", "clone", "--quiet", str(ROOT), str(clone)], work, RUN_LIMIT_S)
+        run([python, "-m", "venv", str(environment)], work, RUN_LIMIT_S)
+        bin_folder = environment / ("Scripts" if os.name == "nt" else "bin")
+        run([str(bin_folder / "python"), "-m", "pip", "--quiet", *line.split()], clone, INSTALL_LIMIT_S)
+        canarm = str(bin_folder / "canarm")
+        run([canarm, "check", "--cell", "konkuk1"], work, RUN_LIMIT_S)
+        run([canarm, "demo", "--clock", "sync", "--seconds", "0.5", "--no-tui", "--json"], work, RUN_LIMIT_S)
+
+
+def main() -> int:
+    found = LINE.search((ROOT / "README.md").read_text(encoding="utf-8"))
+    if found is None:
+        print("README.md: no line begins with 'pip install ./'", file=sys.stderr)
+        return 1
+    for version in VERSIONS:
+        python = interpreter(version)
+        if python is None:
+            print(f"install: Python {version} is not on this machine: not tried", flush=True)
+            continue
+        print(f"install: Python {version}: pip {found.group(1)}", flush=True)
+        try:
+            try_out(python, found.group(1))
+        except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
+            print(f"install: FAILED with Python {version}: {error}", file=sys.stderr)
+            return 1
+    print("install: works as the README says")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
