@@ -1,4 +1,4 @@
-"""Draw the plot of a fault test that fails, for the README: docs/pictures/failing-test.svg, the same bytes every time."""
+"""Draw the plot of the README's failing fault test: docs/pictures/failing-test.svg, the same bytes every time."""
 
 from pathlib import Path
 

@@ -13,8 +13,8 @@ from packaging.requirements import Requirement
 
 NOTICE = Path(__file__).resolve().parent.parent / "NOTICE"
 OURS = ("canarm", "canarm-controller", "canarm-emulator", "canarm-protocol", "canarm-tui")
-HEAD = """canarm is published under the MIT licence (LICENSE). It copies no code of others; installed, it uses these packages,
-each under its own licence:
+HEAD = """canarm is published under the MIT licence (LICENSE). It copies no code of others; installed, it uses these
+packages, each under its own licence:
 
 """
 COPYLEFT = """
