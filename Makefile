@@ -29,13 +29,7 @@ test: setup ## Run the tests (ARGS="-k encoder -m 'not slow'")
 
 check: check-format check-lint check-types check-imports check-lock check-docs test check-wheels check-install ## Run everything that CI runs
 
-check-docs: check-docs ## Build the documentation as a searchable site: build/site/index.html
-	@echo build/site/index.html
-
-notice: setup ## Write NOTICE: the licences of what an installed canarm brings along
-	$(BIN)/python scripts/notice.py
-
-format: setup ## Formatting
+check-format: setup ## Formatting
 	$(BIN)/python -m ruff format --check .
 
 check-lint: setup ## Lint rules
@@ -80,7 +74,7 @@ ablation: setup ## Write docs/ablation.md anew: what each term of the laws is wo
 matrix: setup ## Run the fault matrix of konkuk1 against its golden copy; takes minutes (ARGS=--update-golden)
 	$(BIN)/python scripts/fault_matrix.py $(ARGS)
 
-docs: check-docs ## Build the documentation as a searchable site: build/site/index.html
+docs: check-docs ## Build the documentation as a searchable site
 	@echo build/site/index.html
 
 notice: setup ## Write NOTICE: the licences of what an installed canarm brings along
