@@ -114,7 +114,7 @@ def rhino_like(template: Robot) -> Robot:
         link = {"a_m": a[i], "d_m": d[i], "alpha_deg": alpha[i], "mass_kg": mass[i]}
         link |= {"centre_of_mass_m": (-a[i] / 2, 0.0, -0.08 if i == 4 else 0.0), "inertia_kg_m2": (0.001, 0.002, 0.002)}
         joint = template.joint[0]
-        joints.append(joint.model_copy(update={"name": f"axis{i + 1}", "link": joint.link.model_copy(update=link)}))
+        joints.append(joint.model_copy(update={"name": f"axis{i + 1}", "link": joint.dh_link.model_copy(update=link)}))
     return template.model_copy(update={"joint": tuple(joints), "gravity_m_s2": (0.0, 0.0, -9.8062)})
 
 

@@ -219,7 +219,7 @@ def hold(variant: Variant, pose_deg: Sequence[float], trajectory: str, seed: int
     if rig.state is not State.DONE:
         return Rest(math.nan, math.nan, math.nan)
     settled = slice(round(SETTLING_S / rig.cell.bus.cycle_s), None)
-    lsb_rad = math.radians(rig.cell.joints[0].sensors.potentiometer_range_deg / 255)
+    lsb_rad = math.radians(rig.cell.joints[0].sensors.potentiometer.range_deg / 255)
     return Rest(
         _worst(rig, lambda joint: float(np.mean(np.diff(joint.command_a[settled]) != 0.0))),
         _worst(rig, lambda joint: float(np.mean(np.diff(np.signbit(joint.command_a[settled]))))),

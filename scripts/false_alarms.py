@@ -37,7 +37,7 @@ class Draw(NamedTuple):
 def draws(count: int, seed: int) -> list[Draw]:
     """`count` runs; every law and trajectory as often as every other, the rest drawn from `seed`."""
     generator = random.Random(seed)
-    nominal_kg = load_cell("konkuk1").joints[-1].link.mass_kg
+    nominal_kg = load_cell("konkuk1").joints[-1].mass_kg
     kinds = [(law, trajectory) for law in LAWS for trajectory in TRAJECTORIES]
     return [
         Draw(

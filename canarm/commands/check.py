@@ -59,7 +59,7 @@ def _print_cell(cell: Cell) -> None:
         for joint, inertia, per_ampere in zip(robot.joint, arm.effective_inertia, arm.torque_per_ampere, strict=True):
             print(
                 f"joint {joint.name}: {joint.limits_deg[0]:g} to {joint.limits_deg[1]:g} deg, "
-                f"{inertia:.4f} kg m2, {per_ampere:.3g} N m/A, at most {joint.amplifier.max_current_a:g} A"
+                f"{inertia:.4f} kg m2, {per_ampere:.3g} N m/A, at most {joint.drive.max_current_a:g} A"
             )
 
 

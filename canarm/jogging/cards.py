@@ -9,12 +9,12 @@ from canarm_controller.errors import ControllerError
 from canarm_protocol.canopen.dictionary import ANALOGUE_OUTPUT, CODE_SHIFT, DIGITAL_OUTPUT, ERROR_REGISTER, variable_at
 from canarm_protocol.canopen.frames import Cob, Frame
 from canarm_protocol.canopen.sdo import SdoAborted, Transfer, abort_request, download, upload
-from canarm_protocol.cell.model import Cell, Joint, Quantity
+from canarm_protocol.cell.model import Cell, Command, Joint, Quantity
 from canarm_protocol.cell.wiring import BITS_A_JOINT, CardNode, DirectionBits, InputSlot, current_scale, sensor_scale
 
 from .parsing import DIRECTION_NAMES, SdoRead, SdoWrite
 
-UNITS = {Quantity.POTENTIOMETER: "deg", Quantity.TACHOMETER: "rad/s", Quantity.CURRENT_SENSE: "A"}
+UNITS = {Quantity.POSITION: "deg", Quantity.VELOCITY: "rad/s", Quantity.CURRENT: "A"}
 ABORT_SENT_NS = 0
 """An abort of ours is not answered."""
 
@@ -33,11 +33,11 @@ def read_outputs(
 ) -> Generator[Ask, Frame, None]:
     """What the card's outputs hold now, into `codes` and `directions` of the joints. Raises `JogError`."""
     for channel in node.card.channel:
-        joint = cell.joint_names.index(channel.joint)
-        if channel.quantity == Quantity.CURRENT_COMMAND:
+        joint = cell.far_joint(node.card, channel)
+        if channel.leaf == Command.CURRENT:
             data = yield from _transfer(node, upload(ANALOGUE_OUTPUT, channel.number))
             codes[joint] = int.from_bytes(data, "little") >> CODE_SHIFT
-        elif channel.quantity == Quantity.DIRECTION:
+        elif channel.leaf == Command.DIRECTION:
             data = yield from _transfer(node, upload(DIGITAL_OUTPUT, 1))
             directions[joint] = DirectionBits(data[0] >> BITS_A_JOINT * (channel.number - 1) & 0b11)
 
@@ -62,10 +62,12 @@ def access_object(command: SdoRead | SdoWrite) -> Generator[Ask, Frame, str]:
 
 def input_text(cell: Cell, slot: InputSlot, code: int) -> str:
     """Signal, code and physical value."""
-    value = sensor_scale(cell.joints[slot.joint], slot.quantity)(code)
-    if slot.quantity is Quantity.POTENTIOMETER:
+    joint = cell.joints[slot.joint]
+    value = sensor_scale(joint, slot.quantity)(code)
+    if slot.quantity is Quantity.POSITION:
         value = math.degrees(value)
-    signal = f"{cell.joint_names[slot.joint]}.{slot.quantity}"
+    sensor = joint.sensor(slot.quantity)
+    signal = f"{cell.joint_names[slot.joint]}.{sensor.kind if sensor else slot.quantity}"
     return f"{signal:<24} {code:>3}  {value:8.3f} {UNITS[slot.quantity]}"
 
 

@@ -318,7 +318,7 @@ class Jog:
     def _positions_rad(self) -> list[float]:
         angles = [0.0] * len(self.cell.joints)
         for slot in self._slots:
-            if slot.quantity is Quantity.POTENTIOMETER:
+            if slot.quantity is Quantity.POSITION:
                 angles[slot.joint] = sensor_scale(self.cell.joints[slot.joint], slot.quantity)(self._inputs[slot])
         return angles
 

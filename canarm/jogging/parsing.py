@@ -154,7 +154,7 @@ class Parser:
 
     def _current(self, words: list[str]) -> Command:
         joint, text = self._joint_and_one(words, "current")
-        limit = self._cell.joints[joint].amplifier.max_current_a
+        limit = self._cell.joints[joint].drive.max_current_a
         try:
             current_a = float(text)
         except ValueError:

@@ -18,7 +18,7 @@ from canarm_protocol.cell.wiring import InputSlot, card_nodes, input_slots, sens
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SENSORS = (Quantity.POTENTIOMETER, Quantity.TACHOMETER, Quantity.CURRENT_SENSE)
+SENSORS = (Quantity.POSITION, Quantity.VELOCITY, Quantity.CURRENT)
 _HALF_NS = 0.5e-9
 
 

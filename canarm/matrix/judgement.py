@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from canarm_controller.supervision.detection import Reaction
 from canarm_protocol.cell.model import Cell, Quantity
-from canarm_protocol.cell.wiring import sensor_scale
+from canarm_protocol.cell.sensing import position_steps_rad
 
 from .evidence import SENSORS, Evidence, Floats, Motion, Notice
 
@@ -176,7 +176,7 @@ def sensor_error(cell: Cell, run: Evidence) -> Bools:
     for quantity, truth, floor in zip(SENSORS, truths, _floors(cell), strict=True):
         following = np.append(truth[1:], truth[-1:], axis=0)
         low, high = np.minimum(truth, following), np.maximum(truth, following)
-        if quantity is Quantity.CURRENT_SENSE:
+        if quantity is Quantity.CURRENT:
             turns = (low < 0.0) & (high > 0.0)
             low, high = np.where(turns, 0.0, np.minimum(abs(low), abs(high))), np.maximum(abs(low), abs(high))
         seen = run.seen[quantity]
@@ -278,16 +278,15 @@ def _all(condition: Bools) -> Bools:
 
 def _floors(cell: Cell) -> tuple[Floats, Floats, Floats]:
     """Floors of angle, speed and current, each (joints,): 3 LSB, 5 % and 10 % of full scale."""
-    sensors = [joint.sensors for joint in cell.joints]
     return (
         POTENTIOMETER_FLOOR_LSB * _steps_rad(cell),
-        np.array([TACHOMETER_FLOOR * each.tachometer_full_scale_rad_s for each in sensors]),
-        np.array([CURRENT_FLOOR * each.current_sense_full_scale_a for each in sensors]),
+        np.array([TACHOMETER_FLOOR * joint.fastest_rad_s for joint in cell.joints]),
+        np.array([CURRENT_FLOOR * joint.drive.max_current_a for joint in cell.joints]),
     )
 
 
 def _steps_rad(cell: Cell) -> Floats:
-    return np.array([sensor_scale(joint, Quantity.POTENTIOMETER).step for joint in cell.joints])
+    return np.array(position_steps_rad(cell))
 
 
 def _elapsed_s(motion: Motion, cycle: int, row: int) -> float:

@@ -68,8 +68,7 @@ def false_alarms(scenario: Scenario, cell: Cell, payload_factor: float) -> list[
 
     As long as a run with a fault. A run that ends is noticed at least by what has ended it.
     """
-    last = cell.joints[-1]
-    truth = {f"{last.name}.mass": last.link.mass_kg * payload_factor}
+    truth = {f"{cell.joint_names[-1]}.mass": cell.joints[-1].mass_kg * payload_factor}
     with Rig(cell, scenario.law, scenario.trajectory, seed=scenario.seed, truth=truth) as rig:
         rig.run(seconds=INJECTED_S + OBSERVED_S)
         return [

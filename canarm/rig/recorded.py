@@ -13,8 +13,8 @@ import numpy as np
 from canarm_controller.run.recording import SIGNALS_FILE as CONTROLLER_FILE
 from canarm_controller.supervision.detection import Detection, Reaction
 from canarm_emulator.serving.recording import SIGNALS_FILE as ROBOT_FILE
-from canarm_protocol.cell.model import Cell, Quantity
-from canarm_protocol.cell.wiring import sensor_scale
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.sensing import position_steps_rad
 from canarm_protocol.faults.fault_events import FAULT_BEGINS, FAULT_ENDS, FaultEvent, event_from_plain
 from canarm_protocol.runs.run_folder import EVENTS_FILE, SIGNALS_FOLDER
 
@@ -66,8 +66,8 @@ class RecordedHistory:
 def recorded_joints(cell: Cell, history: RecordedHistory) -> Joints:
     """The joints of a run, as `Rig.joints`."""
     return Joints(
-        (joint.name, RigJoint(history, index, joint.name, sensor_scale(joint, Quantity.POTENTIOMETER).step))
-        for index, joint in enumerate(cell.joints)
+        (name, RigJoint(history, index, name, step_rad))
+        for index, (name, step_rad) in enumerate(zip(cell.joint_names, position_steps_rad(cell), strict=True))
     )
 
 

@@ -63,9 +63,9 @@ def judged(evidence: Evidence, is_dangerous: bool = False) -> Findings:
 @pytest.mark.parametrize(
     ("sensor", "floor"),
     [
-        (Quantity.POTENTIOMETER, 3 * LSB_RAD),
-        (Quantity.TACHOMETER, 0.125),  # 5 % of 2.5 rad/s
-        (Quantity.CURRENT_SENSE, 0.15),  # 10 % of 1.5 A
+        (Quantity.POSITION, 3 * LSB_RAD),
+        (Quantity.VELOCITY, 0.125),  # 5 % of 2.5 rad/s
+        (Quantity.CURRENT, 0.15),  # 10 % of 1.5 A
     ],
 )
 def test_the_clock_starts_when_a_sensor_is_off_by_more_than_its_floor(sensor: Quantity, floor: float) -> None:
@@ -92,11 +92,11 @@ def test_the_clock_starts_when_the_truth_leaves_the_twin(signal: str, floor: flo
 def test_a_sample_taken_between_two_syncs_may_have_any_value_between_theirs() -> None:
     stepping = a_run()
     stepping.motion.current_a[150:, 0] = -1.0
-    stepping.seen[Quantity.CURRENT_SENSE][149:, 0] = 0.6  # magnitude, on the way from 0 to 1 A
-    stepping.seen[Quantity.CURRENT_SENSE][150:, 0] = 1.0
+    stepping.seen[Quantity.CURRENT][149:, 0] = 0.6  # magnitude, on the way from 0 to 1 A
+    stepping.seen[Quantity.CURRENT][150:, 0] = 1.0
     twin = dataclasses.replace(a_run(), motion=stepping.motion)
     assert judge(CELL, stepping, twin, False).clock_s is None
-    stepping.seen[Quantity.CURRENT_SENSE][149, 0] = 1.2
+    stepping.seen[Quantity.CURRENT][149, 0] = 1.2
     assert judge(CELL, stepping, twin, False).clock_s == pytest.approx(49 * CYCLE_S)
 
 
@@ -184,7 +184,7 @@ def test_a_late_cell_says_how_late_and_why_it_is_not_tolerated() -> None:
     erring.motion.angle_rad[150:, 0] = 3.1 * LSB_RAD
     assert why(judged(erring)) == "late: 70 ms > 25 ms; not tolerated: error 3.1 LSB > 3 LSB"  # 28 cycles
     stopped = a_run((noticed(178, stops=True),), is_running=False)
-    stopped.seen[Quantity.TACHOMETER][150:] = 1.0
+    stopped.seen[Quantity.VELOCITY][150:] = 1.0
     assert why(judged(stopped)) == "late: 70 ms > 25 ms; not tolerated: stopped"
 
 
@@ -255,7 +255,7 @@ def test_the_controller_has_seen_the_last_tpdo_that_came_before_the_next_sync() 
     frames = [Received(0.0006, low), Received(0.0026, high), Received(0.0027, high._replace(data=b"\0"))]
     seen = seen_by_controller(CELL, frames, np.array([0.0, 0.0025, 0.005]))
     step_rad = LSB_RAD
-    assert seen[Quantity.POTENTIOMETER][:, 0] == pytest.approx(np.array([-27.5, 72.5, 72.5]) * step_rad)
+    assert seen[Quantity.POSITION][:, 0] == pytest.approx(np.array([-27.5, 72.5, 72.5]) * step_rad)
 
 
 def test_zero_outputs_and_nmt_stop_are_seen_on_the_bus() -> None:

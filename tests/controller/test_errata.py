@@ -261,8 +261,10 @@ def test_printed_gravity_terms_take_wrong_angles_and_a_sign_that_only_a_negative
 def test_tachometer_reaches_0_v_where_the_paper_prints_minus_5_v() -> None:
     """2.5 V at rest and +5 V at full speed one way leave 0 V the other way; −5 V would be 255 codes below zero."""
     joint = CELL.joints[0]
-    scale = sensor_scale(joint, Quantity.TACHOMETER)
-    volts = joint.sensors.full_scale_v / FULL_SCALE_CODE
+    scale = sensor_scale(joint, Quantity.VELOCITY)
+    tachometer = joint.sensors.tachometer
+    assert tachometer is not None
+    volts = tachometer.full_scale_v / FULL_SCALE_CODE
     assert scale(5.0 / volts) == pytest.approx(2.5)
     assert scale(0.0 / volts) == pytest.approx(-2.5)
     assert scale(-5.0 / volts) == pytest.approx(-7.5)

@@ -136,9 +136,9 @@ def test_nothing_is_left_on_the_way_of_a_sensor_when_its_fault_is_over() -> None
         seen.append(volts)
         return volts
 
-    bench.rack.distort_input(0, Quantity.TACHOMETER, look)
+    bench.rack.distort_input(0, Quantity.VELOCITY, look)
     bench.receive(sync_frame(None))
-    bench.rack.distort_input(0, Quantity.TACHOMETER, None)
+    bench.rack.distort_input(0, Quantity.VELOCITY, None)
     bench.receive(sync_frame(None))
     assert len(seen) == 1
 

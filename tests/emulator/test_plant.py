@@ -69,10 +69,10 @@ def pinocchio_model(robot: Robot, truth: Sequence[JointTruth], rotors: bool) -> 
         link: Joint = joint
         placement = frame * turn((0.0, 0.0, 1.0), link.link.theta_offset_deg)
         parent = model.addJoint(parent, pin.JointModelRZ(), placement, joint.name)
-        shift = pin.SE3(np.eye(3), np.array([joint.link.a_m, 0.0, joint.link.d_m]))
-        frame = shift * turn((1.0, 0.0, 0.0), joint.link.alpha_deg)
-        inertia = np.diag(joint.link.inertia_kg_m2) * true.mass_kg / joint.link.mass_kg
-        body = pin.Inertia(true.mass_kg, np.array(joint.link.centre_of_mass_m), inertia)
+        shift = pin.SE3(np.eye(3), np.array([joint.dh_link.a_m, 0.0, joint.dh_link.d_m]))
+        frame = shift * turn((1.0, 0.0, 0.0), joint.dh_link.alpha_deg)
+        inertia = np.diag(joint.dh_link.inertia_kg_m2) * true.mass_kg / joint.dh_link.mass_kg
+        body = pin.Inertia(true.mass_kg, np.array(joint.dh_link.centre_of_mass_m), inertia)
         model.appendBodyToJoint(parent, body, frame)
         payload = pin.Inertia(true.payload_kg, np.zeros(3), np.zeros((3, 3)))
         model.appendBodyToJoint(parent, payload, frame)

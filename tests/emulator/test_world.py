@@ -55,7 +55,7 @@ def test_the_arm_stays_parked_until_a_bridge_is_on_while_time_passes() -> None:
     world.set_direction(0, Direction.CLOCKWISE)
     world.set_direction(0, Direction.OFF)
     world.set_direction(1, 0b11)
-    world.scan(in_sequence([world.source(0, Quantity.POTENTIOMETER)], 100_000))
+    world.scan(in_sequence([world.source(0, Quantity.POSITION)], 100_000))
     world.advance(2_000_000_000)
     assert world.parked
     assert angles(world) == home
@@ -128,8 +128,8 @@ def test_each_source_is_sampled_at_its_own_time() -> None:
     set_currents(world, 1.5, 0.6)
     start_ns = world.time_ns
     sources = [world.source(joint, q) for joint in range(2) for q in SENSED] + [
-        world.source(0, Quantity.CURRENT_SENSE),
-        world.source(0, Quantity.POTENTIOMETER),
+        world.source(0, Quantity.CURRENT),
+        world.source(0, Quantity.POSITION),
     ]
     volts = world.scan(in_sequence(sources, 100_000))
     assert world.time_ns == start_ns + 800_000
@@ -149,7 +149,7 @@ def test_converters_that_begin_together_sample_side_by_side_each_at_its_own_time
     world, twin = new_world(SILENT), new_world(SILENT, max_step_us=10)
     for each in (world, twin):
         set_currents(each, -1.5, 0.6)
-    fast, slow = world.source(0, Quantity.CURRENT_SENSE), world.source(1, Quantity.CURRENT_SENSE)
+    fast, slow = world.source(0, Quantity.CURRENT), world.source(1, Quantity.CURRENT)
     schedule = ScanSchedule.merged([([fast] * 3, 100_000), ([slow] * 2, 150_000)])
     assert schedule.offsets_ns == (0, 0, 100_000, 150_000, 200_000)
     volts = world.scan(schedule)
@@ -159,13 +159,13 @@ def test_converters_that_begin_together_sample_side_by_side_each_at_its_own_time
         assert sampled_v == pytest.approx(twin.sample(source), abs=1e-9)
 
 
-SENSED = (Quantity.POTENTIOMETER, Quantity.TACHOMETER, Quantity.CURRENT_SENSE)
+SENSED = (Quantity.POSITION, Quantity.VELOCITY, Quantity.CURRENT)
 
 
 def test_the_current_sense_follows_the_rise_of_the_current_from_sample_to_sample() -> None:
     world = new_world(SILENT)
     set_currents(world, -1.5, 0.1)
-    volts = world.scan(in_sequence([world.source(0, Quantity.CURRENT_SENSE)] * 8, 100_000))
+    volts = world.scan(in_sequence([world.source(0, Quantity.CURRENT)] * 8, 100_000))
     assert volts == pytest.approx([5 * (1 - math.exp(-i * 100 / 500)) for i in range(8)], abs=1e-12)
 
 
@@ -174,7 +174,7 @@ def test_with_an_elastic_wire_the_potentiometer_sits_on_the_joint_and_the_tachom
     set_currents(world, 1.5, 0.1)
     world.advance(4_000_000)
     joint = world.state()[0]
-    sources = [world.source(0, Quantity.POTENTIOMETER), world.source(0, Quantity.TACHOMETER)]
+    sources = [world.source(0, Quantity.POSITION), world.source(0, Quantity.VELOCITY)]
     potentiometer_v, tachometer_v = world.scan(in_sequence(sources, 1))
     assert potentiometer_v == pytest.approx(2.5 + math.degrees(joint.angle_rad) * 5 / 270, abs=1e-6)
     assert tachometer_v == pytest.approx(2.5 + joint.motor_speed_rad_s, abs=1e-6)
@@ -192,7 +192,7 @@ def test_a_rigid_wire_moves_motor_and_joint_as_one() -> None:
 
 def test_the_noise_has_the_level_of_the_cell() -> None:
     world = new_world()
-    source = world.source(0, Quantity.POTENTIOMETER)
+    source = world.source(0, Quantity.POSITION)
     volts = [world.scan(in_sequence([source], 100_000))[0] for _ in range(20_000)]
     lsb_v = 5 / 255
     assert statistics.stdev(volts) == pytest.approx(0.3 * lsb_v, rel=0.02)  # 4 standard errors of 20000 samples
@@ -280,7 +280,7 @@ def test_a_scan_needs_time_and_an_empty_one_takes_none() -> None:
     assert world.scan(in_sequence([], 100_000)) == []
     assert world.time_ns == 0
     with pytest.raises(ValueError, match="conversion_ns = 0"):
-        world.scan(in_sequence([world.source(0, Quantity.TACHOMETER)], 0))
+        world.scan(in_sequence([world.source(0, Quantity.VELOCITY)], 0))
 
 
 def test_an_integration_that_diverges_is_an_error_and_not_a_number() -> None:
@@ -337,7 +337,7 @@ def test_on_a_broken_wire_the_tachometer_and_the_back_emf_follow_the_motor_and_t
     assert joint.angle_rad == pytest.approx(-math.pi / 2, abs=0.01)
     assert abs(joint.speed_rad_s) < 0.05
     assert joint.motor_angle_rad > 4.0
-    potentiometer, tachometer = (world.source(0, q) for q in (Quantity.POTENTIOMETER, Quantity.TACHOMETER))
+    potentiometer, tachometer = (world.source(0, q) for q in (Quantity.POSITION, Quantity.VELOCITY))
     assert world.sample(potentiometer) == pytest.approx(2.5 + math.degrees(joint.angle_rad) * 5 / 270, abs=1e-9)
     assert world.sample(tachometer) == 5.0  # beyond its 2.5 rad/s
     world.change(Truth.from_settings(CELL, SILENT))

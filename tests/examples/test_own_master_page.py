@@ -10,8 +10,8 @@ import pytest
 from canarm.cli import run
 from canarm_protocol.cell.bench_objects import bench_pdos, sdo_channel
 from canarm_protocol.cell.cell_file import load_cell
-from canarm_protocol.cell.model import Cell, Quantity
-from canarm_protocol.cell.wiring import card_nodes, current_scale, sensor_scale, wired_signals
+from canarm_protocol.cell.model import Cell, Command, Quantity
+from canarm_protocol.cell.wiring import WiredSignal, card_nodes, current_scale, sensor_scale, wired_signals
 from canarm_protocol.transport.port import open_port
 from canarm_protocol.transport.sdo_session import SdoSession
 
@@ -30,12 +30,12 @@ def page(root, name: str) -> str:
     return (root / name).read_text(encoding="utf-8")
 
 
-def meaning(cell: Cell, joint: int, quantity: Quantity) -> str:
-    if quantity is Quantity.DIRECTION:
+def meaning(cell: Cell, signal: WiredSignal) -> str:
+    if signal.leaf == Command.DIRECTION:
         return "00 off, 01 clockwise, 10 counter-clockwise (positive)"
-    is_output = quantity is Quantity.CURRENT_COMMAND
-    scale = current_scale(cell.joints[joint]) if is_output else sensor_scale(cell.joints[joint], quantity)
-    unit = {Quantity.POTENTIOMETER: "rad", Quantity.TACHOMETER: "rad/s"}.get(quantity, "A")
+    joint, quantity = cell.joints[signal.joint], signal.quantity
+    scale = current_scale(joint) if quantity is None else sensor_scale(joint, quantity)
+    unit = {Quantity.POSITION: "rad", Quantity.VELOCITY: "rad/s"}.get(quantity, "A")
     code = f"(code − {scale.zero:g})" if scale.zero else "code"
     return f"{code} × {scale.step:.4g} {unit}"
 
@@ -47,11 +47,11 @@ def process_data(cell: Cell) -> list[str]:
         for layout in (*node.rpdos, *node.tpdos):
             for signal in wired_signals(cell, node, layout):
                 last_bit = signal.start_bit + signal.bit_length - 1
-                what = meaning(cell, signal.joint, signal.quantity)
+                what = meaning(cell, signal)
                 rows.append(
                     f"| `0x{layout.cob_id:03X}` | {layout.kind.upper()}{layout.number} of {node.card.name}, "
                     f"node 0x{node.card.node_id:02X} | {signal.start_bit}–{last_bit} | "
-                    f"{cell.joint_names[signal.joint]}.{signal.quantity} | {what} |"
+                    f"{cell.joint_names[signal.joint]}.{signal.leaf} | {what} |"
                 )
     return rows
 

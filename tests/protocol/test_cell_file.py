@@ -1,11 +1,14 @@
 """A wrong cell is answered with one line a problem: file, key, value, and what would be right."""
 
+import math
 import os
 
 import pytest
 
 from canarm_protocol.cell.cell_checks import MOST_JOINTS, problems
 from canarm_protocol.cell.cell_file import load_cell, parse_cell, setting_keys, shipped_cells
+from canarm_protocol.cell.robot_checks import joint_problems
+from canarm_protocol.cell.sensing import joint_sensors
 from canarm_protocol.errors import CellError, ProtocolError
 
 TEXT = shipped_cells()["konkuk1"]
@@ -90,7 +93,8 @@ def test_a_cell_is_read_from_a_file(tmp_path) -> None:
         (
             "joint3.direction",
             "Joint 3",
-            'card \'latch\'.channel 2.signal = "Joint 3": must be "<joint>.<quantity>", such as "joint2.potentiometer"',
+            "card 'latch'.channel 2.signal = \"Joint 3\": "
+            'must be "<joint>.<command or sensor>", such as "joint2.potentiometer"',
         ),
     ],
 )
@@ -211,14 +215,14 @@ def test_an_unknown_key_comes_with_the_nearest_known_one(old: str, new: str, lin
             "joint 'joint2'.home_deg = 131: must lie within limits_deg = [-130, 130]",
         ),
         (
-            "tachometer_zero_v = 2.5",
-            "tachometer_zero_v = 5.0",
-            "joint 'joint2'.sensors.tachometer_zero_v = 5: must lie between 0 and full_scale_v = 5",
+            "joint speed, either way\nzero_v = 2.5",
+            "joint speed, either way\nzero_v = 5.0",
+            "joint 'joint2'.sensors.tachometer.zero_v = 5: must lie between 0 and full_scale_v = 5",
         ),
         (
-            "potentiometer_zero_v = 2.5",
-            "potentiometer_zero_v = 5.5",
-            "joint 'joint2'.sensors.potentiometer_zero_v = 5.5: must be at most full_scale_v = 5",
+            "zero_v = 2.5                         # at",
+            "zero_v = 5.5                         # at",
+            "joint 'joint2'.sensors.potentiometer.zero_v = 5.5: must be at most full_scale_v = 5",
         ),
         (
             "conversion_us = 100",
@@ -239,11 +243,12 @@ def test_an_adc_that_just_fits_into_the_cycle_is_accepted() -> None:
 def test_joints_on_one_adc_share_its_reference_voltage() -> None:
     joint2, joint3 = TEXT.split('name = "joint3"')
     joint3 = joint3.replace("full_scale_v = 5.0", "full_scale_v = 5.5")
-    text = joint2 + 'name = "joint3"' + joint3.replace("potentiometer_zero_v = 2.5", "potentiometer_zero_v = 2.75")
+    text = joint2 + 'name = "joint3"' + joint3.replace("\nzero_v = 2.5", "\nzero_v = 2.75")
     with pytest.raises(CellError) as caught:
         parse_cell(text, "my.toml")
     assert str(caught.value) == (
-        "my.toml: card 'adc': its joints' sensors.full_scale_v must be the same; they are 5 (joint2), 5.5 (joint3)"
+        "my.toml: card 'adc': its sensors' full_scale_v must be the same; "
+        "they are 5 (joint2.potentiometer), 5.5 (joint3.potentiometer)"
     )
 
 
@@ -418,3 +423,42 @@ def test_a_line_end_in_a_name_is_written_as_an_escape() -> None:
     with pytest.raises(CellError) as caught:
         load_cell("a\nb\x1b[2J")
     assert str(caught.value).startswith(r"a\nb\x1b[2J: no such file")
+
+
+OLD_JOINT = TEXT.replace("[robot.joint.drive]\nkind", "[robot.joint.amplifier]\nkind", 1)
+
+
+def test_a_cell_written_the_old_way_is_told_how_it_is_written_now() -> None:
+    with pytest.raises(CellError) as caught:
+        parse_cell(OLD_JOINT, "my.toml")
+    (line,) = str(caught.value).splitlines()
+    assert line.startswith(
+        "my.toml: joint 'joint2'.amplifier: is written the old way; a drive is now [robot.joint.drive]"
+    )
+    assert "[robot.joint.sensors.potentiometer] range_deg" in line
+
+
+def test_joints_of_two_robots_that_share_a_name_carry_their_robots() -> None:
+    cell = parse_cell(TEXT, "my.toml")
+    (one,) = cell.robot
+    two = one.model_copy(update={"name": "other", "number": 2, "joint": one.joint[:1]})
+    both = cell.model_copy(update={"robot": (one, two)})
+    assert both.joint_names == ("konkuk1_joint2", "joint3", "other_joint2")
+    assert both.joint_index("other", "joint2") == 2
+
+
+def test_a_sensor_that_is_mounted_the_other_way_falls_as_the_joint_turns() -> None:
+    cell = parse_cell(TEXT.replace("range_deg = 270.0 ", "sign = -1\nrange_deg = 270.0 "), "my.toml")
+    scale = joint_sensors(cell)[0].position.scale
+    assert (scale(0), scale(255)) == pytest.approx((math.radians(135), math.radians(-135)))
+
+
+def test_a_joint_needs_a_position_sensor_and_exactly_one_of_link_and_body() -> None:
+    cell = parse_cell(TEXT, "my.toml")
+    joint = cell.joints[0]
+    blind = joint.model_copy(update={"link": None, "sensors": joint.sensors.model_copy(update={"potentiometer": None})})
+    assert list(joint_problems("joint2", blind)) == [
+        "joint 'joint2': has neither [robot.joint.link] nor [robot.joint.body]; give one",
+        "joint 'joint2'.sensors: none measures position; a joint needs one, "
+        "such as [robot.joint.sensors.potentiometer]",
+    ]

@@ -59,7 +59,7 @@ def test_only_wired_channels_are_mapped() -> None:
 
 
 def test_every_input_has_its_place_in_a_frame() -> None:
-    position, speed, current = Quantity.POTENTIOMETER, Quantity.TACHOMETER, Quantity.CURRENT_SENSE
+    position, speed, current = Quantity.POSITION, Quantity.VELOCITY, Quantity.CURRENT
     assert input_slots(CELL, NODES) == (
         InputSlot(0x14, 0x294, 0, position, 0),
         InputSlot(0x14, 0x294, 1, position, 1),
@@ -73,19 +73,19 @@ def test_every_input_has_its_place_in_a_frame() -> None:
 def test_sensor_scales_are_those_of_the_parts() -> None:
     """Potentiometer 270 degrees on 0..5 V (1.059 degrees a step), tachometer ±2.5 rad/s (0.0196), current 1.5 A."""
     joint = CELL.joints[0]
-    angle = sensor_scale(joint, Quantity.POTENTIOMETER)
+    angle = sensor_scale(joint, Quantity.POSITION)
     assert math.degrees(angle.step) == pytest.approx(1.059, abs=5e-4)
     assert math.degrees(angle(0)) == pytest.approx(-135.0)
     assert math.degrees(angle(255)) == pytest.approx(135.0)
-    speed = sensor_scale(joint, Quantity.TACHOMETER)
+    speed = sensor_scale(joint, Quantity.VELOCITY)
     assert speed.step == pytest.approx(0.0196, abs=5e-5)
     assert (speed(0), speed(127.5), speed(255)) == pytest.approx((-2.5, 0.0, 2.5))
-    current = sensor_scale(joint, Quantity.CURRENT_SENSE)
+    current = sensor_scale(joint, Quantity.CURRENT)
     assert (current(0), current(255)) == pytest.approx((0.0, 1.5))
 
 
-def test_an_output_has_no_sensor_scale() -> None:
-    with pytest.raises(
-        ValueError, match=r"^direction is no sensor; sensors are potentiometer, tachometer and current_sense$"
-    ):
-        sensor_scale(CELL.joints[0], Quantity.DIRECTION)
+def test_a_sensor_that_a_joint_lacks_has_no_scale() -> None:
+    joint = CELL.joints[0]
+    without = joint.model_copy(update={"sensors": joint.sensors.model_copy(update={"tachometer": None})})
+    with pytest.raises(ValueError, match=r"^joint 'joint2' has no sensor that measures velocity$"):
+        sensor_scale(without, Quantity.VELOCITY)

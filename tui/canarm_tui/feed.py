@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from canarm_protocol.canopen.frames import Cob, Frame
 from canarm_protocol.canopen.pdo import PdoLayout
 from canarm_protocol.cell.bench_objects import DIVIDER, INTERNALS, SDO_CHANNELS, bench_pdos, sdo_channel
-from canarm_protocol.cell.model import Cell, Quantity
-from canarm_protocol.cell.wiring import sensor_scale
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.sensing import position_steps_rad
 
 from .faults import FaultSignal
 from .rings import FIELDS, ReferenceRing, SampleRing
@@ -46,8 +46,8 @@ class Feed:
         self._cycle_s = cell.bus.cycle_s
         self._window = max(1, round(WINDOW_S / cell.bus.cycle_s))
         self._match = max(1, round(MATCH_S / cell.bus.cycle_s))
-        self._lsb_rad = np.array([sensor_scale(joint, Quantity.POTENTIOMETER).step for joint in joints])
-        self._limit_a = np.array([joint.amplifier.max_current_a for joint in joints]) * (1.0 - _LIMIT_TOLERANCE)
+        self._lsb_rad = np.array(position_steps_rad(cell))
+        self._limit_a = np.array([joint.drive.max_current_a for joint in joints]) * (1.0 - _LIMIT_TOLERANCE)
         self._samples = SampleRing(self._window, len(joints))
         self._references = ReferenceRing(2 * self._window, len(joints))
         self._row = [0.0] * (FIELDS * len(joints))

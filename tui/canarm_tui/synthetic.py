@@ -7,8 +7,8 @@ import math
 
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.bench_objects import DIVIDER, bench_pdos
-from canarm_protocol.cell.model import Cell, Quantity
-from canarm_protocol.cell.wiring import sensor_scale
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.sensing import position_steps_rad
 
 REFERENCE_LAG = 8
 """References come in batches of this many ticks, that much later."""
@@ -22,7 +22,7 @@ class SyntheticBench:
     def __init__(self, cell: Cell, divider: int = DIVIDER) -> None:
         self._cell, self._divider = cell, divider
         self._pdos = bench_pdos(cell)
-        self._lsb_rad = [sensor_scale(joint, Quantity.POTENTIOMETER).step for joint in cell.joints]
+        self._lsb_rad = position_steps_rad(cell)
         self._next_tick = 0
 
     def reference_rad(self, joint: int, cycle: int) -> float:
@@ -55,7 +55,7 @@ class SyntheticBench:
 
     def _truth(self, joint: int, cycle: int) -> list[Frame]:
         truth, drive = self._pdos.truth[joint], self._pdos.drive[joint]
-        limit_a = self._cell.joints[joint].amplifier.max_current_a
+        limit_a = self._cell.joints[joint].drive.max_current_a
         angle = self.reference_rad(joint, cycle) + self.error_lsb(joint, cycle) * self._lsb_rad[joint]
         speed = (self.reference_rad(joint, cycle + 1) - self.reference_rad(joint, cycle)) / self._cell.bus.cycle_s
         wanted_a = 1.2 * limit_a * math.sin(self._phase(joint, cycle) + 0.4)

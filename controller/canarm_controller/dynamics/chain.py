@@ -80,7 +80,7 @@ def chain_of(robot: Robot) -> Chain:
     if not 1 <= len(robot.joint) <= MAX_JOINTS:
         raise DynamicsError(f"robot {robot.name!r} has {len(robot.joint)} joints; must have 1 to {MAX_JOINTS}")
     check_parameters(robot)
-    links = tuple(_chain_link(joint.name, joint.link) for joint in robot.joint)
+    links = tuple(_chain_link(joint.name, joint.dh_link) for joint in robot.joint)
     return Chain(robot.name, links, robot.gravity_m_s2)
 
 
@@ -88,7 +88,7 @@ def check_parameters(robot: Robot) -> None:
     """Raise `DynamicsError` if a parameter of the links is not a finite number; says which."""
     _check_finite(f"robot {robot.name!r}, gravity_m_s2", robot.gravity_m_s2)
     for joint in robot.joint:
-        for key, value in joint.link:
+        for key, value in joint.solid:
             _check_finite(f"robot {robot.name!r}, {joint.name}.link.{key}", value)
 
 

@@ -64,15 +64,15 @@ class NominalArm:
         """The arm of a cell's nominal parameters. Raises `DynamicsError` unless it is a planar pair of joints."""
         _check_planar_pair(robot)
         first, second = robot.joint
-        reach = first.link.a_m
-        first_mass, second_mass = first.link.mass_kg, second.link.mass_kg
+        reach = first.dh_link.a_m
+        first_mass, second_mass = first.dh_link.mass_kg, second.dh_link.mass_kg
         (x1, y1), (x2, y2) = _centre_from_axis(first), _centre_from_axis(second)
-        offset1, offset2 = (radians(joint.link.theta_offset_deg) for joint in robot.joint)
+        offset1, offset2 = (radians(joint.dh_link.theta_offset_deg) for joint in robot.joint)
         gravity = hypot(*robot.gravity_m_s2[:2])
         downward = atan2(robot.gravity_m_s2[1], robot.gravity_m_s2[0])
         moment1 = first_mass * x1 + second_mass * reach, first_mass * y1
-        own2 = second.link.inertia_kg_m2[2] + second_mass * (x2**2 + y2**2)
-        own1 = first.link.inertia_kg_m2[2] + first_mass * (x1**2 + y1**2) + second_mass * reach**2
+        own2 = second.dh_link.inertia_kg_m2[2] + second_mass * (x2**2 + y2**2)
+        own1 = first.dh_link.inertia_kg_m2[2] + first_mass * (x1**2 + y1**2) + second_mass * reach**2
         coupling = second_mass * reach * hypot(x2, y2)
         phase = atan2(y2, x2) + offset2
         rotor = first.motor.reflected_inertia_kg_m2, second.motor.reflected_inertia_kg_m2
@@ -88,7 +88,7 @@ class NominalArm:
             viscous_nm_s=(first.motor.viscous_friction_nm_s, second.motor.viscous_friction_nm_s),
             coulomb_nm=(first.motor.coulomb_friction_nm, second.motor.coulomb_friction_nm),
             torque_per_ampere=(first.motor.torque_per_ampere, second.motor.torque_per_ampere),
-            max_current_a=(first.amplifier.max_current_a, second.amplifier.max_current_a),
+            max_current_a=(first.drive.max_current_a, second.drive.max_current_a),
             effective_inertia=(at_home + rotor[0], own2 + rotor[1]),
         )
 
@@ -181,8 +181,8 @@ class NominalArm:
 
 def _centre_from_axis(joint: Joint) -> Pair:
     """Centre of mass from the joint's own axis: the link's frame sits `a_m` further along x (Denavit-Hartenberg)."""
-    x, y, _ = joint.link.centre_of_mass_m
-    return joint.link.a_m + x, y
+    x, y, _ = joint.dh_link.centre_of_mass_m
+    return joint.dh_link.a_m + x, y
 
 
 def is_planar_pair(robot: Robot) -> bool:
@@ -191,7 +191,7 @@ def is_planar_pair(robot: Robot) -> bool:
 
 
 def _is_untwisted(joint: Joint) -> bool:
-    return isclose(cos(radians(joint.link.alpha_deg)), 1.0, abs_tol=1e-12)
+    return isclose(cos(radians(joint.dh_link.alpha_deg)), 1.0, abs_tol=1e-12)
 
 
 def _check_planar_pair(robot: Robot) -> None:
@@ -202,7 +202,7 @@ def _check_planar_pair(robot: Robot) -> None:
     for joint in robot.joint:
         if not _is_untwisted(joint):
             raise DynamicsError(
-                f"robot {robot.name!r}, {joint.name}.link.alpha_deg = {joint.link.alpha_deg}: must be 0; the closed "
+                f"robot {robot.name!r}, {joint.name}.link.alpha_deg = {joint.dh_link.alpha_deg}: must be 0; the closed "
                 "form takes 2 parallel revolute joints that move in one plane"
             )
     check_parameters(robot)

@@ -83,7 +83,7 @@ class SerialArm:
             viscous_nm_s=viscous,
             coulomb_nm=coulomb,
             torque_per_ampere=tuple(motor.torque_per_ampere for motor in motors),
-            max_current_a=tuple(joint.amplifier.max_current_a for joint in robot.joint),
+            max_current_a=tuple(joint.drive.max_current_a for joint in robot.joint),
             effective_inertia=tuple(map(sum, zip(diagonal, rotor, strict=True))),
             torque_nm=compile_scalar(torque_program(chain, drive), names),
             coriolis=compile_scalar(coriolis_program(chain), names),

@@ -72,9 +72,9 @@ class Limits:
             joint_names=cell.joint_names,
             low_deg=tuple(joint.limits_deg[0] for joint in cell.joints),
             high_deg=tuple(joint.limits_deg[1] for joint in cell.joints),
-            speed_rad_s=tuple(joint.sensors.tachometer_full_scale_rad_s for joint in cell.joints),
+            speed_rad_s=tuple(joint.fastest_rad_s for joint in cell.joints),
             period_s=cell.bus.cycle_s,
-            current_a=tuple(joint.amplifier.max_current_a for joint in cell.joints),
+            current_a=tuple(joint.drive.max_current_a for joint in cell.joints),
             arm=nominal_arm(cell.robot[0]) if len(cell.robot) == 1 else None,
         )
 

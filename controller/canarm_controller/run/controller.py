@@ -10,7 +10,7 @@ from enum import IntEnum
 from canarm_protocol.canopen.dictionary import CODE_SHIFT, SYNC_OVERFLOW, default_value
 from canarm_protocol.canopen.frames import Cob, Frame, NmtState, heartbeat_frame, sync_frame
 from canarm_protocol.canopen.pdo import PdoLayout
-from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.model import SENSOR_KINDS, Cell, Quantity
 from canarm_protocol.cell.wiring import CardNode, InputSlot, OutputFrames
 from canarm_protocol.clock import Clock
 
@@ -31,7 +31,7 @@ STOPPING_S = 2.0
 FINAL_CYCLES = 2
 """A run that ends as planned needs two more SYNCs: the zero outputs of the first act at the second."""
 MISSING_NOTED = DETECTORS["inputs-missing"].debounce_cycles
-MEASURED = Quantity.POTENTIOMETER, Quantity.TACHOMETER, Quantity.CURRENT_SENSE
+MEASURED = Quantity.POSITION, Quantity.VELOCITY, Quantity.CURRENT
 SKEW_FRACTION = 5
 """An interval that is off by less than a fifth of a cycle is a cycle: at 2 rad/s it moves the angle by 0.05 LSB."""
 CLEAR_CYCLES, UNCLEAR_ANSWERS = 4, 2
@@ -287,9 +287,10 @@ class Controller:
         codes = [0] * len(self.cell.joints)
         for node in self._nodes:
             for channel in node.card.channel:
-                if channel.quantity == Quantity.POTENTIOMETER:
+                kind = SENSOR_KINDS.get(channel.leaf)
+                if kind is not None and kind.quantity is Quantity.POSITION:
                     code = yield from read_input(node, channel.number)
-                    codes[self.cell.joint_names.index(channel.joint)] = code
+                    codes[self.cell.far_joint(node.card, channel)] = code
         self.loop.begin(codes)
         self._watch.start(self.loop.cycle.position_rad)
 

@@ -7,7 +7,8 @@ beyond what it returns.
 from collections.abc import Callable, Mapping, Sequence
 
 from canarm_protocol.cell.model import Cell, Quantity
-from canarm_protocol.cell.wiring import FULL_SCALE_CODE, InputSlot, sensor_scale
+from canarm_protocol.cell.sensing import joint_sensors
+from canarm_protocol.cell.wiring import FULL_SCALE_CODE, InputSlot
 
 from ..dynamics import NominalArm
 from ..errors import ControllerError, LawError, TrajectoryError
@@ -65,7 +66,7 @@ class ControlLoop:
                 f"law {law.name!r} supplies the torque of the model itself; use --feedforward none, "
                 f"not {self.feedforward_kind}"
             )
-        limits_a = [joint.amplifier.max_current_a for joint in cell.joints]
+        limits_a = [joint.drive.max_current_a for joint in cell.joints]
         self.memory = MemoryImage(len(cell.joints), limits_a)
         self._feedforward = make_feedforward(
             self.feedforward_kind, self.arm, self.memory, law.feedforward_excludes_inertia, LEAD_CYCLES * self.period_s
@@ -81,16 +82,16 @@ class ControlLoop:
         """How long the law took in the last cycle, if that is measured."""
         self._limits_a = limits_a
         self._torque_per_ampere = list(self.arm.torque_per_ampere)
-        conversion_s = {channel.signal: card.conversion_us * 1e-6 for card in cell.card for channel in card.channel}
+        sensors = joint_sensors(cell)
         self._places: dict[Quantity, list[tuple[int, float, float, float]]] = {}
         for place, slot in sorted(enumerate(slots), key=lambda item: item[1].joint):
-            scale = sensor_scale(cell.joints[slot.joint], slot.quantity)
-            rank = sum(other.node_id == slot.node_id for other in slots[:place])
-            skew_s = rank * conversion_s[f"{cell.joint_names[slot.joint]}.{slot.quantity}"]
-            self._places.setdefault(slot.quantity, []).append((place, scale.zero, scale.step, skew_s))
-        self._positions = self._places[Quantity.POTENTIOMETER]
-        self._velocities = self._places[Quantity.TACHOMETER]
-        self._currents = self._places[Quantity.CURRENT_SENSE]
+            wired = sensors[slot.joint].measuring(slot.quantity)
+            if wired is not None:
+                scale, skew_s = wired.scale, wired.skew_s
+                self._places.setdefault(slot.quantity, []).append((place, scale.zero, scale.step, skew_s))
+        self._positions = self._places[Quantity.POSITION]
+        self._velocities = self._places[Quantity.VELOCITY]
+        self._currents = self._places[Quantity.CURRENT]
         self._block: Reference | None = None
         self._block_tick = self._chunk_tick = 0
         self._reference: list[tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]] = []

@@ -35,15 +35,15 @@ class ArmWatch:
         self._arm, period_s = arm, cell.bus.cycle_s
         self._report = report
         limits = cell.supervision
-        positions_lsb = [sensor_scale(joint, Quantity.POTENTIOMETER).step for joint in cell.joints]
-        speeds_lsb = [sensor_scale(joint, Quantity.TACHOMETER).step for joint in cell.joints]
+        positions_lsb = [sensor_scale(joint, Quantity.POSITION).lsb for joint in cell.joints]
+        speeds_lsb = [sensor_scale(joint, Quantity.VELOCITY).lsb for joint in cell.joints]
         self.joints: list[JointWitness] = []
         self.currents: list[CurrentWatch] = []
         for index, joint in enumerate(cell.joints):
             tell = self._teller(index)
-            skew = skew_s(index, Quantity.TACHOMETER)
+            skew = skew_s(index, Quantity.VELOCITY)
             self.joints.append(JointWitness(limits, positions_lsb[index], speeds_lsb[index], skew, period_s, tell))
-            skew = skew_s(index, Quantity.CURRENT_SENSE)
+            skew = skew_s(index, Quantity.CURRENT)
             self.currents.append(CurrentWatch(joint, limits, skew, speeds_lsb[index], period_s, tell))
         self._surprise = SurpriseWatch(
             self.joints, arm.torque_per_ampere, limits.acceleration_mismatch_rad_s2, period_s, report

@@ -52,13 +52,13 @@ class CurrentWatch:
     ) -> None:
         motor = joint.motor
         self._report = report
-        self._step_a = sensor_scale(joint, Quantity.CURRENT_SENSE).step
+        self._step_a = sensor_scale(joint, Quantity.CURRENT).step
         self._limit_a = limits.current_mismatch_a
         self._flutter_limit_a = FLUTTER_SHARE * limits.current_mismatch_a
         self._weight = math.exp(-skew_s / (motor.winding_mh * 1e-3 / motor.winding_ohm))
-        self._supply_v, self._ohm = joint.amplifier.supply_v, motor.winding_ohm / SUPPLY_SHARE
+        self._supply_v, self._ohm = joint.drive.supply_v, motor.winding_ohm / SUPPLY_SHARE
         self._emf_v = motor.back_emf_v_s_rad
-        self._fastest_rad_s = FASTEST_SHARE * joint.sensors.tachometer_full_scale_rad_s
+        self._fastest_rad_s = FASTEST_SHARE * joint.fastest_rad_s
         self._amperes = 1.0 / motor.torque_per_ampere
         self._period_s, self._speed_lsb = period_s, speed_lsb
         self.cycles = 0

@@ -7,8 +7,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from canarm_protocol.cell.model import Cell, Quantity
-from canarm_protocol.cell.wiring import sensor_scale
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.sensing import position_steps_rad
 
 from ..robot.world import JointState
 
@@ -99,8 +99,8 @@ class Assessor:
     """Figures of a run, begun anew at every cycle 0."""
 
     def __init__(self, cell: Cell) -> None:
-        self._lsb_rad = [sensor_scale(joint, Quantity.POTENTIOMETER).step for joint in cell.joints]
-        self._limit_a = [joint.amplifier.max_current_a * (1.0 - 1e-9) for joint in cell.joints]
+        self._lsb_rad = position_steps_rad(cell)
+        self._limit_a = [joint.drive.max_current_a * (1.0 - 1e-9) for joint in cell.joints]
         self._truth: list[tuple[int, Sequence[JointState]] | None] = [None] * KEPT_CYCLES
         self._supply_limited: Sequence[int] = [0] * len(cell.joints)
         self.scores = [JointScore(lsb, SpeedRipple()) for lsb in self._lsb_rad]

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 from canarm_protocol.canopen.dictionary import ANALOGUE_INPUT, ANALOGUE_INPUT_8
 from canarm_protocol.canopen.pdo import MappedObject
-from canarm_protocol.cell.model import Card, CardModel, Cell, Quantity
+from canarm_protocol.cell.model import SENSOR_KINDS, Card, CardModel, Cell, Quantity
+from canarm_protocol.cell.sensing import fitted_sensor
+from canarm_protocol.cell.sensors import AnalogueSensor
 
 from ..node.io_device import IoDevice
 from ..robot.scan_schedule import ScanSchedule
@@ -102,7 +104,7 @@ class Rack:
             return DacDevice(Dac0808Card(lambda channel, fraction: None))
         if card.model is CardModel.LATCH:
             return LatchDevice(Sc300Card(lambda channel, bits: None))
-        full_scale_v = self._cell.joints[0].sensors.full_scale_v
+        full_scale_v = self._reference_v(card)
         return AdcDevice(Adc0809Card(lambda channel: 0.0, full_scale_v, card.conversion_us * 1000), lambda channel: 0.0)
 
     def distort_input(self, joint: int, quantity: Quantity, distortion: Distortion | None) -> None:
@@ -141,7 +143,7 @@ class Rack:
         card.refresh(channel)
 
     def _plug_in(self, card: Card) -> IoDevice:
-        joints = {channel.number - 1: self._cell.joint_names.index(channel.joint) for channel in card.channel}
+        joints = {channel.number - 1: self._cell.far_joint(card, channel) for channel in card.channel}
         if card.model is CardModel.DAC0808:
             return self._dac(joints)
         if card.model is CardModel.LATCH:
@@ -166,10 +168,15 @@ class Rack:
         self._latches.update({joint: (card, channel) for channel, joint in joints.items()})
         return LatchDevice(card)
 
+    def _reference_v(self, card: Card) -> float:
+        """The reference of an ADC card: the full scale of its sensors, which is the same for all."""
+        sensors = (fitted_sensor(self._cell, card, channel) for channel in card.channel)
+        return next(sensor.full_scale_v for sensor in sensors if isinstance(sensor, AnalogueSensor))
+
     def _adc(self, card: Card, joints: dict[int, int]) -> AdcDevice:
         world, errors = self._world, self._truth.adc
         sources = {
-            channel.number - 1: world.source(joints[channel.number - 1], Quantity(channel.quantity))
+            channel.number - 1: world.source(joints[channel.number - 1], SENSOR_KINDS[channel.leaf].quantity)
             for channel in card.channel
         }
 
@@ -179,7 +186,7 @@ class Rack:
         conversion_ns = card.conversion_us * 1000
         adc = Adc0809Card(
             sample,
-            self._cell.joints[min(joints.values())].sensors.full_scale_v,
+            self._reference_v(card),
             conversion_ns,
             errors.offset_lsb,
             errors.gain_error,

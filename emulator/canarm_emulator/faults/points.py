@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from canarm_protocol.cell.model import Quantity
+from canarm_protocol.cell.model import SENSOR_KINDS
 
 from ..robot.truth import JointTruth, Truth
 from ..signals import Distortion
@@ -136,7 +136,7 @@ def signal_point(bench: "Bench", tap: Tap) -> SignalPoint:
         return bench.time_ns
 
     if tap.kind is TapKind.SENSOR:
-        quantity = Quantity(tap.name.rsplit(".", 1)[1])
+        quantity = SENSOR_KINDS[tap.name.rsplit(".", 1)[1]].quantity
         return SignalPoint(tap, now, lambda distort: rack.distort_input(joint, quantity, distort))
     if tap.kind is TapKind.ADC_CODE:
         node_id, channel = tap.node_id, tap.channel - 1

@@ -62,7 +62,7 @@ class Drive:
 
     def __init__(self, joint: Joint, truth: JointTruth) -> None:
         self._joint = joint
-        self._max_current_a = joint.amplifier.max_current_a
+        self._max_current_a = joint.drive.max_current_a
         self._supply_is_on = True
         self._dac_fraction = 0.0
         self._sign = 0
@@ -170,7 +170,7 @@ class Drive:
         # The op-amp's full-scale voltage cancels: the D669 stage gives max_current_a there.
         of_full_scale = min(max(self._dac_fraction / DAC_FULL_SCALE, 0.0), 1.0)
         if self._distort_opamp is not None:
-            full_scale_v = self._joint.amplifier.opamp_full_scale_v
+            full_scale_v = self._joint.drive.opamp_full_scale_v
             of_full_scale = self._distort_opamp(of_full_scale * full_scale_v) / full_scale_v
         magnitude_a = self._max_current_a * of_full_scale
         if self._distort_current is not None:

@@ -229,27 +229,28 @@ def model_xml(cell: Cell, truth: Truth) -> str:
     option = _add(root, "option", gravity=_text(*gravity), **_OPTION)
     _add(option, "flag", **dict.fromkeys(_DISABLED, "disable"))
     world = _add(root, "worldbody")
-    first = 0
+    first, names = 0, cell.joint_names
     for robot in cell.robot:
         base = _add(world, "body", name=robot.name, quat=_text(*_base_quaternion(robot, gravity)))
-        _add_chain(base, robot, truth.joints[first : first + len(robot.joint)])
-        first += len(robot.joint)
+        last = first + len(robot.joint)
+        _add_chain(base, robot, names[first:last], truth.joints[first:last])
+        first = last
     tendons = _add(root, "tendon")
-    for joint, true in zip(cell.joints, truth.joints, strict=True):
+    for name, joint, true in zip(names, cell.joints, truth.joints, strict=True):
         if true.has_elastic_wire:
-            _add_wire(world, tendons, joint, true)
+            _add_wire(world, tendons, name, joint, true)
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _add_chain(base: ElementTree.Element, robot: Robot, truth: Sequence[JointTruth]) -> None:
+def _add_chain(base: ElementTree.Element, robot: Robot, names: Sequence[str], truth: Sequence[JointTruth]) -> None:
     parent, position, quaternion = base, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
-    for joint, true in zip(robot.joint, truth, strict=True):
-        link = joint.link
+    for name, joint, true in zip(names, robot.joint, truth, strict=True):
+        link = joint.dh_link
         turned = _product(quaternion, _about_z(math.radians(link.theta_offset_deg)))
         body = _add(parent, "body", pos=_text(*position), quat=_text(*turned))
         lower, upper = map(math.radians, joint.limits_deg)
         drive = _bearing_attributes(true) if true.has_elastic_wire else _drive_attributes(joint, true)
-        _add(body, "joint", name=joint.name, axis="0 0 1", range=_text(lower, upper), **_STOP, **drive)
+        _add(body, "joint", name=name, axis="0 0 1", range=_text(lower, upper), **_STOP, **drive)
         # The link's own frame lies at its far end: A = Rz(θ)·Tz(d)·Tx(a)·Rx(α), and Rz(θ) is the hinge.
         position, quaternion = (link.a_m, 0.0, link.d_m), _about_x(math.radians(link.alpha_deg))
         centre = (p + c for p, c in zip(position, _rotated(quaternion, link.centre_of_mass_m), strict=True))
@@ -268,8 +269,10 @@ def _add_chain(base: ElementTree.Element, robot: Robot, truth: Sequence[JointTru
         parent = body
 
 
-def _add_wire(world: ElementTree.Element, tendons: ElementTree.Element, joint: Joint, truth: JointTruth) -> None:
-    rotor = f"{joint.name}.rotor"
+def _add_wire(
+    world: ElementTree.Element, tendons: ElementTree.Element, name: str, joint: Joint, truth: JointTruth
+) -> None:
+    rotor = f"{name}.rotor"
     body = _add(world, "body", name=rotor)
     _add(body, "joint", name=rotor, axis="0 0 1", **_drive_attributes(joint, truth))
     _add(body, "inertial", pos="0 0 0", mass=_ROTOR_MASS, diaginertia=_POINT_INERTIA)
@@ -280,7 +283,7 @@ def _add_wire(world: ElementTree.Element, tendons: ElementTree.Element, joint: J
     dead_band = _text(-truth.wire_dead_band_rad, truth.wire_dead_band_rad)
     wire = _add(tendons, "fixed", stiffness=_text(stiffness), damping=_text(damping), springlength=dead_band)
     _add(wire, "joint", joint=rotor, coef="1")
-    _add(wire, "joint", joint=joint.name, coef="-1")
+    _add(wire, "joint", joint=name, coef="-1")
 
 
 def _drive_attributes(joint: Joint, truth: JointTruth) -> dict[str, str]:

@@ -10,7 +10,9 @@ from typing import Self
 
 import numpy as np
 
-from canarm_protocol.cell.model import Joint, Quantity
+from canarm_protocol.cell.sensing import WiredSensor
+from canarm_protocol.cell.sensors import AnalogueSensor, Quantity
+from canarm_protocol.cell.sensors.base import highest_code
 
 from ..errors import EmulatorError
 from ..signals import Distortion
@@ -63,28 +65,24 @@ class DistortedSource(Source):
         return min(max(volts, 0.0), self.full_scale_v)
 
 
-def source(joint_index: int, joint: Joint, truth: JointTruth, quantity: Quantity) -> Source:
-    """The sensor that measures `quantity` at `joint`; true offsets are part of its zero.
+def source(wired: WiredSensor, truth: JointTruth) -> Source:
+    """The true sensor at a channel; true offsets are part of its zero.
 
-    The current sense measures the magnitude |i|: it sits at the one-way D669 stage, before the bridge.
-    The noise is counted in steps of an 8-bit reading, full_scale_v/255.
-    Raises `EmulatorError` for a quantity that no sensor measures.
+    Raises `EmulatorError` for one that gives no voltage.
     """
-    sensors = joint.sensors
-    zero_v = 0.0
-    if quantity == Quantity.POTENTIOMETER:
-        gain = sensors.full_scale_v / math.radians(sensors.potentiometer_range_deg)
-        zero_v = sensors.potentiometer_zero_v + gain * math.radians(truth.potentiometer_offset_deg)
-    elif quantity == Quantity.TACHOMETER:
-        gain = (sensors.full_scale_v - sensors.tachometer_zero_v) / sensors.tachometer_full_scale_rad_s
-        zero_v = sensors.tachometer_zero_v + gain * truth.tachometer_offset_rad_s
-    elif quantity == Quantity.CURRENT_SENSE:
-        gain = sensors.full_scale_v / sensors.current_sense_full_scale_a
-    else:
-        measured = ", ".join((Quantity.POTENTIOMETER, Quantity.TACHOMETER, Quantity.CURRENT_SENSE))
-        raise EmulatorError(f"{joint.name}.{quantity}: no sensor measures it; measured are {measured}")
-    noise_v = truth.noise_lsb * sensors.full_scale_v / 255
-    return Source(joint_index, Quantity(quantity), gain, zero_v, noise_v, sensors.full_scale_v)
+    sensor = wired.sensor
+    if not isinstance(sensor, AnalogueSensor):
+        raise EmulatorError(f"{wired.signal}: gives no voltage; an ADC cannot read it")
+    gain, full_scale_v = sensor.volts_per_unit, sensor.full_scale_v
+    zero_v = sensor.nominal_zero_v + gain * _offset(sensor.quantity, truth)
+    noise_v = truth.noise_of(sensor) * full_scale_v / highest_code(wired.bits)
+    return Source(wired.joint, sensor.quantity, gain, zero_v, noise_v, full_scale_v)
+
+
+def _offset(quantity: Quantity, truth: JointTruth) -> float:
+    if quantity is Quantity.POSITION:
+        return math.radians(truth.potentiometer_offset_deg)
+    return truth.tachometer_offset_rad_s if quantity is Quantity.VELOCITY else 0.0
 
 
 def normal_deviates(seed: int) -> Iterator[float]:

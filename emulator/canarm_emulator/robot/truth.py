@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
-from canarm_protocol.cell.model import Cell, Joint
+from canarm_protocol.cell.model import Cell, Joint, Quantity
+from canarm_protocol.cell.sensors import AnalogueSensor
 
 from ..errors import TruthError
 
@@ -28,7 +29,8 @@ class JointTruth:
     wire_stiffness_nm_rad: float
     potentiometer_offset_deg: float
     tachometer_offset_rad_s: float
-    noise_lsb: float
+    noise_lsb: float | None
+    """Of all the joint's sensors; None where each has its own."""
     supply_v: float
     initial_deg: float
     payload_kg: float = 0.0
@@ -41,6 +43,10 @@ class JointTruth:
     """An elastic wire connects nothing: the motor turns alone and the link hangs."""
     shorted_turns: float = 0.0
     """Share of the winding's turns that are shorted."""
+
+    def noise_of(self, sensor: AnalogueSensor) -> float:
+        """Noise of one of the joint's sensors, steps of its ADC."""
+        return sensor.noise_lsb if self.noise_lsb is None else self.noise_lsb
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +151,10 @@ class Truth:
             return {row.field: bool(v) if row.is_switch else v for row, v in rows if v is not None}
 
         return cls(
-            tuple(replace(_nominal(joint), **given(joint.name, _JOINT_PARAMETERS)) for joint in cell.joints),
+            tuple(
+                replace(_nominal(joint), **given(name, _JOINT_PARAMETERS))
+                for name, joint in zip(cell.joint_names, cell.joints, strict=True)
+            ),
             AdcTruth(**given("adc", _ADC_PARAMETERS)),
             DacTruth(**given("dac", _DAC_PARAMETERS)),
         )
@@ -154,11 +163,13 @@ class Truth:
 def truth_keys(cell: Cell) -> list[TruthKey]:
     """Every key that `--truth` takes for `cell`, joint by joint, then the converters."""
     keys: list[TruthKey] = []
-    for joint in cell.joints:
-        nominal = _nominal(joint)
+    for name, joint in zip(cell.joint_names, cell.joints, strict=True):
+        position = joint.sensor(Quantity.POSITION)
+        noise_lsb = position.noise_lsb if isinstance(position, AnalogueSensor) else 0.0
+        nominal = replace(_nominal(joint), noise_lsb=noise_lsb)
         for parameter in _JOINT_PARAMETERS:
             limits = joint.limits_deg if parameter.field == "initial_deg" else None
-            keys.append(parameter.key(joint.name, float(getattr(nominal, parameter.field)), limits))
+            keys.append(parameter.key(name, float(getattr(nominal, parameter.field)), limits))
     keys += [parameter.key("adc", getattr(AdcTruth(), parameter.field)) for parameter in _ADC_PARAMETERS]
     keys += [parameter.key("dac", getattr(DacTruth(), parameter.field)) for parameter in _DAC_PARAMETERS]
     return keys
@@ -166,7 +177,7 @@ def truth_keys(cell: Cell) -> list[TruthKey]:
 
 def _nominal(joint: Joint) -> JointTruth:
     return JointTruth(
-        mass_kg=joint.link.mass_kg,
+        mass_kg=joint.mass_kg,
         viscous_friction_nm_s=joint.motor.viscous_friction_nm_s,
         coulomb_friction_nm=joint.motor.coulomb_friction_nm,
         torque_constant_nm_a=joint.motor.torque_constant_nm_a,
@@ -176,8 +187,8 @@ def _nominal(joint: Joint) -> JointTruth:
         wire_stiffness_nm_rad=joint.motor.wire_stiffness_nm_rad,
         potentiometer_offset_deg=0.0,
         tachometer_offset_rad_s=0.0,
-        noise_lsb=joint.sensors.noise_lsb,
-        supply_v=joint.amplifier.supply_v,
+        noise_lsb=None,
+        supply_v=joint.drive.supply_v,
         initial_deg=joint.home_deg,
     )
 

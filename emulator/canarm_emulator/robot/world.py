@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.sensing import joint_sensors
 
 from ..errors import EmulatorError
 from ..signals import Distortion
@@ -21,7 +22,7 @@ from .truth import Truth
 
 __all__ = ["Direction", "JointState", "Quantity", "SaturatedSteps", "Source", "World"]
 
-_POTENTIOMETER, _TACHOMETER = Quantity.POTENTIOMETER, Quantity.TACHOMETER  # an enum's attribute is slow
+_POSITION, _VELOCITY = Quantity.POSITION, Quantity.VELOCITY  # an enum's attribute is slow
 _LARGEST_SPEED_RAD_S = 1e3  # no arm gets there: the integration has diverged
 
 
@@ -151,7 +152,10 @@ class World:
 
     def source(self, joint_index: int, quantity: Quantity) -> Source:
         """The sensor that measures `quantity` at a joint, for `scan`. Raises `EmulatorError` if none does."""
-        return sensors.source(joint_index, self._cell.joints[joint_index], self._truth.joints[joint_index], quantity)
+        wired = joint_sensors(self._cell)[joint_index].measuring(quantity)
+        if wired is None:
+            raise EmulatorError(f"{self._cell.joint_names[joint_index]}: no sensor measures {quantity}")
+        return sensors.source(wired, self._truth.joints[joint_index])
 
     def state(self) -> list[JointState]:
         """True state of every joint now."""
@@ -200,9 +204,9 @@ class World:
             for sample, within in samples:
                 source = sources[sample]
                 joint, quantity = source.joint_index, source.quantity
-                if quantity is _POTENTIOMETER:
+                if quantity is _POSITION:
                     value = old_angle[joint] + within * (plant.angle[joint] - old_angle[joint])
-                elif quantity is _TACHOMETER:
+                elif quantity is _VELOCITY:
                     dof = plant.motor_dof[joint]
                     value = old_speed[dof] + within * (plant.speed[dof] - old_speed[dof])
                 else:
@@ -214,9 +218,9 @@ class World:
     def sample(self, source: Source) -> float:
         """Volts of one sensor now; no time passes."""
         joint = source.joint_index
-        if source.quantity is _POTENTIOMETER:
+        if source.quantity is _POSITION:
             value = self._plant.angle[joint]
-        elif source.quantity is _TACHOMETER:
+        elif source.quantity is _VELOCITY:
             value = self._plant.speed[self._plant.motor_dof[joint]]
         else:
             value = abs(self._drives[joint].current_a)

@@ -7,7 +7,10 @@ key, value, and what would be right.
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
-from .model import CHANNEL_COUNT, CHANNELS_OF, Bus, Card, CardModel, Cell, Channel, Joint, Quantity
+from .model import CHANNEL_COUNT, CHANNELS_OF, Bus, Card, CardModel, Cell, Channel
+from .robot_checks import joint_problems, robot_problems
+from .sensing import fitted_sensor
+from .sensors import SENSOR_KINDS, AnalogueSensor
 
 BENCH_NODE_IDS = range(0x70, 0x80)
 """Below them, the COB-IDs of the bench node would meet those of its telemetry and its further SDO channels."""
@@ -22,16 +25,22 @@ def problems(cell: Cell) -> Iterator[str]:
     yield from _bus_problems(cell.bus)
     yield from _repeated("robot.number", [robot.number for robot in cell.robot])
     yield from _repeated("robot.name", [robot.name for robot in cell.robot])
+    for robot in cell.robot:
+        yield from _repeated(f"robot {robot.name!r}.joint.name", [joint.name for joint in robot.joint])
     yield from _repeated("joint.name", cell.joint_names)
     yield from _repeated("card.name", [card.name for card in cell.card])
     if len(cell.joints) > MOST_JOINTS:
         yield f"robot.joint: {len(cell.joints)} joints; a cell has at most {MOST_JOINTS}"
-    for joint in cell.joints:
-        yield from _joint_problems(joint)
+    for robot in cell.robot:
+        yield from robot_problems(robot)
+    for name, joint in zip(cell.joint_names, cell.joints, strict=True):
+        yield from joint_problems(name, joint)
     yield from _card_problems(cell)
+    robots = {robot.name for robot in cell.robot}
     wiring = list(_wiring_problems(cell))
-    yield from wiring or _unwired(cell)
-    if not wiring:
+    yield from wiring
+    if not wiring and all(card.robot in robots for card in cell.card):
+        yield from _unwired(cell)
         yield from _scan_problems(cell)
 
 
@@ -52,28 +61,6 @@ def _bus_problems(bus: Bus) -> Iterator[str]:
         yield f"bus.bench_node_id = 0x{bus.bench_node_id:02X}: must be 0x{first:02X} to 0x{last:02X}"
     if bus.controller_node_id == bus.bench_node_id:
         yield f"bus.controller_node_id = 0x{bus.controller_node_id:02X}: is bench_node_id; on the bench bus they meet"
-
-
-def _joint_problems(joint: Joint) -> Iterator[str]:
-    where, sensors = f"joint {joint.name!r}", joint.sensors
-    low, high = joint.limits_deg
-    full_v, zero_v, tachometer_v = sensors.full_scale_v, sensors.potentiometer_zero_v, sensors.tachometer_zero_v
-    if not low < high:
-        yield f"{where}.limits_deg = [{low:g}, {high:g}]: must be [lower, upper] with lower < upper"
-    elif not low <= joint.home_deg <= high:
-        yield f"{where}.home_deg = {joint.home_deg:g}: must lie within limits_deg = [{low:g}, {high:g}]"
-    if not tachometer_v or tachometer_v >= full_v:
-        yield f"{where}.sensors.tachometer_zero_v = {tachometer_v:g}: must lie between 0 and full_scale_v = {full_v:g}"
-    if zero_v > full_v:
-        yield f"{where}.sensors.potentiometer_zero_v = {zero_v:g}: must be at most full_scale_v = {full_v:g}"
-        return
-    range_deg = sensors.potentiometer_range_deg
-    lowest, highest = -range_deg * zero_v / full_v, range_deg * (1.0 - zero_v / full_v)
-    if low < lowest or high > highest:
-        yield (
-            f"{where}.limits_deg = [{low:g}, {high:g}]: the potentiometer sees {lowest:g} to {highest:g} degrees; "
-            "stay within"
-        )
 
 
 def _card_problems(cell: Cell) -> Iterator[str]:
@@ -97,7 +84,7 @@ def _card_problems(cell: Cell) -> Iterator[str]:
 
 def _wiring_problems(cell: Cell) -> Iterator[str]:
     joints = {robot.name: [joint.name for joint in robot.joint] for robot in cell.robot}
-    wired: dict[str, str] = {}
+    wired: dict[tuple[str, str], str] = {}
     for card in cell.card:
         allowed, count = CHANNELS_OF[card.model], CHANNEL_COUNT[card.model]
         seen: set[int] = set()
@@ -110,30 +97,34 @@ def _wiring_problems(cell: Cell) -> Iterator[str]:
             if card.robot in joints and channel.joint not in joints[card.robot]:
                 known = _listed(joints[card.robot])
                 yield f"{_signal(where, channel)}: robot {card.robot!r} has no joint {channel.joint!r}; it has {known}"
-            elif channel.quantity not in allowed:
+            elif channel.leaf not in allowed:
                 yield f"{_signal(where, channel)}: card model {card.model} takes <joint>.{_listed(allowed, ' or ')}"
+            elif channel.leaf in SENSOR_KINDS and card.robot in joints and fitted_sensor(cell, card, channel) is None:
+                yield f"{_signal(where, channel)}: the joint has no [robot.joint.sensors.{channel.leaf}]"
             elif channel.error_value > HIGHEST_ERROR_VALUE[card.model]:
                 highest = HIGHEST_ERROR_VALUE[card.model]
                 right = f"must be from 0 to {highest}" if highest else "an input has none; leave it out"
                 yield f"{where}.error_value = {channel.error_value}: {right}"
-            elif channel.signal in wired:
-                yield f"{_signal(where, channel)}: is wired to {wired[channel.signal]} already; wire it once"
+            elif (card.robot, channel.signal) in wired:
+                other = wired[card.robot, channel.signal]
+                yield f"{_signal(where, channel)}: is wired to {other} already; wire it once"
             seen.add(channel.number)
-            wired.setdefault(channel.signal, where)
+            wired.setdefault((card.robot, channel.signal), where)
 
 
 def _unwired(cell: Cell) -> Iterator[str]:
-    wired = {channel.signal for card in cell.card for channel in card.channel}
-    for joint in cell.joint_names:
-        for quantity in Quantity:
-            if f"{joint}.{quantity}" not in wired:
-                models = _listed((model for model, allowed in CHANNELS_OF.items() if quantity in allowed), " or ")
-                yield f'card.channel: "{joint}.{quantity}" is not wired; a channel of card model {models} takes it'
+    wired = {(card.robot, channel.signal) for card in cell.card for channel in card.channel}
+    for robot in cell.robot:
+        for joint in robot.joint:
+            for leaf in (*joint.drive.commands, *(sensor.kind for sensor in joint.sensors.fitted())):
+                if (robot.name, f"{joint.name}.{leaf}") not in wired:
+                    models = _listed((model for model, allowed in CHANNELS_OF.items() if leaf in allowed), " or ")
+                    yield f'card.channel: "{joint.name}.{leaf}" is not wired; a channel of card model {models} takes it'
 
 
 def _scan_problems(cell: Cell) -> Iterator[str]:
     """An ADC converts all its wired channels in every cycle, against one reference voltage."""
-    bus, joints = cell.bus, {joint.name: joint for joint in cell.joints}
+    bus = cell.bus
     for card in cell.card:
         if card.model is not CardModel.ADC0809:
             continue
@@ -143,10 +134,14 @@ def _scan_problems(cell: Cell) -> Iterator[str]:
                 f"card {card.name!r}.conversion_us = {card.conversion_us}: a scan of {len(card.channel)} channels and "
                 f"bus.compute_delay_us = {bus.compute_delay_us} do not fit into bus.cycle_us = {bus.cycle_us}"
             )
-        references = {joints[channel.joint].sensors.full_scale_v: channel.joint for channel in card.channel}
+        references: dict[float, str] = {}
+        for channel in card.channel:
+            sensor = fitted_sensor(cell, card, channel)
+            if isinstance(sensor, AnalogueSensor):
+                references.setdefault(sensor.full_scale_v, channel.signal)
         if len(references) > 1:
-            listed = _listed(f"{volts:g} ({joint})" for volts, joint in references.items())
-            yield f"card {card.name!r}: its joints' sensors.full_scale_v must be the same; they are {listed}"
+            listed = _listed(f"{volts:g} ({signal})" for volts, signal in references.items())
+            yield f"card {card.name!r}: its sensors' full_scale_v must be the same; they are {listed}"
 
 
 def _repeated(key: str, values: Sequence[object]) -> Iterator[str]:

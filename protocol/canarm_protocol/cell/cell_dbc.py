@@ -35,8 +35,9 @@ from .bench_objects import (
     bench_dictionary,
 )
 from .dbc_file import ANY_NODE, NAME_LENGTH, Database, Message, Signal, short_names
-from .model import Cell, Quantity
-from .wiring import DEGREE, CardNode, DirectionBits, WiredSignal, card_nodes, wired_signals
+from .model import SENSOR_KINDS, Cell, Command, Quantity
+from .table import DEGREE
+from .wiring import CardNode, DirectionBits, WiredSignal, card_nodes, wired_signals
 
 CONTROLLER, BENCH = "controller", "bench"
 ROBOT_BUS, BENCH_BUS = "can0", "bench"
@@ -60,14 +61,13 @@ SIGNAL_NAMES = {
     **{INTERNAL + number: f"internal_{number + 1}" for number in range(INTERNALS)},
 }
 """Signal names of the bench node's objects, as short as the format asks for."""
-_JOINT_NAME_LENGTH = NAME_LENGTH - 1 - max(map(len, (*SIGNAL_NAMES.values(), *Quantity)))
+_JOINT_NAME_LENGTH = NAME_LENGTH - 1 - max(map(len, (*SIGNAL_NAMES.values(), *Command, *SENSOR_KINDS)))
 _NODE_NAME_LENGTH = NAME_LENGTH - len("_SDO_response_9")
 _UNITS = {
-    Quantity.CURRENT_COMMAND: "A",
-    Quantity.DIRECTION: "",
-    Quantity.POTENTIOMETER: "deg",
-    Quantity.TACHOMETER: "rad/s",
-    Quantity.CURRENT_SENSE: "A",
+    Quantity.POSITION: "deg",
+    Quantity.VELOCITY: "rad/s",
+    Quantity.CURRENT: "A",
+    None: "A",
 }
 _CYCLIC_TYPES = range(1, 241)
 _SDO_SERVERS = range(0x1200, 0x1280)
@@ -206,10 +206,11 @@ def _telemetry_ms(cell: Cell, layout: PdoLayout) -> float | None:
 
 
 def _wired_signal(wired: WiredSignal, joint: str) -> Signal:
-    per_unit = 1.0 / DEGREE if wired.quantity is Quantity.POTENTIOMETER else 1.0
+    is_direction = wired.leaf == Command.DIRECTION
+    per_unit = 1.0 / DEGREE if wired.quantity is Quantity.POSITION else 1.0
     factor, offset = wired.factor * per_unit, _tidy(wired.offset * per_unit)
     return Signal(
-        f"{joint}_{wired.quantity}",
+        f"{joint}_{wired.leaf}",
         wired.start_bit,
         wired.bit_length,
         is_signed=wired.is_signed,
@@ -217,8 +218,8 @@ def _wired_signal(wired: WiredSignal, joint: str) -> Signal:
         offset=offset,
         minimum=offset,
         maximum=_tidy(factor * wired.highest_raw + offset),
-        unit=_UNITS[wired.quantity],
-        choices=_words(DirectionBits, "-") if wired.quantity is Quantity.DIRECTION else {},
+        unit="" if is_direction else _UNITS[wired.quantity],
+        choices=_words(DirectionBits, "-") if is_direction else {},
     )
 
 

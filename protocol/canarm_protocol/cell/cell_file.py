@@ -13,6 +13,7 @@ from ..text_file import read_text
 from .cell_checks import problems
 from .cell_messages import explain, keys_at, nearest
 from .model import Cell
+from .old_cells import old_writing
 
 SETTABLE = ("control", "supervision")
 """The tables whose keys `--set` takes."""
@@ -77,6 +78,9 @@ def parse_cell(text: str, source: str, settings: Mapping[str, str] | None = None
     for key, value in settings.items():
         _lay_over(table, key, value)
     table = _frozen(table, source)
+    is_old = old_writing(table)
+    if is_old is not None:
+        raise CellError(f"{source}: {printable(is_old)}")
     try:
         cell = Cell.model_validate(table)
     except ValidationError as error:

@@ -13,7 +13,7 @@ Location = tuple[str | int, ...]
 _NAME = "must be lower-case letters, digits, '-' and '_', beginning with a letter, at most 32"
 LONGEST_NODE_ID = 3
 """Digits of a node-ID in decimal, 1 to 127; names have them in hexadecimal, node.0x12."""
-_SIGNAL = 'must be "<joint>.<quantity>", such as "joint2.potentiometer"'
+_SIGNAL = 'must be "<joint>.<command or sensor>", such as "joint2.potentiometer"'
 
 _RULES: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "greater_than": lambda limits: f"must be greater than {limits['gt']:g}",

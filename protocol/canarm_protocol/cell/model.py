@@ -1,27 +1,29 @@
 """The schema of a cell: robots, cards, wiring, bus and control gains, as frozen values.
 
 A cell holds *nominal* parameters, known to every program. What differs in the true robot never enters here. What
-several values must have in common, `cell_checks.py` says.
+several values must have in common, `cell_checks.py` says; robots are described in `arm.py`, `drives.py` and `sensors`.
 Units stand in the key names; angles are degrees in the file because people write the file.
 """
 
+from collections import Counter
 from enum import StrEnum
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+from .arm import Body, Joint, Link, Motor, Robot
+from .drives import D669, Command, Drive
+from .sensors import SENSOR_KINDS, AnalogueSensor, Quantity, Sensor, Sensors
+from .table import Finite, Name, NonNegative, Positive, Table, Vector
+
+__all__ = [
+    "CHANNELS_OF", "CHANNEL_COUNT", "D669", "SENSOR_KINDS", "Body", "Bus", "Card", "CardModel", "Cell", "Channel",
+    "Command", "Control", "Drive", "Finite", "Joint", "Link", "Motor", "MrasGains", "MrasLyapunovGains", "Name",
+    "NodeId", "NonNegative", "ObserverGains", "Physics", "Positive", "Quantity", "Robot", "Sensor", "Sensors",
+    "SlotineLiGains", "Supervision", "Table", "Vector",
+]  # fmt: skip
+
 NodeId = Annotated[int, Field(ge=1, le=127)]
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]*$", max_length=32)]
-Vector = tuple[Finite, Finite, Finite]
-
-
-class Table(BaseModel):
-    """One table of the TOML file: strict types, unknown keys refused, frozen."""
-
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
 
 
 class CardModel(StrEnum):
@@ -30,16 +32,6 @@ class CardModel(StrEnum):
     DAC0808 = "dac0808"
     LATCH = "sc300"
     ADC0809 = "adc0809"
-
-
-class Quantity(StrEnum):
-    """What a card channel is wired to at a joint."""
-
-    CURRENT_COMMAND = "current_command"
-    DIRECTION = "direction"
-    POTENTIOMETER = "potentiometer"
-    TACHOMETER = "tachometer"
-    CURRENT_SENSE = "current_sense"
 
 
 class Bus(Table):
@@ -70,93 +62,11 @@ class Physics(Table):
     max_step_us: Annotated[int, Field(ge=10, le=2000)]
 
 
-class Link(Table):
-    """Standard Denavit-Hartenberg parameters of one revolute joint and the inertia of its link.
-
-    `centre_of_mass_m` and `inertia_kg_m2` (principal moments about the centre of mass) are in the link's own frame.
-    """
-
-    a_m: Finite
-    alpha_deg: Finite
-    d_m: Finite
-    theta_offset_deg: Finite = 0.0
-    mass_kg: Positive
-    centre_of_mass_m: Vector
-    inertia_kg_m2: tuple[NonNegative, NonNegative, NonNegative]
-
-
-class Motor(Table):
-    """DC motor, gear and wire drive of one joint."""
-
-    torque_constant_nm_a: Positive
-    gear_ratio: Positive
-    gear_efficiency: Annotated[float, Field(gt=0, le=1)]
-    rotor_inertia_kg_m2: Positive
-    winding_ohm: Positive
-    winding_mh: Positive
-    viscous_friction_nm_s: NonNegative
-    coulomb_friction_nm: NonNegative
-    wire_stiffness_nm_rad: Positive
-
-    @property
-    def torque_per_ampere(self) -> float:
-        """K_I: joint torque per ampere of motor current, N·m/A."""
-        return self.torque_constant_nm_a * self.gear_ratio * self.gear_efficiency
-
-    @property
-    def reflected_inertia_kg_m2(self) -> float:
-        """Rotor inertia seen at the joint, N²·J_rotor, kg·m²."""
-        return self.rotor_inertia_kg_m2 * self.gear_ratio**2
-
-    @property
-    def back_emf_v_s_rad(self) -> float:
-        """Back-EMF per rad/s of joint speed, V·s/rad (K_e = K_t in SI units)."""
-        return self.torque_constant_nm_a * self.gear_ratio
-
-
-class Amplifier(Table):
-    """Op-amp and D669 current amplifier with its bridge."""
-
-    max_current_a: Positive
-    supply_v: Positive
-    opamp_full_scale_v: Positive
-
-
-class Sensors(Table):
-    """Scale factors of the joint's sensors, as voltages at the ADC."""
-
-    potentiometer_range_deg: Positive
-    potentiometer_zero_v: NonNegative
-    tachometer_full_scale_rad_s: Positive
-    tachometer_zero_v: NonNegative
-    current_sense_full_scale_a: Positive
-    full_scale_v: Positive
-    noise_lsb: NonNegative
-
-
-class Joint(Table):
-    """One joint with its link, drive and sensors."""
-
-    name: Name
-    home_deg: Finite
-    limits_deg: tuple[Finite, Finite]
-    link: Link
-    motor: Motor
-    amplifier: Amplifier
-    sensors: Sensors
-
-
-class Robot(Table):
-    """A serial arm of revolute joints, base to tip."""
-
-    name: Name
-    number: Annotated[int, Field(ge=1, le=7)]
-    gravity_m_s2: Vector
-    joint: Annotated[tuple[Joint, ...], Field(min_length=1, max_length=6)]
-
-
 class Channel(Table):
-    """One wire: channel `number` of a card (1-based, as CiA 401 counts) to `signal` = "<joint>.<quantity>"."""
+    """One wire: channel `number` of a card (1-based, as CiA 401 counts) to `signal` = "<joint>.<command or sensor>".
+
+    The joint has the name that it has in the card's robot.
+    """
 
     number: Annotated[int, Field(ge=1, le=8)]
     signal: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]*\.[a-z_]+$")]
@@ -169,8 +79,8 @@ class Channel(Table):
         return self.signal.split(".")[0]
 
     @property
-    def quantity(self) -> str:
-        """Name of the quantity at the far end of the wire, a value of `Quantity`."""
+    def leaf(self) -> str:
+        """What is at the far end of the wire: a `Command` of the joint's drive, or the kind of one of its sensors."""
         return self.signal.split(".")[1]
 
 
@@ -258,12 +168,12 @@ class Supervision(Table):
     acceleration_mismatch_rad_s2: Positive = 4.0
 
 
-CHANNELS_OF: dict[CardModel, tuple[Quantity, ...]] = {
-    CardModel.DAC0808: (Quantity.CURRENT_COMMAND,),
-    CardModel.LATCH: (Quantity.DIRECTION,),
-    CardModel.ADC0809: (Quantity.POTENTIOMETER, Quantity.TACHOMETER, Quantity.CURRENT_SENSE),
+CHANNELS_OF: dict[CardModel, tuple[str, ...]] = {
+    CardModel.DAC0808: (Command.CURRENT,),
+    CardModel.LATCH: (Command.DIRECTION,),
+    CardModel.ADC0809: tuple(name for name, kind in SENSOR_KINDS.items() if issubclass(kind, AnalogueSensor)),
 }
-"""Which quantities can be wired to which card."""
+"""What can be wired to which card: commands of drives, and kinds of sensor."""
 
 CHANNEL_COUNT: dict[CardModel, int] = {CardModel.DAC0808: 4, CardModel.LATCH: 4, CardModel.ADC0809: 8}
 """Channels of a card: four DAC0808s behind two 4-bit latches each; eight latch bits, two a joint; an 8-channel ADC."""
@@ -288,5 +198,22 @@ class Cell(Table):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of `joints`, in the same order."""
-        return tuple(joint.name for joint in self.joints)
+        """Names of `joints` in the whole cell, in the same order: `<robot>_<joint>` where robots share the name."""
+        count = Counter(joint.name for joint in self.joints)
+        return tuple(
+            f"{robot.name}_{joint.name}" if count[joint.name] > 1 else joint.name
+            for robot in self.robot
+            for joint in robot.joint
+        )
+
+    def joint_index(self, robot: str, joint: str) -> int:
+        """The place in `joints` of a robot's joint, by the robot's name and its own. Raises `KeyError`."""
+        places = ((each.name, joint.name) for each in self.robot for joint in each.joint)
+        for index, place in enumerate(places):
+            if place == (robot, joint):
+                return index
+        raise KeyError(f"{robot}.{joint}")
+
+    def far_joint(self, card: Card, channel: Channel) -> int:
+        """The place in `joints` of the joint to which a channel of `card` is wired. Raises `KeyError`."""
+        return self.joint_index(card.robot, channel.joint)

@@ -18,6 +18,7 @@ from ..canopen.dictionary import (
 )
 from ..canopen.pdo import Kind, MappedObject, PdoLayout, read_layouts
 from .model import Card, Cell, Joint, Quantity
+from .sensors import SENSOR_KINDS, SensorScale
 
 BITS_A_JOINT = 2
 """Direction bits of one joint in the latch; channel n sits at bits 2n-2 and 2n-1."""
@@ -82,7 +83,7 @@ def input_slots(cell: Cell, nodes: Sequence[CardNode]) -> tuple[InputSlot, ...]:
             for position, mapped in enumerate(layout.objects):
                 if mapped.index == ANALOGUE_INPUT:
                     channel = channels[mapped.subindex]
-                    joint, quantity = cell.joint_names.index(channel.joint), Quantity(channel.quantity)
+                    joint, quantity = cell.far_joint(node.card, channel), SENSOR_KINDS[channel.leaf].quantity
                     slots.append(InputSlot(node.card.node_id, layout.cob_id, position, quantity, joint))
     return tuple(slots)
 
@@ -93,7 +94,7 @@ class OutputFrames:
     def __init__(self, cell: Cell, nodes: Sequence[CardNode]) -> None:
         self._frames: list[tuple[PdoLayout, tuple[tuple[int, int], ...], bool]] = []
         for node in nodes:
-            joints = {channel.number: cell.joint_names.index(channel.joint) for channel in node.card.channel}
+            joints = {channel.number: cell.far_joint(node.card, channel) for channel in node.card.channel}
             for layout in node.rpdos:
                 if layout.objects[0].index == ANALOGUE_OUTPUT:
                     sources = tuple((joints[mapped.subindex], CODE_SHIFT) for mapped in layout.objects)
@@ -116,47 +117,34 @@ class OutputFrames:
         return packed
 
 
-@dataclass(frozen=True, slots=True)
-class SensorScale:
-    """Turns an 8-bit code into its physical quantity: value = (code - zero) x step."""
+def sensor_scale(joint: Joint, quantity: Quantity, bits: int = 8) -> SensorScale:
+    """Nominal scale of the sensor of `joint` that measures `quantity`: rad, rad/s or A a code of `bits` bits.
 
-    zero: float
-    step: float
-
-    def __call__(self, code: float) -> float:
-        """The quantity at `code`."""
-        return (code - self.zero) * self.step
-
-
-def sensor_scale(joint: Joint, quantity: Quantity) -> SensorScale:
-    """Nominal scale of a sensor of `joint`: rad, rad/s or A a code of potentiometer, tachometer or current sense."""
-    sensors = joint.sensors
-    volts = sensors.full_scale_v / FULL_SCALE_CODE
-    if quantity is Quantity.POTENTIOMETER:
-        radians = sensors.potentiometer_range_deg * DEGREE
-        return SensorScale(sensors.potentiometer_zero_v / volts, radians / FULL_SCALE_CODE)
-    if quantity is Quantity.TACHOMETER:
-        span = sensors.full_scale_v - sensors.tachometer_zero_v
-        return SensorScale(sensors.tachometer_zero_v / volts, sensors.tachometer_full_scale_rad_s / span * volts)
-    if quantity is Quantity.CURRENT_SENSE:
-        return SensorScale(0.0, sensors.current_sense_full_scale_a / FULL_SCALE_CODE)
-    raise ValueError(f"{quantity} is no sensor; sensors are potentiometer, tachometer and current_sense")
+    Raises `ValueError` if the joint has none.
+    """
+    sensor = joint.sensor(quantity)
+    if sensor is None:
+        raise ValueError(f"joint {joint.name!r} has no sensor that measures {quantity}")
+    return sensor.scale(bits)
 
 
 def current_scale(joint: Joint) -> SensorScale:
     """Nominal scale of the DAC channel that drives `joint`: A of motor current a code, without sign."""
-    return SensorScale(0.0, joint.amplifier.max_current_a / FULL_SCALE_CODE)
+    return joint.drive.current_scale()
 
 
 @dataclass(frozen=True, slots=True)
 class WiredSignal:
-    """One joint's quantity in a PDO: joint (index in `cell.joints`), its bits, and value = raw x factor + offset.
+    """One joint's command or sensor in a PDO: joint (index in `cell.joints`), its bits, value = raw x factor + offset.
+
+    `leaf` is a `Command`, or the kind of a sensor with what it measures in `quantity`.
 
     Values are in rad, rad/s or A, with raw from 0 to `highest_raw`; a direction is a `DirectionBits`.
     """
 
     joint: int
-    quantity: Quantity
+    leaf: str
+    quantity: Quantity | None
     start_bit: int
     bit_length: int
     is_signed: bool
@@ -170,19 +158,17 @@ def wired_signals(cell: Cell, node: CardNode, layout: PdoLayout) -> tuple[WiredS
     signals = []
     for mapped, start_bit in zip(layout.objects, layout.bit_offsets, strict=True):
         for channel in node.card.channel:
-            joint, quantity = cell.joint_names.index(channel.joint), Quantity(channel.quantity)
+            joint, leaf = cell.far_joint(node.card, channel), channel.leaf
             if mapped.index == DIGITAL_OUTPUT:
                 bit = start_bit + BITS_A_JOINT * (channel.number - 1)
-                signals.append(WiredSignal(joint, quantity, bit, BITS_A_JOINT, False, 1.0, 0.0, max(DirectionBits)))
+                signals.append(WiredSignal(joint, leaf, None, bit, BITS_A_JOINT, False, 1.0, 0.0, max(DirectionBits)))
             elif mapped.subindex == channel.number:
-                is_output = mapped.index == ANALOGUE_OUTPUT
-                scale = current_scale(cell.joints[joint]) if is_output else sensor_scale(cell.joints[joint], quantity)
+                kind = SENSOR_KINDS.get(leaf)
+                quantity = None if kind is None else kind.quantity
+                joint_itself = cell.joints[joint]
+                scale = current_scale(joint_itself) if quantity is None else sensor_scale(joint_itself, quantity)
                 factor, highest_raw = scale.step / (1 << CODE_SHIFT), FULL_SCALE_CODE << CODE_SHIFT
                 signals.append(
-                    WiredSignal(joint, quantity, start_bit, mapped.bits, True, factor, scale(0), highest_raw)
+                    WiredSignal(joint, leaf, quantity, start_bit, mapped.bits, True, factor, scale(0), highest_raw)
                 )
     return tuple(sorted(signals, key=lambda signal: signal.start_bit))
-
-
-DEGREE = 0.017453292519943295
-"""One degree in rad."""

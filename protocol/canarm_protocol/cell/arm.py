@@ -1,0 +1,132 @@
+"""The schema of a robot: links or bodies, motors, drives and sensors of its joints, and where its base stands.
+
+Nominal values; what differs in the true robot never enters.
+"""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from .drives import Drive
+from .sensors import Quantity, Sensor, Sensors
+from .table import Finite, Name, NonNegative, Positive, Table, Vector
+
+
+class Link(Table):
+    """Standard Denavit-Hartenberg parameters of one revolute joint and the inertia of its link.
+
+    `centre_of_mass_m` and `inertia_kg_m2` (principal moments about the centre of mass) are in the link's own frame.
+    """
+
+    a_m: Finite
+    alpha_deg: Finite
+    d_m: Finite
+    theta_offset_deg: Finite = 0.0
+    mass_kg: Positive
+    centre_of_mass_m: Vector
+    inertia_kg_m2: tuple[NonNegative, NonNegative, NonNegative]
+
+
+class Body(Table):
+    """One revolute joint and its link as URDF has them: the joint's frame at angle 0 in the frame of the link before.
+
+    `origin_rpy_deg` turns about the fixed axes x, y, z in this order. The joint turns about `axis`, a unit vector in
+    its frame; the link's frame is the joint's frame turned about it. `centre_of_mass_m` is in the link's frame, and so
+    is `inertia_kg_m2` = [ixx, iyy, izz, ixy, ixz, iyz] about the centre of mass.
+    """
+
+    origin_m: Vector
+    origin_rpy_deg: Vector = (0.0, 0.0, 0.0)
+    axis: Vector = (0.0, 0.0, 1.0)
+    mass_kg: Positive
+    centre_of_mass_m: Vector
+    inertia_kg_m2: tuple[NonNegative, NonNegative, NonNegative, Finite, Finite, Finite]
+
+
+class Motor(Table):
+    """DC motor, gear and wire drive of one joint."""
+
+    torque_constant_nm_a: Positive
+    gear_ratio: Positive
+    gear_efficiency: Annotated[float, Field(gt=0, le=1)]
+    rotor_inertia_kg_m2: Positive
+    winding_ohm: Positive
+    winding_mh: Positive
+    viscous_friction_nm_s: NonNegative
+    coulomb_friction_nm: NonNegative
+    wire_stiffness_nm_rad: Positive
+
+    @property
+    def torque_per_ampere(self) -> float:
+        """K_I: joint torque per ampere of motor current, N·m/A."""
+        return self.torque_constant_nm_a * self.gear_ratio * self.gear_efficiency
+
+    @property
+    def reflected_inertia_kg_m2(self) -> float:
+        """Rotor inertia seen at the joint, N²·J_rotor, kg·m²."""
+        return self.rotor_inertia_kg_m2 * self.gear_ratio**2
+
+    @property
+    def back_emf_v_s_rad(self) -> float:
+        """Back-EMF per rad/s of joint speed, V·s/rad (K_e = K_t in SI units)."""
+        return self.torque_constant_nm_a * self.gear_ratio
+
+
+class Joint(Table):
+    """One joint with its link (exactly one of `link` and `body`), motor, drive and sensors."""
+
+    name: Name
+    home_deg: Finite
+    limits_deg: tuple[Finite, Finite]
+    link: Link | None = None
+    body: Body | None = None
+    motor: Motor
+    drive: Drive
+    sensors: Sensors
+
+    @property
+    def solid(self) -> Link | Body:
+        """What moves with the joint: mass, centre of mass and inertia, in its own frame."""
+        solid = self.body or self.link
+        assert solid is not None, f"joint {self.name!r} has neither link nor body"
+        return solid
+
+    @property
+    def dh_link(self) -> Link:
+        """The joint's Denavit-Hartenberg link. Raises `ValueError` where it has a body instead."""
+        if self.link is None:
+            raise ValueError(f"joint {self.name!r} has a body, no Denavit-Hartenberg link")
+        return self.link
+
+    @property
+    def mass_kg(self) -> float:
+        """Mass of what moves with the joint."""
+        return self.solid.mass_kg
+
+    def sensor(self, quantity: Quantity) -> Sensor | None:
+        """The sensor that measures `quantity`; None without one."""
+        return self.sensors.measuring(quantity)
+
+    @property
+    def fastest_rad_s(self) -> float:
+        """The speed up to which the joint can be followed: what its tachometer shows, or else no-load speed."""
+        tachometer = self.sensor(Quantity.VELOCITY)
+        if tachometer is not None:
+            low, high = tachometer.seen()
+            return min(-low, high)
+        return self.drive.supply_v / self.motor.back_emf_v_s_rad
+
+
+class Robot(Table):
+    """A serial arm of revolute joints, base to tip.
+
+    `base_m` and `base_rpy_deg` (about the fixed axes x, y, z in this order) place its base in the world;
+    `gravity_m_s2` is in the base's frame.
+    """
+
+    name: Name
+    number: Annotated[int, Field(ge=1, le=7)]
+    gravity_m_s2: Vector
+    base_m: Vector = (0.0, 0.0, 0.0)
+    base_rpy_deg: Vector = (0.0, 0.0, 0.0)
+    joint: Annotated[tuple[Joint, ...], Field(min_length=1, max_length=7)]

@@ -1,0 +1,61 @@
+"""Whether the parts of a robot fit together: bodies, limits, sensors. What one value may be, the schema says."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+
+from .arm import Body, Joint, Robot
+from .sensors import Quantity
+
+_SMALL = 1e-6
+"""Of a unit vector's length, and of the triangle of moments of inertia: what rounding in a file leaves."""
+
+
+def robot_problems(robot: Robot) -> Iterator[str]:
+    """What of one robot does not fit together."""
+    yield from ()
+
+
+def joint_problems(name: str, joint: Joint) -> Iterator[str]:
+    """What of one joint does not fit together; `name` is its name in the whole cell."""
+    where = f"joint {name!r}"
+    if (joint.link is None) == (joint.body is None):
+        found = "neither [robot.joint.link] nor" if joint.link is None else "both [robot.joint.link] and"
+        yield f"{where}: has {found} [robot.joint.body]; give one"
+    if joint.body is not None:
+        yield from _body_problems(f"{where}.body", joint.body)
+    low, high = joint.limits_deg
+    if not low < high:
+        yield f"{where}.limits_deg = [{low:g}, {high:g}]: must be [lower, upper] with lower < upper"
+    elif not low <= joint.home_deg <= high:
+        yield f"{where}.home_deg = {joint.home_deg:g}: must lie within limits_deg = [{low:g}, {high:g}]"
+    yield from _sensor_problems(where, joint)
+
+
+def _body_problems(where: str, body: Body) -> Iterator[str]:
+    length = math.hypot(*body.axis)
+    if abs(length - 1.0) > _SMALL:
+        yield f"{where}.axis = {list(body.axis)}: must be a unit vector; its length is {length:g}"
+
+
+def _sensor_problems(where: str, joint: Joint) -> Iterator[str]:
+    low, high = joint.limits_deg
+    fitted, is_sound = joint.sensors.fitted(), True
+    for sensor in fitted:
+        for problem in sensor.problems():
+            is_sound = False
+            yield f"{where}.sensors.{sensor.kind}.{problem}"
+    for quantity, count in Counter(sensor.quantity for sensor in fitted).items():
+        if count > 1:
+            kinds = " and ".join(sensor.kind for sensor in fitted if sensor.quantity is quantity)
+            yield f"{where}.sensors: {kinds} measure {quantity} both; a joint has one sensor for it"
+    position = joint.sensor(Quantity.POSITION)
+    if position is None:
+        yield f"{where}.sensors: none measures position; a joint needs one, such as [robot.joint.sensors.potentiometer]"
+    elif is_sound:
+        lowest, highest = map(math.degrees, position.seen())
+        if low < lowest - _SMALL or high > highest + _SMALL:
+            yield (
+                f"{where}.limits_deg = [{low:g}, {high:g}]: the {position.title} sees {lowest:g} to {highest:g} "
+                "degrees; stay within"
+            )

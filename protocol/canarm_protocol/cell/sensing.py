@@ -1,0 +1,105 @@
+"""What the cell measures: each joint's sensors by what they measure, with card, channel, scale and time of sampling.
+
+Whoever turns codes into rad, rad/s or A, or needs the size of a step, asks here. How frames carry codes, `wiring.py`
+knows.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .model import Card, Cell, Channel
+from .sensors import SENSOR_KINDS, Quantity, Sensor, SensorScale
+from .sensors.base import highest_code
+
+CODE_BITS = 8
+"""Of every converter."""
+
+
+@dataclass(frozen=True, slots=True)
+class WiredSensor:
+    """A sensor of a joint (index in `cell.joints`) at a channel of a card.
+
+    `skew_s` is how long after SYNC it is sampled. `signal` is its name in the whole cell, "joint2.potentiometer".
+    """
+
+    joint: int
+    signal: str
+    sensor: Sensor
+    card: Card
+    channel: int
+    bits: int
+    scale: SensorScale
+    skew_s: float
+
+    @property
+    def quantity(self) -> Quantity:
+        """What it measures."""
+        return self.sensor.quantity
+
+    @property
+    def highest_code(self) -> int:
+        """The greatest code that its card gives."""
+        return highest_code(self.bits)
+
+
+@dataclass(frozen=True, slots=True)
+class JointSensors:
+    """The sensors of one joint; a position sensor every joint has."""
+
+    position: WiredSensor
+    velocity: WiredSensor | None
+    current: WiredSensor | None
+
+    def measuring(self, quantity: Quantity) -> WiredSensor | None:
+        """The one that measures `quantity`; None without one."""
+        return {Quantity.POSITION: self.position, Quantity.VELOCITY: self.velocity}.get(quantity, self.current)
+
+
+def wired_sensors(cell: Cell) -> tuple[WiredSensor, ...]:
+    """Every sensor of the cell, card by card in the order of channels."""
+    return tuple(_wired(cell, card, channel, rank) for card in cell.card for rank, channel in enumerate(_inputs(card)))
+
+
+def joint_sensors(cell: Cell) -> tuple[JointSensors, ...]:
+    """The sensors of each joint, in the order of `cell.joints`."""
+    found = {(wired.joint, wired.quantity): wired for wired in wired_sensors(cell)}
+    return tuple(
+        JointSensors(
+            found[joint, Quantity.POSITION],
+            found.get((joint, Quantity.VELOCITY)),
+            found.get((joint, Quantity.CURRENT)),
+        )
+        for joint in range(len(cell.joints))
+    )
+
+
+def position_steps_rad(cell: Cell) -> list[float]:
+    """The step of each joint's position sensor, rad: the unit in which tracking is judged."""
+    return [sensors.position.scale.lsb for sensors in joint_sensors(cell)]
+
+
+def fitted_sensor(cell: Cell, card: Card, channel: Channel) -> Sensor | None:
+    """The sensor at the far end of a channel; None for an output, and for a sensor that the joint does not have."""
+    sensor = getattr(cell.joints[cell.far_joint(card, channel)].sensors, channel.leaf, None)
+    return sensor if channel.leaf in SENSOR_KINDS and isinstance(sensor, Sensor) else None
+
+
+def _inputs(card: Card) -> Sequence[Channel]:
+    return sorted(
+        (channel for channel in card.channel if channel.leaf in SENSOR_KINDS), key=lambda channel: channel.number
+    )
+
+
+def _wired(cell: Cell, card: Card, channel: Channel, rank: int) -> WiredSensor:
+    joint, sensor = cell.far_joint(card, channel), fitted_sensor(cell, card, channel)
+    assert sensor is not None, f"{channel.signal}: the joint has no such sensor"
+    return WiredSensor(
+        joint,
+        f"{cell.joint_names[joint]}.{channel.leaf}",
+        sensor,
+        card,
+        channel.number,
+        CODE_BITS,
+        sensor.scale(CODE_BITS),
+        rank * (card.conversion_us * 1e-6),
+    )

@@ -1,0 +1,39 @@
+"""Potentiometer on a joint's shaft: a voltage that grows with the angle. Nothing of the true one's errors."""
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+from ..table import DEGREE, NonNegative, Positive
+from .base import AnalogueSensor, Quantity, SensorScale, Sign, highest_code
+
+
+class Potentiometer(AnalogueSensor):
+    """`range_deg` of the joint's angle span 0 to `full_scale_v`; `zero_v` is what stands at 0 degrees."""
+
+    kind: ClassVar[str] = "potentiometer"
+    title: ClassVar[str] = "potentiometer"
+    quantity: ClassVar[Quantity] = Quantity.POSITION
+
+    range_deg: Positive
+    zero_v: NonNegative
+    sign: Sign = 1
+
+    @property
+    def nominal_zero_v(self) -> float:
+        """Volts at 0 degrees."""
+        return self.zero_v
+
+    @property
+    def volts_per_unit(self) -> float:
+        """V/rad, signed."""
+        return self.sign * (self.full_scale_v / (self.range_deg * DEGREE))
+
+    def scale(self, bits: int) -> SensorScale:
+        """Radians a code."""
+        highest = highest_code(bits)
+        return SensorScale(self.zero_v / (self.full_scale_v / highest), self.sign * (self.range_deg * DEGREE / highest))
+
+    def problems(self) -> Iterator[str]:
+        """Zero beyond full scale."""
+        if self.zero_v > self.full_scale_v:
+            yield f"zero_v = {self.zero_v:g}: must be at most full_scale_v = {self.full_scale_v:g}"

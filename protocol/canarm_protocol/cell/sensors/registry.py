@@ -1,0 +1,27 @@
+"""Which kinds of sensor there are. A new kind is one line here; what it is, its own file says."""
+
+from ..table import Table
+from .base import Quantity, Sensor
+from .current_sense import CurrentSense
+from .potentiometer import Potentiometer
+from .tachometer import Tachometer
+
+
+class Sensors(Table):
+    """The sensors of one joint: `[robot.joint.sensors.<kind>]`, a table for each that the joint has."""
+
+    potentiometer: Potentiometer | None = None
+    tachometer: Tachometer | None = None
+    current_sense: CurrentSense | None = None
+
+    def fitted(self) -> tuple[Sensor, ...]:
+        """Those that the joint has, in the order of the registry."""
+        return tuple(sensor for _, sensor in self if sensor is not None)
+
+    def measuring(self, quantity: Quantity) -> Sensor | None:
+        """The one that measures `quantity`; None without one."""
+        return next((sensor for sensor in self.fitted() if sensor.quantity is quantity), None)
+
+
+SENSOR_KINDS: dict[str, type[Sensor]] = {kind.kind: kind for kind in (Potentiometer, Tachometer, CurrentSense)}
+"""Every kind by its name."""
