@@ -23,7 +23,18 @@ M2, M3, L, GRAVITY = 1.0, 0.6, 0.18, 9.8062
 TWISTED = Chain(
     "twisted",
     tuple(
-        ChainLink(f"axis{i + 1}", 0.3 - 0.1 * i, 0.1 * i, cos(twist), sin(twist), 0.2 * i, 1.0 + i, centre, moments)
+        ChainLink(
+            f"axis{i + 1}",
+            a_m=0.3 - 0.1 * i,
+            b_m=0.0,
+            d_m=0.1 * i,
+            cos_alpha=cos(twist),
+            sin_alpha=sin(twist),
+            theta_offset_rad=0.2 * i,
+            mass_kg=1.0 + i,
+            centre_m=centre,
+            inertia_kg_m2=(*moments, 0.0, 0.0, 0.0),
+        )
         for i, (twist, centre, moments) in enumerate(
             [
                 (0.7, (-0.1, 0.02, 0.03), (0.01, 0.02, 0.025)),
@@ -100,7 +111,7 @@ def test_printed_link_transform_is_no_rotation_and_the_right_one_is_four_plain_m
     rise = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, d], [0, 0, 0, 1]])
     shift = np.array([[1, 0, 0, a], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     bend = np.array([[1, 0, 0, 0], [0, ca, -sa, 0], [0, sa, ca, 0], [0, 0, 0, 1]])
-    link = ChainLink("axis", a, d, ca, sa, 0.0, 1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    link = ChainLink("axis", a, 0.0, d, ca, sa, 0.0, 1.0, (0.0, 0.0, 0.0), (0.0,) * 6)
     assert is_close(right, turn @ rise @ shift @ bend, 1e-15)
     assert is_close(right, link_transform(link, angle), 1e-15)
 

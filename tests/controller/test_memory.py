@@ -82,10 +82,31 @@ def test_peek_outside_the_image_is_refused(address: int) -> None:
         MemoryImage(2).peek(address)
 
 
-def test_more_joints_than_the_ram_holds_are_refused() -> None:
-    assert len(MemoryImage(3).dump()) == 0xB000 - 0x2000
-    with pytest.raises(MemoryImageError, match=r"5 joints: 60 KiB .* 1 to 3 joints do"):
-        MemoryImage(5)
+def test_every_two_joints_have_a_bank_at_the_papers_addresses() -> None:
+    image = MemoryImage(5)
+    image.load_table(3, np.array([TABLE_STEP_A]))
+    image.log(2, (11, 12, 13, 14, 15), (21, 22, 23, 24, 25))
+    assert image.bank_count == 3
+    assert len(image.dump()) == 3 * (0x8000 - 0x2000)
+    assert image.peek(0x3000, bank=1) == 1
+    assert image.dump()[1 * 0x6000 + 0x1000] == 1
+    assert [image.peek(page + 2, bank=1) for page in (0x4000, 0x5000, 0x6000, 0x7000)] == [13, 14, 23, 24]
+    assert [image.peek(page + 2, bank=2) for page in (0x4000, 0x5000, 0x6000, 0x7000)] == [15, 0, 25, 0]
+
+
+def test_what_is_read_a_cycle_is_the_table_as_it_stands() -> None:
+    image = MemoryImage(3)
+    page, currents = image.table_bytes(2), image.currents_by_byte(2)
+    image.load_table(2, np.array([0.0, -3 * TABLE_STEP_A]))
+    assert currents[page[1]] == image.table_current_a(2, 1) == pytest.approx(-3 * TABLE_STEP_A)
+    assert len(page) == 4096
+
+
+def test_an_image_without_joints_or_beyond_its_banks_is_refused() -> None:
+    with pytest.raises(MemoryImageError, match="0 joints; must be of 1 at least"):
+        MemoryImage(0)
+    with pytest.raises(MemoryImageError, match="bank 2: 4 joints take banks 0 to 1"):
+        MemoryImage(4).peek(0x2000, bank=2)
 
 
 @pytest.mark.parametrize(

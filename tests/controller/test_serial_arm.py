@@ -1,4 +1,4 @@
-"""Arms of 1 to 6 joints against Pinocchio and MuJoCo, and the paper's trace form against the fast forms."""
+"""Arms of 1 to 7 joints against Pinocchio and MuJoCo, and the paper's trace form against the fast forms."""
 
 from collections.abc import Callable
 
@@ -185,7 +185,7 @@ def test_shipped_geometries_agree_with_physics_engines(robot: Robot, engine: Cal
     assert_parts_agree(robot, engine)
 
 
-@given(robot=robots(st.integers(1, 6)))
+@given(robot=robots(st.integers(1, 7)))
 @settings(max_examples=60)
 def test_any_arm_agrees_with_pinocchio(robot: Robot) -> None:
     assert_parts_agree(robot, pinocchio_parts)
@@ -203,7 +203,7 @@ def test_any_planar_pair_in_closed_form_agrees_with_pinocchio(robot: Robot) -> N
     assert_parts_agree(robot, pinocchio_parts, planar=True)
 
 
-@given(robot=robots(st.integers(1, 6)))
+@given(robot=robots(st.integers(1, 7)))
 @settings(max_examples=25)
 def test_fast_form_is_the_trace_form_to_rounding(robot: Robot) -> None:
     chain = chain_of(robot)
@@ -221,7 +221,7 @@ def test_fast_form_is_the_trace_form_to_rounding(robot: Robot) -> None:
     assert_close(links_alone(q.tolist(), qd.tolist(), qdd.tolist()), torque, 1e-12, scale)
 
 
-@given(robot=robots(st.integers(1, 6)))
+@given(robot=robots(st.integers(1, 7)))
 @settings(max_examples=25)
 def test_batch_gives_the_torques_of_single_states(robot: Robot) -> None:
     arm = SerialArm.from_robot(robot)
@@ -286,7 +286,7 @@ def test_drive_adds_rotor_viscous_and_smoothed_coulomb_terms() -> None:
     np.testing.assert_allclose(arm.torque_nm(q.tolist(), qd.tolist(), qdd.tolist()), links + drive, rtol=1e-12)
 
 
-@given(robot=robots(st.integers(1, 6)))
+@given(robot=robots(st.integers(1, 7)))
 @settings(max_examples=25)
 def test_accelerations_under_a_torque_agree_with_pinocchio(robot: Robot) -> None:
     arm, model = SerialArm.from_robot(robot), pinocchio_model(robot)
@@ -361,8 +361,8 @@ def test_a_bad_batch_is_refused_with_sample_and_joint(make: Callable[..., Nomina
         arm.torque_batch_nm(np.zeros(50), q, qdd)
 
 
-def test_more_than_six_joints_are_refused() -> None:
-    with pytest.raises(DynamicsError, match=r"robot 'arm' has 7 joints; must have 1 to 6"):
+def test_more_than_seven_joints_are_refused() -> None:
+    with pytest.raises(DynamicsError, match=r"robot 'arm' has 8 joints; must have 1 to 7"):
         SerialArm.from_robot(arm_of_links([{}] * 7, (0.0, 0.0, -9.8)))
 
 

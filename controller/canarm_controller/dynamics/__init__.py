@@ -3,13 +3,17 @@
 - `planar_pair`: `NominalArm`, KON-KUK I's joints 2 and 3 in closed form;
 - `serial_arm`: `SerialArm`, any arm of a cell, by Newton-Euler (`newton_euler` recorded on a `tape`, carried out for
   one state by `scalar` and for tables by `batch`);
+- `base_parameters`: the same, linear in what can be learned of an arm;
+- `several`: `SeveralArms`, the arms of several robots as one; `nominal` chooses what suits a cell;
 - `lagrange_euler`: the paper's trace form, slow and plain, against which the others are tested.
 """
 
-from .arm import Arm, nominal_arm
+from .arm import Arm
 from .chain import Chain, ChainLink, Floats, chain_of
+from .nominal import cell_arm, nominal_arm
 from .planar_pair import COULOMB_SMOOTHING_RAD_S, NominalArm
 from .serial_arm import SerialArm
+from .several import SeveralArms
 
 __all__ = [
     "COULOMB_SMOOTHING_RAD_S",
@@ -19,6 +23,8 @@ __all__ = [
     "Floats",
     "NominalArm",
     "SerialArm",
+    "SeveralArms",
+    "cell_arm",
     "chain_of",
     "nominal_arm",
 ]

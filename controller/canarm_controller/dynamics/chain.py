@@ -1,49 +1,54 @@
 """The geometry and inertia of a serial arm as plain numbers: what every form of its dynamics starts from.
 
-Owns the step from a cell's `Robot` to standard Denavit-Hartenberg parameters in SI units. Equations of motion, drives
-and joint names beyond error messages must not enter.
+Owns the step from a cell's `Robot` to Denavit-Hartenberg parameters in SI units; `frames` holds the one from bodies.
+Equations of motion, drives and joint names beyond error messages must not enter.
 """
 
 from dataclasses import dataclass
-from math import cos, isfinite, radians, sin
+from math import isfinite, radians
 
 import numpy as np
 from numpy.typing import NDArray
 
-from canarm_protocol.cell.model import Link, Robot
+from canarm_protocol.cell.model import Joint, Robot
 
 from ..errors import DynamicsError
+from .frames import Placement, exact_cos_sin, unwound
 
 Floats = NDArray[np.float64]
 Vector = tuple[float, float, float]
+Tensor = tuple[float, float, float, float, float, float]
 
-MAX_JOINTS = 6
+MAX_JOINTS = 7
 """As many as the schema of a cell allows."""
-
-_QUARTER_TURNS = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
 
 
 @dataclass(frozen=True, slots=True)
 class ChainLink:
-    """One revolute joint and its link: A = Rz(q + offset)·Tz(d)·Tx(a)·Rx(α), paper (2-1) put right.
+    """One revolute joint and its link: A = Rz(q + offset)·T(a, b, d)·Rx(α), with b = 0 paper (2-1) put right.
 
-    `centre_m` and the principal moments `inertia_kg_m2` about it are in the link's own frame, at the link's far end.
+    Every chain of revolute joints can be written so: α and the offsets take any direction of the axes, and b any place
+    of the next one that Denavit and Hartenberg's own choice of origins would have to go a long way for.
+
+    `centre_m` and the tensor `inertia_kg_m2` (xx, yy, zz, xy, xz, yz) about it are in the link's own frame, at the
+    link's far end.
     """
 
     name: str
     a_m: float
+    b_m: float
     d_m: float
     cos_alpha: float
     sin_alpha: float
     theta_offset_rad: float
     mass_kg: float
     centre_m: Vector
-    inertia_kg_m2: Vector
+    inertia_kg_m2: Tensor
 
     def twist(self) -> Floats:
-        """Tz(d)·Tx(a)·Rx(α), the part of A that does not turn: 4 × 4."""
+        """T(a, b, d)·Rx(α), the part of A that does not turn: 4 × 4."""
         c, s = self.cos_alpha, self.sin_alpha
-        return np.array([[1, 0, 0, self.a_m], [0, c, -s, 0], [0, s, c, self.d_m], [0, 0, 0, 1]], dtype=np.float64)
+        return np.array([[1, 0, 0, self.a_m], [0, c, -s, self.b_m], [0, s, c, self.d_m], [0, 0, 0, 1]], np.float64)
 
     def pseudo_inertia(self) -> Floats:
         """The paper's J_i = ∫ r rᵀ dm of homogeneous points r in the link's own frame, 4 × 4.
@@ -51,10 +56,11 @@ class ChainLink:
         Its upper left part is ½tr(I)·1 − I from *central* moments I, plus m·c·cᵀ; the paper adds its m·l² to moments
         that are about the origin already.
         """
-        xx, yy, zz = self.inertia_kg_m2
+        xx, yy, zz, xy, xz, yz = self.inertia_kg_m2
         centre = np.array([*self.centre_m, 1.0])
-        central = np.diag([-xx + yy + zz, xx - yy + zz, xx + yy - zz, 0.0]) / 2
-        return central + self.mass_kg * np.outer(centre, centre)
+        second = np.zeros((4, 4))
+        second[:3, :3] = 0.5 * (xx + yy + zz) * np.eye(3) - np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        return second + self.mass_kg * np.outer(centre, centre)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,16 +78,25 @@ class Chain:
 
 
 def chain_of(robot: Robot) -> Chain:
-    """The nominal chain of a cell's robot.
+    """The nominal chain of a cell's robot. Where bodies stand for links, its base is turned with the first axis.
 
-    Raises `DynamicsError` for none or more than 6 joints, and for a parameter that is not a finite number: a robot
+    Raises `DynamicsError` for none or more than 7 joints, and for a parameter that is not a finite number: a robot
     that was read from a cell file has neither.
     """
     if not 1 <= len(robot.joint) <= MAX_JOINTS:
         raise DynamicsError(f"robot {robot.name!r} has {len(robot.joint)} joints; must have 1 to {MAX_JOINTS}")
     check_parameters(robot)
-    links = tuple(_chain_link(joint.name, joint.dh_link) for joint in robot.joint)
-    return Chain(robot.name, links, robot.gravity_m_s2)
+    if all(joint.link is not None for joint in robot.joint):
+        return Chain(robot.name, tuple(map(_link_by_denavit_hartenberg, robot.joint)), robot.gravity_m_s2)
+    base, parts = unwound([_placement(joint) for joint in robot.joint])
+    gx, gy, gz = (base.T @ np.array(robot.gravity_m_s2)).tolist()
+    links = tuple(
+        ChainLink(
+            joint.name, *part.reach_m, part.cos_alpha, part.sin_alpha, part.offset_rad, *part.moved(*_inertial(joint))
+        )
+        for joint, part in zip(robot.joint, parts, strict=True)
+    )
+    return Chain(robot.name, links, (gx, gy, gz))
 
 
 def check_parameters(robot: Robot) -> None:
@@ -89,31 +104,44 @@ def check_parameters(robot: Robot) -> None:
     _check_finite(f"robot {robot.name!r}, gravity_m_s2", robot.gravity_m_s2)
     for joint in robot.joint:
         for key, value in joint.solid:
-            _check_finite(f"robot {robot.name!r}, {joint.name}.link.{key}", value)
+            kind = "link" if joint.body is None else "body"
+            _check_finite(f"robot {robot.name!r}, {joint.name}.{kind}.{key}", value)
 
 
-def _chain_link(name: str, link: Link) -> ChainLink:
-    cos_alpha, sin_alpha = _exact_cos_sin(link.alpha_deg)
+def _link_by_denavit_hartenberg(joint: Joint) -> ChainLink:
+    link = joint.dh_link
     return ChainLink(
-        name=name,
+        name=joint.name,
         a_m=link.a_m,
+        b_m=0.0,
         d_m=link.d_m,
-        cos_alpha=cos_alpha,
-        sin_alpha=sin_alpha,
+        cos_alpha=exact_cos_sin(link.alpha_deg)[0],
+        sin_alpha=exact_cos_sin(link.alpha_deg)[1],
         theta_offset_rad=radians(link.theta_offset_deg),
         mass_kg=link.mass_kg,
         centre_m=link.centre_of_mass_m,
-        inertia_kg_m2=link.inertia_kg_m2,
+        inertia_kg_m2=(*link.inertia_kg_m2, 0.0, 0.0, 0.0),
     )
 
 
-def _exact_cos_sin(angle_deg: float) -> tuple[float, float]:
-    """Cosine and sine with true zeros at quarter turns, so that the fast forms can leave those products out."""
-    exact = _QUARTER_TURNS.get(angle_deg % 360.0)
-    return exact or (cos(radians(angle_deg)), sin(radians(angle_deg)))
+def _placement(joint: Joint) -> Placement:
+    """Where the joint's axis is in the link before, and its own link's frame from there."""
+    body = joint.body
+    if body is not None:
+        return Placement.of_body(body.origin_m, body.origin_rpy_deg, body.axis)
+    link = _link_by_denavit_hartenberg(joint)
+    return Placement(np.eye(4), link.theta_offset_rad, link.twist())
 
 
-def _check_finite(where: str, value: float | Vector) -> None:
+def _inertial(joint: Joint) -> tuple[float, Vector, Tensor]:
+    """Mass, centre of mass and central tensor of the joint's link, in its own frame."""
+    if joint.body is not None:
+        return joint.body.mass_kg, joint.body.centre_of_mass_m, joint.body.inertia_kg_m2
+    link = _link_by_denavit_hartenberg(joint)
+    return link.mass_kg, link.centre_m, link.inertia_kg_m2
+
+
+def _check_finite(where: str, value: object) -> None:
     numbers = value if isinstance(value, tuple) else (value,)
-    if not all(map(isfinite, numbers)):
+    if not all(isfinite(number) for number in numbers):
         raise DynamicsError(f"{where} = {value}: must be finite")

@@ -3,36 +3,59 @@
 from collections.abc import Sequence
 
 from ..errors import DynamicsError
+from .tape import Term, Value
 
 SINGULAR = 1e-12
 """A joint of which less than this part of its inertia is left, when the joints before it move freely, cannot be solved
 for: rounding in D, 1e-16 of it, would be one ten-thousandth of the acceleration, or all of it."""
 
 
-def accelerations(
-    joint_names: Sequence[str], inertia: Sequence[Sequence[float]], torque_nm: Sequence[float]
-) -> tuple[float, ...]:
-    """q̈ in rad/s², from the symmetric inertia matrix (kg·m², n × n) by D = L·diag(p)·Lᵀ.
-
-    Raises `DynamicsError` where D is not positive definite to rounding, and names the joint.
-    """
-    count = len(joint_names)
-    lower = [[0.0] * count for _ in range(count)]
-    pivots: list[float] = []
+def solution_terms(inertia: Sequence[Sequence[Value]], torque_nm: Sequence[Value]) -> tuple[list[Value], list[Value]]:
+    """q̈ in rad/s² from the symmetric D (kg·m², n × n) by D = L·diag(p)·Lᵀ, and the pivots p; as numbers or terms."""
+    count = len(inertia)
+    lower: list[list[Value]] = [[0.0] * count for _ in range(count)]
+    scaled: list[list[Value]] = [[0.0] * count for _ in range(count)]
+    pivots: list[Value] = []
+    inverses: list[Value] = []
     solution = list(torque_nm)
     for i, row in enumerate(inertia):
+        pivot = row[i]
         for k in range(i):
-            known = sum(lower[i][m] * lower[k][m] * pivots[m] for m in range(k))
-            lower[i][k] = (row[k] - known) / pivots[k]
-        pivot = row[i] - sum(lower[i][m] ** 2 * pivots[m] for m in range(i))
-        if not pivot > SINGULAR * row[i]:
+            known: Value = row[k]
+            for m in range(k):
+                known = known - lower[i][m] * scaled[k][m]
+            scaled[i][k], lower[i][k] = known, known * inverses[k]
+        for k in range(i):
+            pivot = pivot - lower[i][k] * scaled[i][k]
+            solution[i] = solution[i] - lower[i][k] * solution[k]
+        pivots.append(pivot)
+        inverses.append(0.0 if pivot == 0.0 else 1.0 / pivot)
+    for i in reversed(range(count)):
+        solution[i] = solution[i] * inverses[i]
+        for m in range(i + 1, count):
+            solution[i] = solution[i] - lower[m][i] * solution[m]
+    return solution, pivots
+
+
+def pivots_of(inertia: Sequence[Sequence[float]]) -> list[float]:
+    """P of `solution_terms` as numbers; what follows on a zero among them means nothing."""
+    _, pivots = solution_terms(inertia, [0.0] * len(inertia))
+    return [pivot for pivot in pivots if not isinstance(pivot, Term)]
+
+
+def is_singular(inertia: float, pivot: float) -> bool:
+    """Whether `pivot`, what is left of a joint's `inertia`, cannot be told from rounding."""
+    return not pivot > SINGULAR * inertia
+
+
+def refuse_singular(joint_names: Sequence[str], inertias: Sequence[float], pivots: Sequence[float]) -> None:
+    """Raise `DynamicsError` where D, of the diagonal `inertias`, is not positive definite to rounding: names the joint.
+
+    `pivots` may end at the first that is none.
+    """
+    for name, inertia, pivot in zip(joint_names, inertias, pivots, strict=False):
+        if is_singular(inertia, pivot):
             raise DynamicsError(
-                f"{joint_names[i]}: inertia matrix is singular here (pivot {pivot:.3g} of {row[i]:.3g} kg m2); "
+                f"{name}: inertia matrix is singular here (pivot {pivot:.3g} of {inertia:.3g} kg m2); "
                 "must be positive: give the link or its rotor inertia about this axis"
             )
-        pivots.append(pivot)
-        solution[i] -= sum(lower[i][m] * solution[m] for m in range(i))
-    for i in reversed(range(count)):
-        solution[i] /= pivots[i]
-        solution[i] -= sum(lower[m][i] * solution[m] for m in range(i + 1, count))
-    return tuple(solution)

@@ -155,6 +155,15 @@ class NominalArm:
         torque[:, 1] += (own2 + along) * a1 + own2 * a2 + across * v1 * v1 + outer
         return torque
 
+    def acceleration_rad_s2(self, q: Sequence[float], qd: Sequence[float], torque_nm: Sequence[float]) -> Pair:
+        """Forward dynamics: q̈ under the drives' torques, the inverse of `torque_nm`. Rotors keep D from singularity."""
+        still1, still2 = self.torque_nm(q, qd, (0.0, 0.0))
+        left1, left2 = torque_nm[0] - still1, torque_nm[1] - still2
+        (d11, d12), (_, d22) = self.inertia(q)
+        d11, d22 = d11 + self.rotor_inertia[0], d22 + self.rotor_inertia[1]
+        determinant = d11 * d22 - d12 * d12
+        return (d22 * left1 - d12 * left2) / determinant, (d11 * left2 - d12 * left1) / determinant
+
     def inertia(self, q: Sequence[float]) -> tuple[Pair, Pair]:
         """D(q) of the links alone, kg·m²; the rotors add `rotor_inertia` to its diagonal."""
         own1, own2 = self.inertia_constants_kg_m2
@@ -186,12 +195,16 @@ def _centre_from_axis(joint: Joint) -> Pair:
 
 
 def is_planar_pair(robot: Robot) -> bool:
-    """Whether `NominalArm` can describe the robot: two joints with parallel axes."""
+    """Whether `NominalArm` can describe the robot: two joints by links whose axes are parallel.
+
+    Then the motion is planar: what the centres of mass and gravity have along the axes, and moments about other axes,
+    do no work. Where bodies stand for links the general form is taken, be they planar or not.
+    """
     return len(robot.joint) == 2 and all(_is_untwisted(joint) for joint in robot.joint)
 
 
 def _is_untwisted(joint: Joint) -> bool:
-    return isclose(cos(radians(joint.dh_link.alpha_deg)), 1.0, abs_tol=1e-12)
+    return joint.link is not None and isclose(cos(radians(joint.link.alpha_deg)), 1.0, abs_tol=1e-12)
 
 
 def _check_planar_pair(robot: Robot) -> None:

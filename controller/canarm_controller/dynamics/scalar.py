@@ -9,7 +9,7 @@ and numbers written by `repr` of a float. No name or string of a cell gets into 
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TypeAlias
 
 from .checks import check_state
@@ -24,15 +24,20 @@ _INFIX = {Kind.ADD: "+", Kind.SUBTRACT: "-", Kind.MULTIPLY: "*", Kind.DIVIDE: "/
 _PREFIX = {Kind.NEGATE: "-", Kind.SIN: "sin", Kind.COS: "cos", Kind.TAN: "tan", Kind.TANH: "tanh"}
 
 
-def compile_scalar(program: Program, joint_names: Sequence[str]) -> ScalarFunction:
-    """A function of one sequence of floats for every group of inputs, one float a joint, that returns the results.
+def compile_scalar(
+    program: Program, joint_names: Sequence[str], other_names: Mapping[str, Sequence[str]] | None = None
+) -> ScalarFunction:
+    """A function of one sequence of floats for every group of inputs that returns the results.
 
-    The function raises `DynamicsError` for another length, or a value that is not finite, and names the joint. Numpy
-    scalars work but are slow: give it `tolist()`.
+    A group has one float per joint, or one for each name that `other_names` has for it. The function raises
+    `DynamicsError` for another length, or a value that is not finite, and names the joint. Numpy scalars work but are
+    slow: give it `tolist()`.
     """
+    names = dict.fromkeys(program.inputs, joint_names) | dict(other_names or {})
 
     def refuse(*groups: object) -> None:
-        check_state(joint_names, **dict(zip(program.inputs, groups, strict=True)))
+        for (group, names_of), values in zip(names.items(), groups, strict=True):
+            check_state(names_of, **{group: values})
 
     namespace: dict[str, object] = {name: getattr(math, name) for name in ("sin", "cos", "tan", "tanh")}
     namespace["refuse"] = refuse

@@ -1,6 +1,6 @@
 """The nominal arm of any robot in a cell: links from the Newton-Euler programs, and drives.
 
-Owns what the controller believes about an arm of 1 to 6 joints, with the same names as `NominalArm` has for two. The
+Owns what the controller believes about an arm of 1 to 7 joints, with the same names as `NominalArm` has for two. The
 true robot must not enter: no physics engine, no payload, no parameter that a cell does not hold.
 """
 
@@ -16,8 +16,15 @@ from canarm_protocol.cell.model import Robot
 from .batch import BatchProgram
 from .chain import Chain, Floats, chain_of
 from .checks import check_state
-from .forward import accelerations
-from .newton_euler import DriveTerms, coriolis_program, gravity_program, inertia_program, torque_program
+from .forward import pivots_of, refuse_singular
+from .newton_euler import (
+    DriveTerms,
+    acceleration_program,
+    coriolis_program,
+    gravity_program,
+    inertia_program,
+    torque_program,
+)
 from .planar_pair import COULOMB_SMOOTHING_RAD_S
 from .scalar import ScalarFunction, compile_scalar
 
@@ -54,6 +61,7 @@ class SerialArm:
     gravity: ScalarFunction = field(repr=False, compare=False)
     batch: BatchProgram = field(repr=False, compare=False)
     _inertia: ScalarFunction = field(repr=False, compare=False)
+    _acceleration: ScalarFunction = field(repr=False, compare=False)
 
     @property
     def joint_count(self) -> int:
@@ -64,7 +72,7 @@ class SerialArm:
     def from_robot(cls, robot: Robot) -> Self:
         """The arm of a cell's nominal parameters.
 
-        Raises `DynamicsError` for more than 6 joints, or a parameter that is not finite.
+        Raises `DynamicsError` for more than 7 joints, or a parameter that is not finite.
         """
         chain = chain_of(robot)
         names = chain.joint_names
@@ -90,6 +98,7 @@ class SerialArm:
             gravity=compile_scalar(gravity_program(chain), names),
             batch=BatchProgram(torque_program(chain, drive, for_batch=True), names),
             _inertia=inertia,
+            _acceleration=compile_scalar(acceleration_program(chain, drive), names),
         )
 
     def torque_batch_nm(self, q: Floats, qd: Floats, qdd: Floats) -> Floats:
@@ -114,10 +123,15 @@ class SerialArm:
 
         Raises `DynamicsError` where the inertia matrix, rotors included, is singular.
         """
-        check_state(self.joint_names, torque_nm=torque_nm)
-        still = self.torque_nm(q, qd, (0.0,) * self.joint_count)
-        rows = [
-            [value + rotor * (i == k) for k, value in enumerate(row)]
-            for i, (row, rotor) in enumerate(zip(self.inertia(q), self.rotor_inertia, strict=True))
-        ]
-        return accelerations(self.joint_names, rows, [t - s for t, s in zip(torque_nm, still, strict=True)])
+        count = self.joint_count
+        try:
+            found = self._acceleration(q, qd, torque_nm)
+        except ZeroDivisionError:
+            rows = [
+                [value + self.rotor_inertia[i] * (i == k) for k, value in enumerate(row)]
+                for i, row in enumerate(self.inertia(q))
+            ]
+            refuse_singular(self.joint_names, [row[i] for i, row in enumerate(rows)], pivots_of(rows))
+            raise
+        refuse_singular(self.joint_names, found[count : 2 * count], found[2 * count :])
+        return found[:count]

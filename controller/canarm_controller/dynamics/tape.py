@@ -99,6 +99,9 @@ class Term:
     def __rmul__(self, other: float) -> Value:
         return self * other
 
+    def __truediv__(self, other: Value) -> Value:
+        return self.tape.record(Kind.DIVIDE, self, other)
+
     def __rtruediv__(self, other: float) -> Value:
         return self.tape.record(Kind.DIVIDE, other, self)
 

@@ -92,6 +92,21 @@ class Regressor:
             ),
         )
 
+    def at(self, q: Pair, qd: Pair, qd_r: Pair, qdd_r: Pair, sliding: Pair) -> "PairState":
+        """Y at one state; see `rows`."""
+        return PairState(*self.rows(q, qd, qd_r, qdd_r, sliding))
+
+    def by_joint(self, factors: Sequence[float]) -> dict[str, list[float]]:
+        """Parameters as multiples of nominal: total inertia and outer link's, weight on the first link and coupling
+        (the outer link's mass), Coulomb friction.
+        """
+        of = dict(zip(PARAMETERS, factors, strict=True))
+        return {
+            "inertia_factor": [of["inertia_kg_m2"], of["outer_inertia_kg_m2"]],
+            "weight_factor": [of["gravity_nm"], of["coupling_kg_m2"]],
+            "coulomb_factor": [of["coulomb1_nm"], of["coulomb2_nm"]],
+        }
+
     def acceleration(self, parameters: Sequence[float], q: Pair, qd: Pair, torque_nm: Pair) -> tuple[float, float]:
         """q̈ in rad/s² under `torque_nm`: D⁻¹(τ - H - G - friction); D is the nominal one if theirs is near singular."""
         still1, still2 = self.rows(q, qd, qd, (0.0, 0.0), qd)
@@ -107,6 +122,24 @@ class Regressor:
     def _inertia(self, parameters: Sequence[float], q: Pair) -> tuple[float, float, float]:
         along = parameters[2] * cos(q[1] + self._coupling_phase)
         return parameters[0] + 2.0 * along, parameters[1] + along, parameters[1] + parameters[3]
+
+
+class PairState:
+    """Y of one state, by its two rows."""
+
+    __slots__ = ("_row1", "_row2")
+
+    def __init__(self, row1: Row, row2: Row) -> None:
+        self._row1, self._row2 = row1, row2
+
+    def torque_nm(self, parameters: Sequence[float]) -> tuple[float, float]:
+        """Y·a, N·m."""
+        return dot(self._row1, parameters), dot(self._row2, parameters)
+
+    def gradient(self, s: Pair) -> list[float]:
+        """Yᵀs, one number per parameter."""
+        s1, s2 = s
+        return [of1 * s1 + of2 * s2 for of1, of2 in zip(self._row1, self._row2, strict=True)]
 
 
 def dot(row: Row, a: Sequence[float]) -> float:

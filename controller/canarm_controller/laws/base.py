@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 from canarm_protocol.cell.model import Control
 
 from ..cycle import Cycle
-from ..dynamics import NominalArm
+from ..dynamics import Arm
 
 __all__ = ["ControlLaw", "Cycle"]
 
@@ -32,7 +32,7 @@ class ControlLaw(ABC):
     following_error_lsb: ClassVar[float] = 60.0
 
     @abstractmethod
-    def __init__(self, arm: NominalArm, control: Control, period_s: float) -> None:
+    def __init__(self, arm: Arm, control: Control, period_s: float) -> None:
         """Take the nominal arm, the cell's gains and the cycle time."""
 
     @abstractmethod

@@ -5,15 +5,15 @@ from typing import ClassVar
 
 from canarm_protocol.cell.model import Control
 
-from ..dynamics import NominalArm
+from ..dynamics import Arm
+from ..estimation.arm_model import arm_model
 from ..estimation.observer import ArmState
-from ..estimation.regressor import Regressor, dot
 from .base import ControlLaw, Cycle
 from .standing import StandingHold
 
 
 class ComputedTorque(ControlLaw):
-    """Both joints decoupled by the nominal model, so that each error obeys ë + 2ζωn·ė + ωn²·e = 0, e = q - q_d.
+    """All joints decoupled by the nominal model, so that each error obeys ë + 2ζωn·ė + ωn²·e = 0, e = q - q_d.
 
     Torque      τ = D(q)·v + H(q, q̇) + G(q) + Fv·q̇ + Fc·tanh(q̇_d/v_s),  v = q̈_d - 2ζωn·ė - ωn²·e
 
@@ -35,11 +35,11 @@ class ComputedTorque(ControlLaw):
     following_error_lsb: ClassVar[float] = 5.0
     takes_feedforward: ClassVar[bool] = False
 
-    def __init__(self, arm: NominalArm, control: Control, period_s: float) -> None:
+    def __init__(self, arm: Arm, control: Control, period_s: float) -> None:
         omega = control.natural_frequency_rad_s
         self._stiffness = omega**2
         self._damping = 2.0 * control.damping_ratio * omega
-        self._model = Regressor(arm)
+        self._model = arm_model(arm)
         self._state = ArmState(control.observer, period_s, arm.joint_count)
         self._standing = StandingHold(control.standing_band_rad, arm.joint_count)
         self._error_rad: Sequence[float] = (0.0,) * arm.joint_count
@@ -55,19 +55,18 @@ class ComputedTorque(ControlLaw):
         """Torques in N·m."""
         state, model = self._state, self._model
         state.update(cycle, self._acceleration)
-        q1, q2 = state.position_rad
-        v1, v2 = state.velocity_rad_s
-        wanted1, wanted2 = state.reference_rad
-        speed1, speed2 = state.reference_rad_s
-        change1, change2 = cycle.reference_rad_s2
-        error1, error2 = q1 - wanted1, q2 - wanted2
-        rate1, rate2 = v1 - speed1, v2 - speed2
-        self._error_rad = error1, error2
+        q, qd, speeds = state.position_rad, state.velocity_rad_s, state.reference_rad_s
+        errors = [angle - wanted for angle, wanted in zip(q, state.reference_rad, strict=True)]
+        rates = [speed - wanted for speed, wanted in zip(qd, speeds, strict=True)]
+        self._error_rad = errors
         stiffness, damping = self._stiffness, self._damping
-        aimed = change1 - damping * rate1 - stiffness * error1, change2 - damping * rate2 - stiffness * error2
-        rows = model.rows((q1, q2), (v1, v2), (v1, v2), aimed, (speed1, speed2))
-        torque_nm = [dot(row, model.nominal) + ff for row, ff in zip(rows, cycle.feedforward_nm, strict=True)]
-        deviation = error1 + damping / stiffness * rate1, error2 + damping / stiffness * rate2
+        aimed = [
+            change - damping * rate - stiffness * error
+            for change, rate, error in zip(cycle.reference_rad_s2, rates, errors, strict=True)
+        ]
+        modelled = model.at(q, qd, qd, aimed, speeds).torque_nm(model.nominal)
+        torque_nm = [torque + ahead for torque, ahead in zip(modelled, cycle.feedforward_nm, strict=True)]
+        deviation = [error + damping / stiffness * rate for error, rate in zip(errors, rates, strict=True)]
         return self._standing.apply(cycle, deviation, torque_nm)
 
     def internals(self) -> Mapping[str, Sequence[float]]:

@@ -5,7 +5,7 @@ from typing import ClassVar, Literal
 
 from canarm_protocol.cell.model import Control
 
-from ..dynamics import NominalArm
+from ..dynamics import Arm
 from .base import ControlLaw, Cycle
 
 SMALLEST_AMPLITUDE_RAD = 0.1
@@ -55,7 +55,7 @@ class Mras(ControlLaw):
     default_feedforward: ClassVar[Literal["none", "table", "online"]] = "table"
     feedforward_excludes_inertia: ClassVar[bool] = True
 
-    def __init__(self, arm: NominalArm, control: Control, period_s: float) -> None:
+    def __init__(self, arm: Arm, control: Control, period_s: float) -> None:
         self._joints = [
             _JointMras(inertia, torque_per_ampere, control, period_s)
             for inertia, torque_per_ampere in zip(arm.effective_inertia, arm.torque_per_ampere, strict=True)

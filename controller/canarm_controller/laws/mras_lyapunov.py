@@ -5,10 +5,10 @@ from typing import ClassVar, Literal
 
 from canarm_protocol.cell.model import Control, MrasLyapunovGains
 
-from ..dynamics import NominalArm
+from ..dynamics import Arm
 from ..errors import LawError
+from ..estimation.arm_model import arm_model
 from ..estimation.observer import ArmState
-from ..estimation.regressor import Regressor
 from .base import ControlLaw, Cycle
 from .standing import StandingHold
 
@@ -51,7 +51,7 @@ class MrasLyapunov(ControlLaw):
     default_feedforward: ClassVar[Literal["none", "table", "online"]] = "table"
     feedforward_excludes_inertia: ClassVar[bool] = True
 
-    def __init__(self, arm: NominalArm, control: Control, period_s: float) -> None:
+    def __init__(self, arm: Arm, control: Control, period_s: float) -> None:
         """Raises `LawError` if the cell has no `[control.mras_lyapunov]`."""
         gains = control.mras_lyapunov
         if gains is None:
@@ -62,7 +62,7 @@ class MrasLyapunov(ControlLaw):
             _JointLyapunov(inertia, torque_per_ampere, control, gains, period_s)
             for inertia, torque_per_ampere in zip(arm.effective_inertia, arm.torque_per_ampere, strict=True)
         ]
-        self._model = Regressor(arm)
+        self._model = arm_model(arm)
         self._state = ArmState(control.observer, period_s, arm.joint_count)
         self._standing = StandingHold(control.standing_band_rad, arm.joint_count)
         self._rate_weight = 2.0 * control.damping_ratio / control.natural_frequency_rad_s

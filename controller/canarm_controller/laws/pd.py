@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from canarm_protocol.cell.model import Control
 
-from ..dynamics import NominalArm
+from ..dynamics import Arm
 from .base import ControlLaw, Cycle
 
 
@@ -20,7 +20,7 @@ class Pd(ControlLaw):
     name: ClassVar[str] = "pd"
     following_error_lsb: ClassVar[float] = 15.0
 
-    def __init__(self, arm: NominalArm, control: Control, period_s: float) -> None:
+    def __init__(self, arm: Arm, control: Control, period_s: float) -> None:
         omega, zeta = control.natural_frequency_rad_s, control.damping_ratio
         self._stiffness_nm_rad = tuple(inertia * omega**2 for inertia in arm.effective_inertia)
         self._damping_nm_s = tuple(2.0 * zeta * omega * inertia for inertia in arm.effective_inertia)

@@ -5,10 +5,10 @@ from typing import ClassVar
 
 from canarm_protocol.cell.model import Control
 
-from ..dynamics import NominalArm
+from ..dynamics import Arm
 from ..errors import LawError
+from ..estimation.arm_model import arm_model
 from ..estimation.observer import ArmState
-from ..estimation.regressor import PARAMETERS, Regressor, dot
 from .base import ControlLaw, Cycle
 from .standing import StandingHold
 
@@ -17,7 +17,7 @@ LOWEST, HIGHEST = 0.3, 3.0
 
 
 class SlotineLi(ControlLaw):
-    """The arm's model in the loop, linear in nine parameters a that adapt until the sliding variable s stays zero.
+    """The arm's model in the loop, linear in parameters a that adapt until the sliding variable s stays zero.
 
     Error       e = q - q_d,  s = ė + Λ·e,  q̇_r = q̇_d - Λ·e,  q̈_r = q̈_d - Λ·ė
     Torque      τ = Y(q, q̇, q̇_r, q̈_r)·â - K_D·s,  K_D = κ·J, J the nominal effective inertia
@@ -25,7 +25,7 @@ class SlotineLi(ControlLaw):
 
     With V = (sᵀDs + ãᵀΓ⁻¹ã)/2 and Ḋ - 2C skew-symmetric V̇ = -sᵀK_D·s for σ = 0, so s goes to zero whatever a is. That
     the parameters themselves become right takes a motion that tells them apart; tracking does not need it. Y and a are
-    in `regressor`. Friction is part of Y: the viscous part at q̇_r, Coulomb friction by the sign of q̇_d, which is free
+    in `arm_model`. Friction is part of Y: the viscous part at q̇_r, Coulomb friction by the sign of q̇_d, which is free
     of noise.
 
     Explicit Euler with the cycle time; each θ is projected into [0.3, 3]; joint i's part of Yᵀs is left out while its
@@ -53,18 +53,19 @@ class SlotineLi(ControlLaw):
     following_error_lsb: ClassVar[float] = 3.0
     takes_feedforward: ClassVar[bool] = False
 
-    def __init__(self, arm: NominalArm, control: Control, period_s: float) -> None:
+    def __init__(self, arm: Arm, control: Control, period_s: float) -> None:
         """Raises `LawError` if the cell has no `[control.slotine_li]`."""
         gains = control.slotine_li
         if gains is None:
             raise LawError("law 'slotine-li': the cell has no [control.slotine_li]; give its gains as konkuk1 does")
         self._rate = gains.error_rate_rad_s
-        self._damping1, self._damping2 = (gains.sliding_rate_rad_s * inertia for inertia in arm.effective_inertia)
+        self._damping_nm_s = [gains.sliding_rate_rad_s * inertia for inertia in arm.effective_inertia]
         self._adapt = period_s * gains.adaptation
         self._leak = period_s * gains.leakage
-        self._model = Regressor(arm)
+        self._model = arm_model(arm)
         self._state = ArmState(control.observer, period_s, arm.joint_count)
         self._standing = StandingHold(control.standing_band_rad, arm.joint_count)
+        self.sliding_rad_s: Sequence[float] = ()
         self._restart_parameters()
 
     def start(
@@ -79,52 +80,38 @@ class SlotineLi(ControlLaw):
         """Torques in N·m; then the step of the parameters to the next cycle."""
         state, rate = self._state, self._rate
         state.update(cycle, self._acceleration)
-        q1, q2 = state.position_rad
-        v1, v2 = state.velocity_rad_s
-        wanted1, wanted2 = state.reference_rad
-        speed1, speed2 = state.reference_rad_s
-        change1, change2 = cycle.reference_rad_s2
-        error1, error2 = q1 - wanted1, q2 - wanted2
-        rate1, rate2 = v1 - speed1, v2 - speed2
-        s1, s2 = rate1 + rate * error1, rate2 + rate * error2
-        row1, row2 = self._model.rows(
-            (q1, q2),
-            (v1, v2),
-            (speed1 - rate * error1, speed2 - rate * error2),
-            (change1 - rate * rate1, change2 - rate * rate2),
-            (speed1, speed2),
+        q, qd, speeds = state.position_rad, state.velocity_rad_s, state.reference_rad_s
+        errors = [angle - wanted for angle, wanted in zip(q, state.reference_rad, strict=True)]
+        rates = [speed - wanted for speed, wanted in zip(qd, speeds, strict=True)]
+        sliding = [slope + rate * error for slope, error in zip(rates, errors, strict=True)]
+        self.sliding_rad_s = sliding
+        model = self._model.at(
+            q,
+            qd,
+            [speed - rate * error for speed, error in zip(speeds, errors, strict=True)],
+            [change - rate * slope for change, slope in zip(cycle.reference_rad_s2, rates, strict=True)],
+            speeds,
         )
-        ahead1, ahead2 = cycle.feedforward_nm
-        torque_nm = (
-            dot(row1, self._parameters) - self._damping1 * s1 + ahead1,
-            dot(row2, self._parameters) - self._damping2 * s2 + ahead2,
-        )
-        self.sliding_rad_s = s1, s2
-        commanded_nm = self._standing.apply(cycle, (s1 / rate, s2 / rate), torque_nm)
-        self._learn(
-            row1,
-            row2,
-            0.0 if cycle.saturated[0] or self._standing.is_held(0) else s1,
-            0.0 if cycle.saturated[1] or self._standing.is_held(1) else s2,
-        )
+        torque_nm = [
+            modelled - damping * s + ahead
+            for modelled, damping, s, ahead in zip(
+                model.torque_nm(self._parameters), self._damping_nm_s, sliding, cycle.feedforward_nm, strict=True
+            )
+        ]
+        commanded_nm = self._standing.apply(cycle, [s / rate for s in sliding], torque_nm)
+        is_held, saturated = self._standing.is_held, cycle.saturated
+        heard = [0.0 if saturated[joint] or is_held(joint) else s for joint, s in enumerate(sliding)]
+        self._learn(model.gradient(heard))
         return commanded_nm
 
     def internals(self) -> Mapping[str, Sequence[float]]:
-        """The sliding variable (rad/s), and parameters as multiples of nominal: total inertia and outer link's, weight
-        on the first link and coupling (the outer link's mass), Coulomb friction.
-        """
-        of = dict(zip(PARAMETERS, self.factors, strict=True))
-        return {
-            "sliding_rad_s": list(self.sliding_rad_s),
-            "inertia_factor": [of["inertia_kg_m2"], of["outer_inertia_kg_m2"]],
-            "weight_factor": [of["gravity_nm"], of["coupling_kg_m2"]],
-            "coulomb_factor": [of["coulomb1_nm"], of["coulomb2_nm"]],
-        }
+        """The sliding variable (rad/s), and parameters as multiples of nominal as far as they belong to one joint."""
+        return {"sliding_rad_s": list(self.sliding_rad_s), **self._model.by_joint(self.factors)}
 
-    def _learn(self, row1: Sequence[float], row2: Sequence[float], s1: float, s2: float) -> None:
+    def _learn(self, gradient: Sequence[float]) -> None:
         adapt, leak, nominal = self._adapt, self._leak, self._model.nominal
         for i, factor in enumerate(self.factors):
-            moved = factor - adapt * nominal[i] * (row1[i] * s1 + row2[i] * s2) - leak * (factor - 1.0)
+            moved = factor - adapt * nominal[i] * gradient[i] - leak * (factor - 1.0)
             moved = LOWEST if moved < LOWEST else HIGHEST if moved > HIGHEST else moved
             self.factors[i] = moved
             self._parameters[i] = moved * nominal[i]
@@ -133,6 +120,6 @@ class SlotineLi(ControlLaw):
         return self._model.acceleration(self._parameters, q, qd, torque_nm)
 
     def _restart_parameters(self) -> None:
-        self.factors = [1.0] * len(PARAMETERS)
+        self.factors = [1.0] * len(self._model.nominal)
         self._parameters = list(self._model.nominal)
-        self.sliding_rad_s = 0.0, 0.0
+        self.sliding_rad_s = (0.0,) * len(self._damping_nm_s)

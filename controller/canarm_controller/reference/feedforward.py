@@ -9,7 +9,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from ..dynamics import Floats, NominalArm
+from ..dynamics import Arm, Floats
 from ..errors import ControllerError
 from .memory import SAMPLES, MemoryImage
 from .trajectory import Reference
@@ -55,11 +55,16 @@ class NoFeedforward(Feedforward):
 class TableFeedforward(Feedforward):
     """The paper's way: torques computed for 10.24 s at once, stored as 8-bit currents, played back a sample a cycle."""
 
-    def __init__(self, arm: NominalArm, image: MemoryImage, exclude_inertia: bool, lead_s: float) -> None:
+    def __init__(self, arm: Arm, image: MemoryImage, exclude_inertia: bool, lead_s: float) -> None:
         self._arm = arm
         self._image = image
         self._exclude_inertia = exclude_inertia
         self._lead_s = lead_s
+        self._pages = [
+            ([per_ampere * current for current in image.currents_by_byte(joint)], image.table_bytes(joint))
+            for joint, per_ampere in enumerate(arm.torque_per_ampere)
+        ]
+        """For each joint the torque of each of the 256 table bytes, and its page."""
 
     def prepare(self, reference_block: Reference, first_tick: int) -> None:
         """Compute the block and load the table. Raises `ControllerError` unless it starts on a table boundary."""
@@ -75,21 +80,20 @@ class TableFeedforward(Feedforward):
         )
 
     def torque_nm(self, tick: int) -> Sequence[float]:
-        """What the table holds for the cycle, quantised to two steps of the DAC."""
-        first, second = self._arm.torque_per_ampere
-        image = self._image
-        return first * image.table_current_a(0, tick), second * image.table_current_a(1, tick)
+        """What the table holds for the cycle, quantised to two steps of an 8-bit DAC."""
+        sample = tick % SAMPLES
+        return [torques[page[sample]] for torques, page in self._pages]
 
 
 class OnlineFeedforward(Feedforward):
     """The same torque, evaluated in the cycle in which it is needed, without quantisation."""
 
-    def __init__(self, arm: NominalArm, exclude_inertia: bool, lead_s: float) -> None:
+    def __init__(self, arm: Arm, exclude_inertia: bool, lead_s: float) -> None:
         self._arm = arm
-        self._taken_out = arm.effective_inertia if exclude_inertia else (0.0, 0.0)
+        self._taken_out = arm.effective_inertia if exclude_inertia else None
         self._lead_s = lead_s
         self._first_tick = 0
-        self._block: tuple[Floats, Floats, Floats] = (np.empty((0, 2)),) * 3
+        self._block: tuple[Floats, Floats, Floats] = (np.empty((0, arm.joint_count)),) * 3
 
     def prepare(self, reference_block: Reference, first_tick: int) -> None:
         """Keep the block. Turning it into plain floats at once would take more than a cycle has."""
@@ -104,12 +108,17 @@ class OnlineFeedforward(Feedforward):
             last = self._first_tick + count - 1
             raise ControllerError(f"feed-forward: tick {tick} is not prepared; ticks {self._first_tick} to {last} are")
         position, velocity, acceleration = (part[index].tolist() for part in self._block)
-        first, second = self._arm.torque_nm(position, velocity, acceleration)
-        return first - self._taken_out[0] * acceleration[0], second - self._taken_out[1] * acceleration[1]
+        torque_nm = self._arm.torque_nm(position, velocity, acceleration)
+        if self._taken_out is None:
+            return torque_nm
+        return [
+            torque - inertia * change
+            for torque, inertia, change in zip(torque_nm, self._taken_out, acceleration, strict=True)
+        ]
 
 
 def make_feedforward(
-    kind: str, arm: NominalArm, image: MemoryImage | None, exclude_inertia: bool, lead_s: float = 0.0
+    kind: str, arm: Arm, image: MemoryImage | None, exclude_inertia: bool, lead_s: float = 0.0
 ) -> Feedforward:
     """The feed-forward that the command line names: "none", "table" or "online".
 
