@@ -13,11 +13,12 @@ from canarm_protocol.cell.model import ObserverGains
 
 from ..cycle import Cycle
 
+Matrix = NDArray[np.float64]
 Acceleration = Callable[[Sequence[float], Sequence[float], Sequence[float]], Sequence[float]]
 """From positions (rad), speeds (rad/s) and applied torques (N·m) to accelerations (rad/s²)."""
 
 DOUBLINGS = 40
-"""Each step of `stationary_gains` doubles the number of samples filtered: 2^40 samples of 2.5 ms are 87 years."""
+"""Each step of `stationary_gain` doubles the number of samples filtered: 2^40 samples of 2.5 ms are 87 years."""
 
 
 class JointObserver:
@@ -114,11 +115,7 @@ class ArmState:
 
 
 def stationary_gains(gains: ObserverGains, period_s: float) -> tuple[tuple[float, float], ...]:
-    """L of `JointObserver`, four rows (x, v, b, o) of two (by potentiometer, by tachometer).
-
-    The covariance solves the discrete algebraic Riccati equation, here by the structure-preserving doubling algorithm
-    (Chu, Fan, Lin and Wang, Int. J. Control 77 (2004) 767-788), which needs nothing but inverses.
-    """
+    """L of `JointObserver`, four rows (x, v, b, o) of two (by potentiometer, by tachometer)."""
     step_s = period_s
     transition = np.eye(4)
     transition[0, 1:3] = step_s, 0.5 * step_s**2
@@ -129,13 +126,25 @@ def stationary_gains(gains: ObserverGains, period_s: float) -> tuple[tuple[float
     output = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 1.0]])
     noise = np.diag([gains.position_noise_rad**2, gains.velocity_noise_rad_s**2])
 
-    a, g, covariance = transition.T, output.T @ np.linalg.inv(noise) @ output, process
-    for _ in range(DOUBLINGS):
-        inverse: NDArray[np.float64] = np.linalg.inv(np.eye(4) + g @ covariance)
-        a, g, covariance = (
-            a @ inverse @ a,
-            g + a @ inverse @ g @ a.T,
-            covariance + a.T @ covariance @ inverse @ a,
-        )
-    gain = covariance @ output.T @ np.linalg.inv(output @ covariance @ output.T + noise)
+    gain = stationary_gain(transition, process, output, noise)
     return tuple((by_position, by_velocity) for by_position, by_velocity in gain.tolist())
+
+
+def stationary_gain(transition: Matrix, process: Matrix, output: Matrix, noise: Matrix) -> Matrix:
+    """The stationary Kalman gain (states, outputs) of a discrete system, to be applied to a prediction's error.
+
+    The covariance solves the discrete algebraic Riccati equation, here by the structure-preserving doubling algorithm
+    (Chu, Fan, Lin and Wang, Int. J. Control 77 (2004) 767-788), which needs nothing but inverses.
+    """
+    unit = np.eye(len(transition))
+    a, g, covariance = transition.T, output.T @ _inverse(noise) @ output, process
+    for _ in range(DOUBLINGS):
+        inverse = _inverse(unit + g @ covariance)
+        doubled: Matrix = covariance + a.T @ covariance @ inverse @ a
+        a, g, covariance = a @ inverse @ a, g + a @ inverse @ g @ a.T, doubled
+    gain: Matrix = covariance @ output.T @ _inverse(output @ covariance @ output.T + noise)
+    return gain
+
+
+def _inverse(matrix: Matrix) -> Matrix:
+    return np.linalg.inv(matrix).astype(np.float64)

@@ -101,7 +101,7 @@ class Controller:
         self._ticks = ticks
         self._nodes = nodes
         self._supervisor = Supervisor(cell, nodes)
-        self._watch = ArmWatch(cell, loop.arm, loop.skew_s, loop.law.following_error_lsb, self._detect_at_joint)
+        self._watch = ArmWatch(cell, loop.arm, loop.inputs.skew_s, loop.law.following_error_lsb, self._detect_at_joint)
         self._noted: dict[tuple[str, str | None], int] = {}
         self._holds = False
         self._hold: SafeHold | None = None
@@ -112,7 +112,7 @@ class Controller:
         self._has_measured = False
         self._unclear_answers, self._unclear_s = 0, 0.0
         channels = [(joint, quantity) for joint in range(len(cell.joints)) for quantity in MEASURED]
-        self._scan_ns = round(max(loop.skew_s(*channel) for channel in channels) * 1e9)
+        self._scan_ns = round(max(loop.inputs.skew_s(*channel) for channel in channels) * 1e9)
         self._missing_cycles = 0
         self._conversation: Conversation | None = self._prepare(listen_ns)
         self._ask: Ask | None = None
@@ -349,9 +349,9 @@ class Controller:
             left_out = (self._unclear_s if is_unclear else max(self._excess_s, 0.0)) / loop.period_s
             self._judge(self._supervisor.measurement(loop.cycle.position_rad, left_out))
         if is_on_time and not is_unclear:
-            watch.step(loop.cycle, loop.angle_codes, loop.speed_codes, loop.current_codes)
+            watch.step(loop.cycle, loop.inputs.angle_codes, loop.inputs.speed_codes, loop.inputs.current_codes)
         else:
-            watch.glimpse(loop.cycle, loop.angle_codes, loop.speed_codes, self._excess_s, is_unclear)
+            watch.glimpse(loop.cycle, loop.inputs.angle_codes, loop.inputs.speed_codes, self._excess_s, is_unclear)
             self._excess_s = 0.0
             self._unclear_answers -= is_unclear
         self._missing_cycles = 0

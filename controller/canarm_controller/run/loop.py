@@ -6,17 +6,17 @@ beyond what it returns.
 
 from collections.abc import Callable, Mapping, Sequence
 
-from canarm_protocol.cell.model import Cell, Quantity
-from canarm_protocol.cell.sensing import joint_sensors
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.wiring import FULL_SCALE_CODE, InputSlot
 
-from ..dynamics import NominalArm
+from ..dynamics import cell_arm
 from ..errors import ControllerError, LawError, TrajectoryError
 from ..laws.base import ControlLaw, Cycle
 from ..laws.failure import law_failure, shown
 from ..reference.feedforward import make_feedforward
 from ..reference.memory import SAMPLES, MemoryImage
 from ..reference.trajectory import Reference, Trajectory, blend_from
+from .inputs import JointInputs
 
 OFF, CLOCKWISE, COUNTER_CLOCKWISE = 0b00, 0b01, 0b10
 """Direction bits of the latch (table 1 of the paper); counter-clockwise is towards positive angles."""
@@ -43,7 +43,7 @@ class ControlLoop:
         trajectory: Trajectory,
         feedforward: str | None = None,
     ) -> None:
-        self.arm = NominalArm.from_robot(cell.robot[0])
+        self.arm = cell_arm(cell.robot, cell.joint_names)
         self.period_s = cell.bus.cycle_s
         try:
             self.law = law(self.arm, cell.control, self.period_s)
@@ -82,31 +82,20 @@ class ControlLoop:
         """How long the law took in the last cycle, if that is measured."""
         self._limits_a = limits_a
         self._torque_per_ampere = list(self.arm.torque_per_ampere)
-        sensors = joint_sensors(cell)
-        self._places: dict[Quantity, list[tuple[int, float, float, float]]] = {}
-        for place, slot in sorted(enumerate(slots), key=lambda item: item[1].joint):
-            wired = sensors[slot.joint].measuring(slot.quantity)
-            if wired is not None:
-                scale, skew_s = wired.scale, wired.skew_s
-                self._places.setdefault(slot.quantity, []).append((place, scale.zero, scale.step, skew_s))
-        self._positions = self._places[Quantity.POSITION]
-        self._velocities = self._places[Quantity.VELOCITY]
-        self._currents = self._places[Quantity.CURRENT]
+        self._full_codes = [FULL_SCALE_CODE] * len(cell.joints)
+        self.inputs = JointInputs(cell, slots, self.arm)
+        """Scales of what is measured, and the codes of the last cycle."""
         self._block: Reference | None = None
         self._block_tick = self._chunk_tick = 0
         self._reference: list[tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]] = []
         self._signs = [0.0] * len(cell.joints)
-        self.angle_codes: list[int] = []
-        self.speed_codes: list[int] = []
-        self.current_codes: list[int] = []
 
     def begin(self, position_codes: Sequence[int]) -> None:
         """Start at rest at the measured pose: blend the trajectory in, fill the table, start the law.
 
         Raises `TrajectoryError` when the pose lies outside the joint limits, or too far off; `LawError`.
         """
-        places = zip(position_codes, self._positions, strict=True)
-        start = tuple([(code - zero) * step for code, (_, zero, step, _) in places])
+        start = self.inputs.start(position_codes)
         rest = (0.0,) * len(start)
         self.trajectory = self._entered_from(start)
         self.cycle.position_rad, self.cycle.velocity_rad_s = start, rest
@@ -126,33 +115,10 @@ class ControlLoop:
         return blend_from(self.trajectory, start_rad, BLENDS_S[-1])
 
     def measure(self, codes: Sequence[int], tick: int) -> None:
-        """Take the codes of one cycle: physical values into `cycle`, codes into the memory's log.
-
-        The ADC converts one channel after the other; positions are led back to the time of SYNC by the measured speed.
-        """
-        velocity = tuple([(codes[place] - zero) * step for place, zero, step, _ in self._velocities])
-        cycle = self.cycle
-        cycle.velocity_rad_s = velocity
-        cycle.position_rad = tuple(
-            [
-                (codes[place] - zero) * step - skew_s * rate
-                for (place, zero, step, skew_s), rate in zip(self._positions, velocity, strict=True)
-            ]
-        )
-        currents = self.current_codes = [codes[place[0]] for place in self._currents]
-        cycle.current_a = tuple(
-            [
-                sign * (code - zero) * step
-                for code, (_, zero, step, _), sign in zip(currents, self._currents, self._signs, strict=True)
-            ]
-        )
-        angles = self.angle_codes = [codes[place[0]] for place in self._positions]
-        speeds = self.speed_codes = [codes[place[0]] for place in self._velocities]
-        self.memory.log(tick, angles, speeds)
-
-    def skew_s(self, joint: int, quantity: Quantity) -> float:
-        """How long after SYNC the joint's quantity is sampled."""
-        return self._places[quantity][joint][3]
+        """Take the codes of one cycle: physical values into `cycle`, codes into the memory's log."""
+        inputs = self.inputs
+        inputs.take(codes, self.cycle, self._signs)
+        self.memory.log(tick, *inputs.log_bytes())
 
     def look_up(self, tick: int) -> None:
         """The reference of `tick` into `cycle`; a new block of 4096 ticks is prepared when one begins."""
@@ -192,7 +158,7 @@ class ControlLoop:
                 current = limit if current > 0.0 else -limit
                 self.saturated_cycles[joint] += 1
             magnitude = -current if current < 0.0 else current
-            code = int(magnitude * FULL_SCALE_CODE / limit + 0.5)
+            code = int(magnitude * self._full_codes[joint] / limit + 0.5)
             codes.append(code)
             directions.append(OFF if not code else CLOCKWISE if current < 0.0 else COUNTER_CLOCKWISE)
             self._signs[joint] = -1.0 if current < 0.0 else 1.0

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.wiring import sensor_scale
 
-from ..dynamics import NominalArm
+from ..dynamics import Arm
 from ..laws.base import Cycle
 from .currents import CurrentWatch
 from .detection import Reaction
@@ -29,7 +29,7 @@ class ArmWatch:
     """State of all joints' residuals. `step` may put substitutes in place of the cycle's measurements."""
 
     def __init__(
-        self, cell: Cell, arm: NominalArm, skew_s: Callable[[int, Quantity], float], following_lsb: float,
+        self, cell: Cell, arm: Arm, skew_s: Callable[[int, Quantity], float], following_lsb: float,
         report: ArmReport,
     ) -> None:  # fmt: skip
         self._arm, period_s = arm, cell.bus.cycle_s

@@ -5,7 +5,7 @@ Owns the torque of a safe stop. Which state is to be believed, and when the stop
 
 from collections.abc import Sequence
 
-from ..dynamics import NominalArm
+from ..dynamics import Arm
 from ..laws.base import Cycle
 
 DECELERATION_RAD_S2 = 20.0
@@ -22,7 +22,7 @@ class SafeHold:
     `bias_rad_s2` is what the model was known to lack before the failure, such as a payload: it is carried on.
     """
 
-    def __init__(self, arm: NominalArm, cycle: Cycle, bias_rad_s2: Sequence[float], period_s: float) -> None:
+    def __init__(self, arm: Arm, cycle: Cycle, bias_rad_s2: Sequence[float], period_s: float) -> None:
         self._arm, self._period_s = arm, period_s
         self._position = list(cycle.position_rad)
         self._speed = list(cycle.velocity_rad_s)

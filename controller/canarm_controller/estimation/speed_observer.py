@@ -1,0 +1,91 @@
+"""Speeds of joints that have no tachometer, from their position sensors and the arm's model.
+
+Owns the estimate that stands in for a measured speed. What has failed and is replaced for that reason belongs to
+supervision; feedback must not enter.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from canarm_protocol.cell.model import ObserverGains
+
+from ..dynamics import Arm
+from .observer import stationary_gain
+
+ACCELERATION_NOISE, ACCELERATION_BIAS_NOISE = 0.03, 3.0
+"""rad/s²/√Hz and rad/s³/√Hz, for cells without `[control.observer]`: what konkuk1 has found useful."""
+
+
+class SpeedObserver:
+    """A Kalman filter for each joint without a tachometer: position x, speed v, error b of the model's acceleration.
+
+    Predict   x' = x + T·v + T²/2·(a + b),  v' = v + T·(a + b),  b' = b,  a by the nominal arm under the last command
+    Correct   (x, v, b) += L·(measured - x), L the stationary Kalman gain
+
+    A wrong payload or friction is found by b, as fast as the sensor's step allows.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        joints: Sequence[int],
+        noise_rad: Sequence[float],
+        gains: ObserverGains | None,
+        period_s: float,
+    ) -> None:
+        """`joints` are those without a tachometer, `noise_rad` the deviation of a position sample of each joint."""
+        self._arm, self._period_s, self._joints = arm, period_s, tuple(joints)
+        self._gains = {joint: _gains(noise_rad[joint], gains, period_s) for joint in joints}
+        self._count = arm.joint_count
+        self.start((0.0,) * arm.joint_count)
+
+    def start(self, position_rad: Sequence[float]) -> None:
+        """Begin at rest, with a right model. In the first cycle no command acts yet: the arm rests."""
+        self._x, self._v, self._b = list(position_rad), [0.0] * self._count, [0.0] * self._count
+        self._is_first = True
+
+    def predicted(self, measured_rad_s: Sequence[float]) -> tuple[float, ...]:
+        """`measured_rad_s` with the speeds that are expected now in place of those that nobody measures."""
+        found = list(measured_rad_s)
+        for joint in self._joints:
+            found[joint] = self._v[joint]
+        return tuple(found)
+
+    def update(
+        self, position_rad: Sequence[float], velocity_rad_s: Sequence[float], torque_nm: Sequence[float]
+    ) -> tuple[float, ...]:
+        """The speeds of this cycle from its positions; then a step on under `torque_nm`, which acts from this SYNC on.
+
+        `velocity_rad_s` is what `predicted` gave.
+        """
+        x, v, b = self._x, self._v, self._b
+        found = list(velocity_rad_s)
+        for joint in self._joints:
+            off = position_rad[joint] - x[joint]
+            by_position, by_speed, by_bias = self._gains[joint]
+            x[joint] += by_position * off
+            v[joint] += by_speed * off
+            b[joint] += by_bias * off
+            found[joint] = v[joint]
+        if not self._is_first:
+            model_rad_s2 = self._arm.acceleration_rad_s2(position_rad, found, torque_nm)
+            for joint in self._joints:
+                step_rad_s = self._period_s * (model_rad_s2[joint] + b[joint])
+                x[joint] += self._period_s * (v[joint] + 0.5 * step_rad_s)
+                v[joint] += step_rad_s
+        self._is_first = False
+        return tuple(found)
+
+
+def _gains(noise_rad: float, gains: ObserverGains | None, period_s: float) -> tuple[float, float, float]:
+    """L of one joint."""
+    noise = ACCELERATION_NOISE if gains is None else gains.acceleration_noise
+    drift = ACCELERATION_BIAS_NOISE if gains is None else gains.acceleration_bias_noise
+    transition = np.array([[1.0, period_s, 0.5 * period_s**2], [0.0, 1.0, period_s], [0.0, 0.0, 1.0]])
+    by_acceleration = np.array([0.5 * period_s**2, period_s, 0.0])
+    process = noise**2 / period_s * np.outer(by_acceleration, by_acceleration)
+    process += period_s * np.diag([0.0, 0.0, drift**2])
+    gain = stationary_gain(transition, process, np.array([[1.0, 0.0, 0.0]]), np.array([[noise_rad**2]]))
+    by_position, by_speed, by_bias = gain[:, 0].tolist()
+    return by_position, by_speed, by_bias

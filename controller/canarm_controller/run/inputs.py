@@ -1,0 +1,146 @@
+"""What the cards measure, as the loop needs it: codes of a cycle in, position, speed and current of each joint out.
+
+Owns scales, times of sampling, and what stands in for a sensor that a joint does not have. Reference, law and commands
+must not enter.
+"""
+
+from collections.abc import Sequence
+
+from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.sensing import JointSensors, WiredSensor, joint_sensors
+from canarm_protocol.cell.sensors.base import AnalogueSensor
+from canarm_protocol.cell.wiring import InputSlot
+
+from ..cycle import Cycle
+from ..dynamics import Arm
+from ..estimation.speed_observer import SpeedObserver
+
+BYTE_BITS = 8
+
+
+class JointInputs:
+    """Scales of all joints. `slots` says which quantity stands at which place of the `codes` that `take` gets.
+
+    A joint without a tachometer has the speed that a `SpeedObserver` gives; one without a current sense has the current
+    that was commanded. Their codes are 0.
+    """
+
+    def __init__(self, cell: Cell, slots: Sequence[InputSlot], arm: Arm) -> None:
+        sensors = joint_sensors(cell)
+        places = {(slot.joint, slot.quantity): place for place, slot in enumerate(slots)}
+        self._sensors = sensors
+        self._scales = [(each.position.scale.zero, each.position.scale.step) for each in sensors]
+        self._positions = [_channel(places, joint, each.position) for joint, each in enumerate(sensors)]
+        self._velocities = [_channel(places, joint, each.velocity) for joint, each in enumerate(sensors)]
+        self._currents = [_channel(places, joint, each.current) for joint, each in enumerate(sensors)]
+        self._without_speed = [joint for joint, each in enumerate(sensors) if each.velocity is None]
+        self._without_current = [joint for joint, each in enumerate(sensors) if each.current is None]
+        self._torque_per_ampere = arm.torque_per_ampere
+        self._observer = (
+            SpeedObserver(arm, self._without_speed, _noises_rad(sensors), cell.control.observer, cell.bus.cycle_s)
+            if self._without_speed
+            else None
+        )
+        self._shifts = None if all(_is_byte(wired) for each in sensors for wired in _logged(each)) else _shifts(sensors)
+        self.angle_codes: list[int] = []
+        self.speed_codes: list[int] = []
+        self.current_codes: list[int] = []
+
+    def start(self, position_codes: Sequence[int]) -> tuple[float, ...]:
+        """The pose (rad) at which the arm rests, from one position code per joint; observers start there."""
+        pose = tuple([(code - zero) * step for code, (zero, step) in zip(position_codes, self._scales, strict=True)])
+        if self._observer is not None:
+            self._observer.start(pose)
+        return pose
+
+    def take(self, codes: Sequence[int], cycle: Cycle, signs: Sequence[float]) -> None:
+        """Put one cycle's measurements into `cycle`; `signs` are the ways in which the currents were commanded.
+
+        An ADC converts one channel after the other; positions are led back to the time of SYNC by the speed.
+        """
+        velocity = tuple([(codes[place] - zero) * step for place, zero, step, _ in self._velocities])
+        speeds = [codes[place[0]] for place in self._velocities]
+        observer = self._observer
+        if observer is not None:
+            velocity = observer.predicted(velocity)
+        position = tuple(
+            [
+                (codes[place] - zero) * step - skew_s * rate
+                for (place, zero, step, skew_s), rate in zip(self._positions, velocity, strict=True)
+            ]
+        )
+        if observer is not None:
+            velocity = observer.update(position, velocity, cycle.applied_nm)
+            for joint in self._without_speed:
+                speeds[joint] = 0
+        cycle.position_rad, cycle.velocity_rad_s = position, velocity
+        currents = self.current_codes = [codes[place[0]] for place in self._currents]
+        cycle.current_a = tuple(
+            [
+                sign * (code - zero) * step
+                for code, (_, zero, step, _), sign in zip(currents, self._currents, signs, strict=True)
+            ]
+        )
+        if self._without_current:
+            self._fill_currents(cycle)
+        self.angle_codes = [codes[place[0]] for place in self._positions]
+        self.speed_codes = speeds
+
+    def log_bytes(self) -> tuple[Sequence[int], Sequence[int]]:
+        """Positions and speeds of the last cycle as bytes: a converter's upper eight bits, a count's lower eight."""
+        if self._shifts is None:
+            return self.angle_codes, self.speed_codes
+        angles, speeds = self._shifts
+        return (
+            [code >> shift & 0xFF for code, shift in zip(self.angle_codes, angles, strict=True)],
+            [code >> shift & 0xFF for code, shift in zip(self.speed_codes, speeds, strict=True)],
+        )
+
+    def skew_s(self, joint: int, quantity: Quantity) -> float:
+        """How long after SYNC the joint's quantity is sampled; 0 for what it has no sensor for."""
+        wired = self._sensors[joint].measuring(quantity)
+        return 0.0 if wired is None else wired.skew_s
+
+    def _fill_currents(self, cycle: Cycle) -> None:
+        current_a = list(cycle.current_a)
+        for joint in self._without_current:
+            current_a[joint] = cycle.applied_nm[joint] / self._torque_per_ampere[joint]
+            self.current_codes[joint] = 0
+        cycle.current_a = tuple(current_a)
+
+
+Channel = tuple[int, float, float, float]
+"""Place among the codes, code at 0, step in rad, rad/s or A, and s after SYNC."""
+
+
+def _channel(places: dict[tuple[int, Quantity], int], joint: int, wired: WiredSensor | None) -> Channel:
+    """The joint's channel; where it has no such sensor, any code, which counts as 0."""
+    if wired is None:
+        return 0, 0.0, 0.0, 0.0
+    return places[joint, wired.quantity], wired.scale.zero, wired.scale.step, wired.skew_s
+
+
+def _noises_rad(sensors: Sequence[JointSensors]) -> list[float]:
+    """Standard deviation of one sample of each joint's position: noise and rounding, rad."""
+    found = []
+    for each in sensors:
+        sensor = each.position.sensor
+        noise_lsb = sensor.noise_lsb if isinstance(sensor, AnalogueSensor) else 0.0
+        found.append(each.position.scale.lsb * (noise_lsb**2 + 1.0 / 12.0) ** 0.5)
+    return found
+
+
+def _logged(sensors: JointSensors) -> list[WiredSensor]:
+    return [wired for wired in (sensors.position, sensors.velocity) if wired is not None]
+
+
+def _is_byte(wired: WiredSensor) -> bool:
+    return isinstance(wired.sensor, AnalogueSensor) and wired.bits == BYTE_BITS
+
+
+def _shift(wired: WiredSensor | None) -> int:
+    return wired.bits - BYTE_BITS if wired is not None and isinstance(wired.sensor, AnalogueSensor) else 0
+
+
+def _shifts(sensors: Sequence[JointSensors]) -> tuple[list[int], list[int]]:
+    return [_shift(each.position) for each in sensors], [_shift(each.velocity) for each in sensors]
