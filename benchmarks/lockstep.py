@@ -19,7 +19,8 @@ from measure import Ratio, Row
 from canarm import Rig
 from canarm.session import make_bench, make_controller
 from canarm_controller.run.runner import Runner
-from canarm_emulator.serving.hub import Hub, Received
+from canarm_emulator.serving.hub import Hub
+from canarm_emulator.serving.hub_events import Received
 from canarm_emulator.serving.runner import EmulatorRunner
 from canarm_protocol.canopen.frames import Cob, Frame, sync_frame, time_frame
 from canarm_protocol.cell.cell_file import load_cell

@@ -21,7 +21,8 @@ from canarm.session import make_bench, make_controller
 from canarm_controller.run.controller import State
 from canarm_controller.run.runner import Runner, RunResult
 from canarm_emulator.serving.arrival import SyncArrival
-from canarm_emulator.serving.hub import Detached, Event, Hub, Received
+from canarm_emulator.serving.hub import Hub
+from canarm_emulator.serving.hub_events import Detached, Event, Received
 from canarm_emulator.serving.runner import EmulatorRunner
 from canarm_protocol.canopen.frames import Cob, sync_frame
 from canarm_protocol.cell.cell_file import load_cell

@@ -16,7 +16,7 @@ from canarm_protocol.errors import BusError
 from canarm_protocol.transport.port import BusPort, open_port, parse_bus_options
 from canarm_protocol.transport.socketcand import DEFAULT_PORT
 
-from .usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError, parse_settings
+from .usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError, parse_settings, shortened
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_ADDRESS = f"{DEFAULT_HOST}:{DEFAULT_PORT}"
@@ -26,6 +26,8 @@ LOSSY = "udp_multicast"
 
 SERIAL = "slcan"
 
+LONGEST_PORT = 20
+"""Digits of a port that are looked at; no number with more is one."""
 LONGEST_S = 1e6
 """Eleven days: waiting longer is not meant, and some systems cannot."""
 
@@ -335,10 +337,11 @@ def parse_address(option: str, text: str, any_port: bool = False, scheme: str = 
     """HOST:PORT behind `scheme`, with port 0 only where `any_port` says so. Raises `UsageError`."""
     host, colon, digits = text.removeprefix(scheme).rpartition(":")
     lowest = 0 if any_port else 1
-    # `isdigit` alone takes digits of other scripts, and superscripts.
-    if not colon or not host or not (digits.isascii() and digits.isdigit()) or not lowest <= int(digits) <= 0xFFFF:
+    # `isdigit` alone takes digits of other scripts, and superscripts; `int` takes no more than some thousand digits.
+    is_number = digits.isascii() and digits.isdigit() and len(digits) <= LONGEST_PORT
+    if not colon or not host or not is_number or not lowest <= int(digits) <= 0xFFFF:
         raise UsageError(
-            f"{option} {text}: write {scheme}HOST:PORT with a port from {lowest} to 65535, such as "
+            f"{option} {shortened(text)}: write {scheme}HOST:PORT with a port from {lowest} to 65535, such as "
             f"{scheme}{DEFAULT_ADDRESS}"
         )
     return host.strip("[]"), int(digits)

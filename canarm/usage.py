@@ -9,6 +9,15 @@ class UsageError(ValueError):
     """What the user asked for cannot be: exit status 2, and in Python a `ValueError`."""
 
 
+LONGEST_SHOWN = 200
+"""Characters of what a user gave that an answer repeats."""
+
+
+def shortened(text: str) -> str:
+    """`text`, or its beginning where it is long."""
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}…"
+
+
 def parse_settings(option: str, words: Sequence[str]) -> dict[str, str]:
     """`key=value` words as a dict. Raises `UsageError` for what is none, and for a key given twice."""
     return key_values(words, f"{option} ", "; keys: canarm check --keys")

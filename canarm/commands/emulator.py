@@ -154,6 +154,7 @@ def emulator(
             "state": "done",
             "faults_never_begun": [] if script is None else bench.faults.never_begun,
             **_figures(bench, runner),
+            "malformed_commands": hub.malformed + (0 if adapter is None else adapter.refused),
             "dropped_frames": sum(hub.dropped.values()) + (0 if adapter is None else adapter.dropped),
             "out": None if output.out is None else str(output.out),
         }

@@ -26,6 +26,8 @@ DIRECTIONS = {
     "off": DirectionBits.OFF,
 }
 DIRECTION_NAMES = {bits: name for name, bits in DIRECTIONS.items()}
+LONGEST_NUMBER = 40
+"""Characters; `int` takes no more than some thousand."""
 _INTEGER = re.compile(r"[+-]?(0[xX][0-9a-fA-F]+|[0-9]+)", re.ASCII)
 
 
@@ -252,7 +254,9 @@ def _wrong(command: str) -> UsageError:
 
 
 def _number(text: str) -> int | None:
-    return int(text, 16 if "x" in text.lower() else 10) if _INTEGER.fullmatch(text) else None
+    if len(text) > LONGEST_NUMBER or not _INTEGER.fullmatch(text):
+        return None
+    return int(text, 16 if "x" in text.lower() else 10)
 
 
 def _integer(command: str, what: str, text: str, low: int, high: int) -> int:

@@ -112,6 +112,8 @@ def test_version_is_the_distributions(canarm):
         ("emulator --serve 29536", "--serve 29536", "HOST:PORT"),
         ("emulator --serve 127.0.0.1:port", "--serve 127.0.0.1:port", "HOST:PORT"),
         ("emulator --serve 127.0.0.1:70000", "70000", "65535"),
+        ("emulator --serve 127.0.0.1:" + "9" * 5000, "127.0.0.1:9999", "65535"),
+        ("controller -i canarm port=" + "9" * 5000, "port", "5000 digits"),
         ("emulator --serve 0.0.0.0:0", "0.0.0.0:0", "--allow-remote"),
         ("emulator --serve nowhere.invalid:0", "nowhere.invalid", "127.0.0.1"),
         ("emulator --sync-timeout 0", "--sync-timeout", "above 0"),

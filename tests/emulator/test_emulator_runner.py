@@ -15,7 +15,8 @@ from canarm_emulator.bench.bench import Record
 from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_emulator.serving import runner as runner_module
-from canarm_emulator.serving.hub import Hub, Received
+from canarm_emulator.serving.hub import Hub
+from canarm_emulator.serving.hub_events import Received
 from canarm_emulator.serving.recording import Recorder
 from canarm_emulator.serving.runner import EmulatorRunner
 from canarm_emulator.wire.confinement import ErrorKind, ErrorState

@@ -198,6 +198,28 @@ def test_what_is_no_utf_8_is_refused(client: Client) -> None:
     assert client.text(objects.FAULT_RESULT).startswith("refused: fault set: is not UTF-8: ")
 
 
+def test_a_text_that_nobody_foresaw_is_refused_and_the_bench_goes_on(
+    bench: FaultBench, client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stumble(script: object) -> str:
+        raise RecursionError("maximum recursion depth exceeded")
+
+    monkeypatch.setattr(bench.device.faults._desk, "inject", stumble)
+    with pytest.raises(SdoAborted):
+        client.inject(STUCK.format(name="x"))
+    assert client.text(objects.FAULT_RESULT).startswith("refused: fault set: cannot be done (RecursionError)")
+    assert client.status()["sets"] == []
+
+
+def test_a_condition_nested_in_itself_without_end_is_refused_and_the_bench_goes_on(client: Client) -> None:
+    with pytest.raises(SdoAborted):
+        client.inject(
+            f'[[set]]\nwhen = "({"~" * 380}f)(1) > 1"\n[[set.fault]]\ntap = "joint2.tachometer"\nfault = "stuck"'
+        )
+    assert "nested too deep" in client.text(objects.FAULT_RESULT)
+    assert client.status()["sets"] == []
+
+
 def test_100_kb_are_taken_and_more_than_there_is_room_for_is_refused_at_once(client: Client) -> None:
     text = STUCK.format(name="x")
     client.inject(text + "#" * (100_000 - len(text)))

@@ -2,6 +2,7 @@
 
 import contextlib
 import ipaddress
+import os
 import socket
 import threading
 import time
@@ -11,17 +12,8 @@ import can
 import pytest
 
 from canarm_emulator.errors import EmulatorError
-from canarm_emulator.serving.hub import (
-    MAX_CLIENTS,
-    MAX_GARBAGE,
-    Attached,
-    Detached,
-    Event,
-    Hub,
-    HubError,
-    Ready,
-    Received,
-)
+from canarm_emulator.serving.hub import MAX_CLIENTS, MAX_GARBAGE, TOO_MANY, Hub, HubError
+from canarm_emulator.serving.hub_events import Attached, Detached, Event, Ready, Received, Unreadable
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.transport.hub_client import HubClientBus
 
@@ -138,15 +130,56 @@ def test_unknown_channel_is_an_error_and_the_end(hub, connect):
 
 def test_unknown_command_is_an_error_and_a_bad_send_is_ignored(hub, connect):
     client = connect()
-    client.send(b"< isotpmode >< send 123 8 1 >< send 123 0 >")
-    assert Received("can0", 1, Frame(0x123)) in poll_until(hub, bool)
+    client.send(b"< isotpmode >< send 123 8 1 >< send 123 0 >< send 123 8 2 >")
+    events = poll_until(hub, bool)
+    assert events == [Unreadable("can0", 1, "send 123 8 1"), Received("can0", 1, Frame(0x123))]
     assert hear(hub, client, 25) == b"< error unknown command >"
-    assert hub.clients[0].malformed == 1
+    assert hub.clients[0].malformed == 2
+    client.close()
+    poll_until(hub, bool)
+    assert hub.malformed == 2
 
 
-def test_frames_before_open_go_nowhere(hub, connect):
-    connect(b"< send 123 0 >< open can0 >< send 124 0 >", b"")
-    assert poll_until(hub, bool) == [Attached("can0", 1), Received("can0", 1, Frame(0x124))]
+def test_a_client_that_sends_before_it_has_opened_a_bus_is_told_so(hub, connect):
+    client = connect(b"< send 123 0 >< open can0 >< send 124 0 >", b"< hi >< error unknown command >< ok >")
+    assert hub.poll(0) == []
+    client.send(b"< echo >")
+    assert hear(hub, client, 8) == b"< echo >"
+    assert hub.attached_to("can0") == 1
+
+
+KAYAK = b"< open can0 >< subscribe 0 0 294 >< subscribe 0 0 18ff1234 >< echo >"
+
+
+def test_kayak_gets_the_frames_that_it_has_subscribed_to_and_no_others(hub, connect):
+    client = connect(KAYAK, b"< hi >< ok >< echo >")
+    for frame in (Frame(0x294, b"\x01"), Frame(0x394), Frame(0x18FF1234, b"", True), Frame(0x294, b"", True)):
+        hub.send("can0", 0, frame)
+    client.send(b"< unsubscribe 294 >< echo >")
+    heard = b"< frame 294 0.000000 01 >< frame 18FF1234 0.000000  >< echo >"
+    assert hear(hub, client, len(heard)) == heard
+    hub.send("can0", 0, Frame(0x294))
+    hub.send("bench", 0, Frame(0x18FF1234, b"", True))
+    client.send(b"< rawmode >< echo >")
+    assert hear(hub, client, 14) == b"< ok >< echo >"
+    hub.send("can0", 0, Frame(0x394))
+    client.send(b"< bcmmode >< echo >")
+    heard = b"< frame 394 0.000000  >< ok >< echo >"
+    assert hear(hub, client, len(heard)) == heard
+    hub.send("can0", 0, Frame(0x18FF1234, b"", True))  # subscriptions end with the mode
+    client.send(b"< echo >")
+    assert hear(hub, client, 8) == b"< echo >"
+
+
+def test_kayak_gets_statistics_of_its_bus_as_often_as_it_wants(hub, connect):
+    sender = connect()
+    sender.send(b"< send 213 2 1 2 >")
+    assert poll_until(hub, bool)
+    client = connect(b"< open can0 >< controlmode >< statistics 10 >", b"< hi >< ok >< ok >")
+    hub.send("can0", 0, Frame(0x213, b"\x01\x02"))
+    hub.send("can0", 0, Frame(0x394, bytes(8)))
+    element = b"< stat 10 2 2 1 >"
+    assert hear(hub, client, 2 * len(element)) == 2 * element
 
 
 def test_virtual_time_order_and_every_kind_of_frame_reach_the_client(hub, connect):
@@ -187,7 +220,7 @@ def test_nothing_is_forwarded_unless_the_runner_says_so(hub, connect):
 
 
 def test_frames_wait_until_a_client_has_spoken_after_its_handshake(hub, connect, monkeypatch):
-    monkeypatch.setattr("canarm_emulator.serving.hub.HOLD_S", 3600.0)
+    monkeypatch.setattr("canarm_emulator.serving.connection.HOLD_S", 3600.0)
     client = connect(b"< open can0 >< rawmode >", b"< hi >< ok >< ok >")
     hub.send("can0", 10**9, Frame(1))
     hub.flush()
@@ -238,7 +271,7 @@ def test_ten_megabytes_of_garbage_end_their_own_connection_only(hub, connect):
                 if any(isinstance(event, Detached) for event in events):
                     break
         assert sent >= MAX_GARBAGE
-        assert [type(event) for event in events] == [Detached]
+        assert [type(event) for event in events if type(event) is not Unreadable] == [Detached]
     good.send(b"< echo >")
     assert hear(hub, good, 8) == b"< echo >"
 
@@ -415,3 +448,33 @@ def test_a_client_that_asks_much_and_reads_nothing_is_not_answered_for_ever(hub,
         hub.poll(0)
     hub.send("can0", 10**9, Frame(1))
     assert hub.dropped == {1: 1}
+
+
+def test_at_the_limit_of_open_files_a_client_is_told_and_the_hub_sleeps(hub):
+    resource = pytest.importorskip("resource", reason="this system has no such limit")
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    client = socket.socket()
+    descriptors = [os.dup(client.fileno())]
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (descriptors[0] + 8, limits[1]))
+        with contextlib.suppress(OSError):
+            while True:
+                descriptors.append(os.dup(client.fileno()))
+        client.connect(hub.address)
+        poll_until(hub, lambda _: hub.refused == 1)
+        assert client.recv(100) == TOO_MANY
+        assert client.recv(100) == b""
+        wakes_s = []
+        for _ in range(3):
+            begin_s = time.monotonic()
+            assert hub.poll(0.05) == []
+            wakes_s.append(time.monotonic() - begin_s)
+        assert min(wakes_s) > 0.04  # it waits: nothing is readable any more
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+        for descriptor in descriptors:
+            os.close(descriptor)
+        client.close()
+    with socket.create_connection(hub.address) as late:
+        late.setblocking(False)
+        assert hear(hub, late, 6) == b"< hi >"

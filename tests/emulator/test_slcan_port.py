@@ -17,7 +17,8 @@ from pathlib import Path
 import can
 import pytest
 
-from canarm_emulator.serving.hub import Hub, HubError, Ready
+from canarm_emulator.serving.hub import Hub, HubError
+from canarm_emulator.serving.hub_events import Ready
 from canarm_emulator.serving.slcan_port import SlcanError, SlcanPort, SlcanSocket, SlcanTerminal, default_link
 from canarm_protocol.canopen.frames import Frame
 

@@ -1,5 +1,6 @@
 """Conditions over signals, against Python's own reading of the same text."""
 
+import contextlib
 import math
 
 import pytest
@@ -157,3 +158,25 @@ def test_a_condition_of_more_than_400_characters_is_refused() -> None:
     longest = "cycle > 1".ljust(LONGEST_CONDITION)
     assert holds(longest)
     assert refusal(longest + " ") == "a condition of 401 characters: must have at most 400"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(" + "~" * 380 + "f)(1) > 1",
+        "-" * 300 + "1 < time_s",
+        "not " * 90 + "time_s > 1",
+        "(" * 180 + "time_s" + ")" * 180 + " > 1",
+        "abs(" * 60 + "time_s" + ")" * 60 + " > 1",
+        "a" + ".a" * 190 + " > 1",
+        "time_s" + "[0]" * 120 + " > 1",
+        "+".join(["time_s"] * 50) + " > 1",
+    ],
+)
+def test_a_condition_of_any_depth_is_read_or_refused_in_words(text: str) -> None:
+    with contextlib.suppress(FaultError):
+        Condition(text, SIGNALS)
+
+
+def test_the_condition_that_ended_an_emulator_is_refused() -> None:
+    assert "nested too deep; at most 25 levels" in refusal("(" + "~" * 380 + "f)(1) > 1")

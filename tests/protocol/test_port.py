@@ -205,6 +205,7 @@ def test_options_get_the_types_that_python_can_gives_them():
         (["port=1", "port=2"], "given twice"),
         (["channel=can0"], "write -c can0"),
         (["interface=slcan"], "write -i slcan"),
+        (["port=" + "9" * 5000], "port: a number of 5000 digits"),
     ],
 )
 def test_wrong_options_say_what_would_be_right(words, message):

@@ -15,18 +15,24 @@ from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.errors import FrameError
 from canarm_protocol.transport.socketcand import (
     MAX_ELEMENT,
-    Bad,
     ClientParser,
-    Echo,
     ErrorFrame,
-    Open,
-    RawMode,
-    Send,
-    ServerParser,
-    Unknown,
     format_error,
     format_frame,
     format_send,
+)
+from canarm_protocol.transport.socketcand_server import (
+    Bad,
+    ChangeMode,
+    Echo,
+    Mode,
+    Open,
+    Send,
+    ServerParser,
+    Statistics,
+    Subscribe,
+    Unknown,
+    Unsubscribe,
 )
 
 payloads = st.binary(max_size=8)
@@ -153,7 +159,17 @@ def test_client_counts_a_malformed_frame_and_goes_on(element):
         b"< send 1g3 1 11 >",
         b"< send 800 0 >",
         b"< send >",
+        b"< send 12345 0 >",
+        b"< send 123 0x1 1 >",
+        b"< send 123 1 0x >",
+        b"< send 123 1 1_0 >",
+        b"< send 123 1 -1 >",
+        b"< send 123 " + b"9" * 900 + b" 1 >",
         b"< open >",
+        b"< subscribe 0 0 >",
+        b"< subscribe 0 0 xyz >",
+        b"< statistics often >",
+        b"< statistics \xb2 >",
     ],
 )
 def test_server_answers_a_malformed_command_with_bad(element):
@@ -163,19 +179,45 @@ def test_server_answers_a_malformed_command_with_bad(element):
 
 
 def test_commands_are_told_apart():
-    text = b"< open can0 >< rawmode >\r\n< echo ><send 12 1 f>< subscribe 0 0 123 >"
+    text = b"< open can0 >< rawmode >\r\n< echo ><send 12 1 f>< add 1 0 123 0 >"
     assert ServerParser().feed(text) == [
         Open("can0"),
-        RawMode(),
+        ChangeMode(Mode.RAW),
         Echo(),
         Send(Frame(0x12, b"\x0f")),
-        Unknown("subscribe 0 0 123"),
+        Unknown("add 1 0 123 0"),
     ]
 
 
-def test_savvycan_flags_in_the_id_and_sign_extended_bytes_are_masked():
-    assert ServerParser().feed(b"< send 9AAAAAAA 2 ffffff80 7f >") == [
-        Send(Frame(0x1AAAAAAA, b"\x80\x7f", is_extended=True))
+@pytest.mark.parametrize(
+    ("element", "frame"),
+    [
+        (b"< send 123 2 1 7f >", Frame(0x123, b"\x01\x7f")),
+        (b"< send 0 2 ffffffffffffff81 0 >", Frame(0, b"\x81\x00")),
+        (b"< send 612 8 40 0 10 0 ffffffffffffff80 0 0 0 >", Frame(0x612, bytes.fromhex("4000100080000000"))),
+        (b"< send 9AAAAAAA 2 ffffff80 7f >", Frame(0x1AAAAAAA, b"\x80\x7f", True)),
+        (b"< send ffffffff98ff1234 1 1 >", Frame(0x18FF1234, b"\x01", True)),
+        (b"< send 80000123 0 >", Frame(0x123, b"", True)),
+        (b"< send 0x213 2 0xff 1 >", Frame(0x213, b"\xff\x01")),
+        (b"< send 213 02 ff 01 >", Frame(0x213, b"\xff\x01")),
+        (b"< send 0000213 0000002 00000000000000ff 0X01 >", Frame(0x213, b"\xff\x01")),
+        (b"< send 00000213 0 >", Frame(0x213, b"", True)),
+    ],
+)
+def test_savvycan_sends_bytes_above_127_and_long_identifiers_and_whatever_scanf_reads(element, frame):
+    # Qt 5 formats signed numbers as 64 bits (SavvyCAN); state_raw.c reads them with %x, %hhu and %hhx.
+    assert ServerParser().feed(element) == [Send(frame)]
+
+
+def test_kayak_subscribes_and_asks_for_statistics():
+    # As BCMConnection.java and ControlConnection.java write it.
+    text = b"< subscribe 0 0 294 >< unsubscribe 18ff1234 >< bcmmode >< controlmode >< statistics 1000 >"
+    assert ServerParser().feed(text) == [
+        Subscribe(0x294, False),
+        Unsubscribe(0x18FF1234, True),
+        ChangeMode(Mode.BCM),
+        ChangeMode(Mode.CONTROL),
+        Statistics(1000),
     ]
 
 

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from canarm_emulator.serving.hub import Hub, Received
+from canarm_emulator.serving.hub import Hub
+from canarm_emulator.serving.hub_events import Received
 from canarm_tui.synthetic import SyntheticBench
 
 PROGRAM = Path(__file__).with_name("dashboard_program.py")

@@ -4,6 +4,7 @@ Texts in, texts out. What a text means and when faults act is the engine's busin
 """
 
 import json
+import logging
 import zlib
 from collections import deque
 from collections.abc import Callable
@@ -23,6 +24,7 @@ NO_LINES = "\n"
 """An object without any byte cannot be read by SDO."""
 LONGEST_RESULT = 4000
 U8 = 0xFF
+_log = logging.getLogger(__name__)
 SOURCE = "fault set"
 
 
@@ -97,8 +99,15 @@ class FaultObjects:
             if self._desk is None:
                 raise FaultError(NO_FAULTS)
             done = self._desk.inject(script)
-        except (FaultError, UnicodeDecodeError) as error:
-            reason = str(error) if isinstance(error, FaultError) else f"{SOURCE}: is not UTF-8: {error}"
+        # Whatever a text from outside brings about ends that text, never the bench.
+        except Exception as error:
+            if isinstance(error, FaultError):
+                reason = str(error)
+            elif isinstance(error, UnicodeDecodeError):
+                reason = f"{SOURCE}: is not UTF-8: {error}"
+            else:
+                _log.debug("a fault set that cannot be done: %r", data[:LONGEST_RESULT], exc_info=True)
+                reason = f"{SOURCE}: cannot be done ({type(error).__name__}); please report this"
             self._results[channel] = f"refused: {reason}"[:LONGEST_RESULT]
             raise SdoRefused(AbortCode.INVALID_VALUE) from None
         self._results[channel] = done[:LONGEST_RESULT]

@@ -1,8 +1,8 @@
 """The virtual bus: a socketcand server for several clients on several channels, driven by `poll` from one thread.
 
-Owns the listening socket, the clients and their bounded output queues. It orders nothing and forwards nothing by
-itself: what a client sends is handed to the runner, which decides what the bus makes of it. No CANopen and no virtual
-clock here; the one clock it reads is the wall clock, for the pause after a client's handshake.
+Owns the listening socket and who is attached to which channel; one client's state is `connection`'s. It orders nothing
+and forwards nothing by itself: what a client sends is handed to the runner, which decides what the bus makes of it. No
+CANopen and no virtual clock here; the one clock it reads is the wall clock.
 """
 
 import contextlib
@@ -11,92 +11,48 @@ import select
 import socket
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
 
 from canarm_protocol.canopen.frames import Frame
-from canarm_protocol.transport.socketcand import (
-    DEFAULT_PORT,
+from canarm_protocol.transport.socketcand import DEFAULT_PORT, format_error, format_frame
+from canarm_protocol.transport.socketcand_server import (
     Bad,
+    ChangeMode,
     Command,
     Echo,
+    Mode,
     Open,
-    RawMode,
     Send,
-    ServerParser,
+    Statistics,
+    Subscribe,
     Unknown,
-    format_error,
-    format_frame,
+    Unsubscribe,
+    format_statistics,
 )
 
 from ..errors import HubError
-from .listening import listen
+from .connection import MOST_SUBSCRIPTIONS, ClientInfo, Connection
+from .hub_events import Attached, Detached, Event, HasFileno, Ready, Received, Unreadable
+from .listening import Listener
 
-HOLD_S = 0.05
-"""Pause between `< rawmode >` and the first frame, ended early by anything the client says.
-
-python-can's client breaks when a frame shares a TCP segment with the `< ok >` of its handshake.
-"""
 MAX_GARBAGE = 1 << 14
 """Bytes in a row without one well-formed command, after which a client is no client."""
 MAX_CLIENTS = 64
 TOO_MANY = b"< error too many clients >"
 """What one more is told instead of `< hi >`, or the one that has to go for it."""
+UNKNOWN = b"< error unknown command >"
 
 _READ_SIZE = 1 << 12  # bounds the time that one client's input can take from a cycle
 _SELECT_LIMIT = 1024  # FD_SETSIZE where file descriptors are small integers (POSIX)
 _QUICKACK: int | None = getattr(socket, "TCP_QUICKACK", None)
 
 
-class HasFileno(Protocol):
-    """What `select` can watch."""
+class _Traffic:
+    """What a bus has carried so far: all frames, and those that clients of this hub have sent."""
 
-    def fileno(self) -> int:
-        """File descriptor."""
-        ...
+    __slots__ = ("frame_bytes", "frames", "sent", "sent_bytes")
 
-
-class Received(NamedTuple):
-    """A client sent a frame."""
-
-    channel: str
-    client_id: int
-    frame: Frame
-
-
-class Attached(NamedTuple):
-    """A client opened a channel."""
-
-    channel: str
-    client_id: int
-
-
-class Detached(NamedTuple):
-    """A client that had opened a channel is gone."""
-
-    channel: str
-    client_id: int
-
-
-class Ready(NamedTuple):
-    """A file object given to `watch` is readable, or broken, in which case it is watched no longer."""
-
-    fileobj: HasFileno
-
-
-Event = Received | Attached | Detached | Ready
-
-
-@dataclass(frozen=True, slots=True)
-class ClientInfo:
-    """A connection as it stands. `channel` is `None` before `< open >`; `dropped` and `malformed` are counts."""
-
-    client_id: int
-    address: str
-    channel: str | None
-    is_receiving: bool
-    dropped: int
-    malformed: int
+    def __init__(self) -> None:
+        self.frames = self.frame_bytes = self.sent = self.sent_bytes = 0
 
 
 class Hub:
@@ -118,18 +74,20 @@ class Hub:
 
         Raises `HubError`: address in use or not of this machine, or not loopback without `allow_remote`.
         """
-        self._receivers: dict[str, list[_Client]] = {channel: [] for channel in channels}
+        self._receivers: dict[str, list[Connection]] = {channel: [] for channel in channels}
+        self._subscribers: dict[str, list[Connection]] = {channel: [] for channel in self._receivers}
+        self._traffic = {channel: _Traffic() for channel in self._receivers}
         self._queue_bytes = queue_bytes
-        self._listener = listen(host, port, allow_remote)
-        bound_host, bound_port = self._listener.getsockname()[:2]
-        self.address: tuple[str, int] = (bound_host, bound_port)
-        self._clients: dict[int, _Client] = {}
+        self._listener = Listener(host, port, allow_remote)
+        self.address: tuple[str, int] = self._listener.address
+        self._clients: dict[int, Connection] = {}
         self._watched: dict[int, HasFileno] = {}
         self._read_fds: list[int] = []
         self._events: list[Event] = []
         self._last_client_id = 0
         self._dropped_before: dict[int, int] = {}
         self._dropped_on = dict.fromkeys(self._receivers, 0)
+        self._malformed_before = 0
         self._update_read_fds()
 
     def poll(self, timeout_s: float) -> list[Event]:
@@ -138,8 +96,10 @@ class Hub:
             timeout_s = 0.0
         write_fds = []
         for client in self._clients.values():
-            if client.held is not None:
-                timeout_s = self._release_when_due(client, timeout_s)
+            if client.waits_for_time:
+                timeout_s, is_due = client.wait(time.monotonic(), timeout_s)
+                if is_due:
+                    self._send_statistics(client)
             if client.output:
                 write_fds.append(client.fd)
         try:
@@ -175,13 +135,25 @@ class Hub:
 
         Remote frames are left out, as socketcand does. Raises `HubError` for a channel that is not served.
         """
-        if self._receivers_of(channel) and not frame.is_remote:
-            self._queue(channel, format_frame(frame, time_ns), exclude)
+        receivers, subscribers, traffic = (
+            self._receivers_of(channel),
+            self._subscribers[channel],
+            self._traffic[channel],
+        )
+        traffic.frames += 1
+        traffic.frame_bytes += len(frame.data)
+        if frame.is_remote:
+            return
+        if receivers:
+            self._queue(receivers, format_frame(frame, time_ns), exclude)
+        if subscribers:
+            wanting = [each for each in subscribers if (frame.can_id, frame.is_extended) in each.subscribed]
+            self._queue(wanting, format_frame(frame, time_ns), exclude)
 
     def send_error(self, channel: str, time_ns: int, error_class: int) -> None:
         """Queue an error frame with SocketCAN's class bits for the receiving clients of `channel`."""
-        if self._receivers_of(channel):
-            self._queue(channel, format_error(error_class, time_ns), None)
+        if receivers := self._receivers_of(channel):
+            self._queue(receivers, format_error(error_class, time_ns), None)
 
     def flush(self) -> None:
         """One non-blocking send a client; what does not go stays queued and goes in the next `poll` or `flush`."""
@@ -200,6 +172,16 @@ class Hub:
         self._receivers_of(channel)
         return self._dropped_on[channel]
 
+    @property
+    def malformed(self) -> int:
+        """Elements and stretches of text of all clients so far that could not be read, and were dropped."""
+        return self._malformed_before + sum(client.parser.malformed for client in self._clients.values())
+
+    @property
+    def refused(self) -> int:
+        """Connections that were closed at once since this process has as many files open as it may."""
+        return self._listener.refused
+
     def attached_to(self, channel: str) -> int:
         """Clients that have opened `channel`. Raises `HubError` for a channel that is not served."""
         self._receivers_of(channel)
@@ -216,27 +198,22 @@ class Hub:
             client.socket.close()
         self._clients.clear()
         self._watched.clear()
-        for receivers in self._receivers.values():
-            receivers.clear()
+        for listening in (*self._receivers.values(), *self._subscribers.values()):
+            listening.clear()
         self._listener.close()
         self._read_fds = []
 
-    def _receivers_of(self, channel: str) -> "list[_Client]":
+    def _receivers_of(self, channel: str) -> list[Connection]:
         try:
             return self._receivers[channel]
         except KeyError:
             raise HubError(f"channel {channel!r} is not served; served are {', '.join(self._receivers)}") from None
 
-    def _queue(self, channel: str, element: bytes, exclude: int | None) -> None:
-        for client in self._receivers[channel]:
-            if client.client_id == exclude:
-                continue
-            queue = client.output if client.held is None else client.held
-            if len(queue) + len(element) > self._queue_bytes:
-                client.dropped += 1
-                self._dropped_on[channel] += 1
-            else:
-                queue += element
+    def _queue(self, clients: Iterable[Connection], element: bytes, exclude: int | None) -> None:
+        for client in clients:
+            if client.client_id != exclude and not client.queue(element):
+                assert client.channel is not None
+                self._dropped_on[client.channel] += 1
 
     def _update_read_fds(self) -> None:
         self._read_fds = [self._listener.fileno(), *self._clients, *self._watched]
@@ -252,10 +229,8 @@ class Hub:
         self._update_read_fds()
 
     def _accept(self) -> None:
-        with contextlib.suppress(OSError):  # also a client that is gone before it is accepted
-            while True:
-                connection, address = self._listener.accept()
-                self._admit(connection, f"{address[0]}:{address[1]}")
+        for connection, address in self._listener.accept(TOO_MANY):
+            self._admit(connection, address)
 
     def _admit(self, connection: socket.socket, address: str) -> None:
         if os.name == "posix" and connection.fileno() >= _SELECT_LIMIT:
@@ -273,31 +248,32 @@ class Hub:
                 return
             self._drop(silent)
         connection.setblocking(False)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        with contextlib.suppress(OSError):  # one that has gone meanwhile is found out by the first read
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         self._last_client_id += 1
-        client = _Client(connection, self._last_client_id, address)
+        client = Connection(connection, self._last_client_id, address, self._queue_bytes)
         self._clients[client.fd] = client
         self._update_read_fds()
-        self._reply(client, b"< hi >")
+        client.reply(b"< hi >")
         self._flush_client(client)
 
-    def _drop(self, client: "_Client") -> None:
+    def _drop(self, client: Connection) -> None:
         if self._clients.get(client.fd) is not client:
             return
         del self._clients[client.fd]
         self._update_read_fds()
         client.socket.close()
+        self._malformed_before += client.parser.malformed
         if client.dropped:
             self._dropped_before[client.client_id] = client.dropped
             if len(self._dropped_before) > MAX_CLIENTS:
                 del self._dropped_before[next(iter(self._dropped_before))]
         if client.channel is not None:
-            if client.is_receiving:
-                self._receivers[client.channel].remove(client)
+            self._forget(client, client.channel)
             self._events.append(Detached(client.channel, client.client_id))
 
-    def _read(self, client: "_Client") -> None:
+    def _read(self, client: Connection) -> None:
         try:
             if _QUICKACK is not None:
                 # Linux forgets it again. A client with Nagle's algorithm waits 40 ms for each delayed ACK.
@@ -310,11 +286,13 @@ class Hub:
         if not data:
             self._drop(client)
             return
-        self._release(client)
+        client.release()
         for command in client.parser.feed(data):
-            if type(command) is Send:
-                if client.channel is not None:
-                    self._events.append(Received(client.channel, client.client_id, command.frame))
+            if type(command) is Send and client.channel is not None:
+                traffic = self._traffic[client.channel]
+                traffic.sent += 1
+                traffic.sent_bytes += len(command.frame.data)
+                self._events.append(Received(client.channel, client.client_id, command.frame))
             elif not self._obey(client, command):
                 self._flush_client(client)
                 self._drop(client)
@@ -326,100 +304,57 @@ class Hub:
         elif client.output:
             self._flush_client(client)
 
-    def _obey(self, client: "_Client", command: Command) -> bool:
-        """Answer a command that is not `Send`. False when the connection is to be closed."""
+    def _obey(self, client: Connection, command: Command) -> bool:
+        """Answer a command that puts no frame on a bus. False when the connection is to be closed."""
         match command:
             case Open(channel) if client.channel is None:
                 if channel not in self._receivers:
-                    self._reply(client, b"< error could not open bus >")
+                    client.reply(b"< error could not open bus >")
                     return False
                 client.channel = channel
                 self._events.append(Attached(channel, client.client_id))
-                self._reply(client, b"< ok >")
-            case RawMode() if client.channel is not None:
-                if not client.is_receiving:
-                    client.is_receiving = True
-                    client.held = bytearray()
-                    client.held_until_s = time.monotonic() + HOLD_S
-                    self._receivers[client.channel].append(client)
-                self._reply(client, b"< ok >")
+                client.reply(b"< ok >")
+            case ChangeMode(mode) if client.channel is not None:
+                if mode is not client.mode:
+                    self._forget(client, client.channel)
+                    client.change_mode(mode, time.monotonic())
+                    if mode is Mode.RAW:
+                        self._receivers[client.channel].append(client)
+                client.reply(b"< ok >")
+            case Subscribe(can_id, is_extended) if client.channel is not None and client.mode is Mode.BCM:
+                if not client.subscribed:
+                    self._subscribers[client.channel].append(client)
+                if len(client.subscribed) < MOST_SUBSCRIPTIONS:
+                    client.subscribed.add((can_id, is_extended))
+            case Unsubscribe(can_id, is_extended) if client.channel is not None and client.mode is Mode.BCM:
+                client.subscribed.discard((can_id, is_extended))
+                if not client.subscribed:
+                    self._forget(client, client.channel)
+            case Statistics(interval_ms) if client.mode is Mode.CONTROL:
+                client.ask_statistics(interval_ms / 1000, time.monotonic())
             case Echo():
-                self._release(client)
-                self._reply(client, b"< echo >")
-            case Bad():
-                pass  # as state_raw.c does: a syntax error is no news to its sender
+                client.release()
+                client.reply(b"< echo >")
+            case Bad(text):
+                # As state_raw.c does: a syntax error is no news to its sender.
+                if not client.is_told:
+                    client.is_told = True
+                    self._events.append(Unreadable(client.channel, client.client_id, text))
             case _:
-                self._reply(client, b"< error unknown command >")
+                client.reply(UNKNOWN)
         return True
 
-    def _reply(self, client: "_Client", element: bytes) -> None:
-        """Queue an answer. A client that asks much and reads nothing gets no further ones."""
-        if len(client.output) + len(element) <= self._queue_bytes:
-            client.output += element
+    def _forget(self, client: Connection, channel: str) -> None:
+        """The client gets no frames any more."""
+        for clients in (self._receivers[channel], self._subscribers[channel]):
+            if client in clients:
+                clients.remove(client)
 
-    def _release(self, client: "_Client") -> None:
-        if client.held is not None:
-            client.output += client.held
-            client.held = None
+    def _send_statistics(self, client: Connection) -> None:
+        assert client.channel is not None
+        traffic = self._traffic[client.channel]
+        client.reply(format_statistics(traffic.frame_bytes, traffic.frames, traffic.sent_bytes, traffic.sent))
 
-    def _release_when_due(self, client: "_Client", timeout_s: float) -> float:
-        """`timeout_s`, shortened to the end of the client's pause."""
-        remaining_s = client.held_until_s - time.monotonic()
-        if remaining_s > 0:
-            return min(timeout_s, remaining_s)
-        self._release(client)
-        return timeout_s
-
-    def _flush_client(self, client: "_Client") -> None:
-        try:
-            sent = client.socket.send(client.output)
-        except BlockingIOError:
-            return
-        except OSError:
+    def _flush_client(self, client: Connection) -> None:
+        if not client.flush():
             self._drop(client)
-            return
-        del client.output[:sent]
-
-
-class _Client:
-    """One connection: its parser, its place in the handshake, its output queue."""
-
-    __slots__ = (
-        "address",
-        "channel",
-        "client_id",
-        "dropped",
-        "fd",
-        "garbage_before",
-        "held",
-        "held_until_s",
-        "is_receiving",
-        "output",
-        "parser",
-        "socket",
-    )
-
-    def __init__(self, connection: socket.socket, client_id: int, address: str) -> None:
-        self.socket = connection
-        self.fd = connection.fileno()
-        self.client_id = client_id
-        self.address = address
-        self.parser = ServerParser()
-        self.channel: str | None = None
-        self.output = bytearray()
-        self.is_receiving = False
-        self.held: bytearray | None = None
-        """Frames queued during the pause after `< rawmode >`; `None` outside it."""
-        self.held_until_s = 0.0
-        self.dropped = 0
-        self.garbage_before = 0
-
-    def info(self) -> ClientInfo:
-        return ClientInfo(
-            client_id=self.client_id,
-            address=self.address,
-            channel=self.channel,
-            is_receiving=self.is_receiving,
-            dropped=self.dropped,
-            malformed=self.parser.malformed,
-        )

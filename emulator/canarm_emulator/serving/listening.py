@@ -1,12 +1,15 @@
 """Opening a listening TCP socket, with refusals in words: for the virtual bus and the serial adapter over TCP.
 
-Owns the rule that nothing but loopback is served unless the user says so.
+Owns the rule that nothing but loopback is served unless the user says so, and what becomes of a client for whom this
+process has no file descriptor left.
 """
 
+import contextlib
 import errno
 import ipaddress
 import os
 import socket
+from collections.abc import Iterator
 
 from ..errors import HubError
 
@@ -14,11 +17,66 @@ BACKLOG = 64
 """Connections that may wait to be accepted."""
 
 
-def listen(host: str, port: int, allow_remote: bool, option: str = "--serve HOST:PORT") -> socket.socket:
-    """A non-blocking listener. `option` is what the user changes when it fails.
+class Listener:
+    """A listening socket. `address` is the (host, port) it listens on; `option` is what the user changes if it fails.
 
-    Raises `HubError`: address in use or not of this machine, or not loopback without `allow_remote`.
+    One descriptor is kept in reserve: at the limit of open files a connection could neither be accepted nor refused,
+    and its socket would be readable for ever.
     """
+
+    def __init__(self, host: str, port: int, allow_remote: bool, option: str = "--serve HOST:PORT") -> None:
+        """Raises `HubError`: address in use or not of this machine, or not loopback without `allow_remote`."""
+        self._socket = _listen(host, port, allow_remote, option)
+        bound_host, bound_port = self._socket.getsockname()[:2]
+        self.address: tuple[str, int] = (bound_host, bound_port)
+        self.refused = 0
+        """Connections that were closed at once since this process has as many files open as it may."""
+        self._reserve = os.open(os.devnull, os.O_RDONLY)
+
+    def fileno(self) -> int:
+        """Readable when somebody wants to connect."""
+        return self._socket.fileno()
+
+    def accept(self, refusal: bytes = b"") -> Iterator[tuple[socket.socket, str]]:
+        """Connections that wait, with their addresses. Where there is no room, `refusal` is said instead."""
+        while True:
+            try:
+                connection, address = self._socket.accept()
+            except OSError as error:
+                if error.errno not in (errno.EMFILE, errno.ENFILE) or not self._refuse(refusal):
+                    return  # nobody waits any more; or one was gone before it was accepted
+                continue
+            yield connection, f"{address[0]}:{address[1]}"
+
+    def close(self) -> None:
+        """Listen no longer. May be called again."""
+        self._socket.close()
+        if self._reserve >= 0:
+            os.close(self._reserve)
+            self._reserve = -1
+
+    def _refuse(self, refusal: bytes) -> bool:
+        """Send one away by means of the descriptor in reserve; whether there was one to send away."""
+        if self._reserve < 0:
+            return False
+        os.close(self._reserve)
+        self._reserve = -1
+        try:
+            with self._socket.accept()[0] as connection:
+                self.refused += 1
+                with contextlib.suppress(OSError):
+                    connection.setblocking(False)
+                    connection.send(refusal)
+        except OSError:
+            return False
+        finally:
+            with contextlib.suppress(OSError):
+                self._reserve = os.open(os.devnull, os.O_RDONLY)
+        return True
+
+
+def _listen(host: str, port: int, allow_remote: bool, option: str) -> socket.socket:
+    """A non-blocking listener."""
     where = f"{host}:{port}"
     if not 0 <= port < 65536:
         raise HubError(f"{where}: a port is a number from 1 to 65535, or 0 for any free one")

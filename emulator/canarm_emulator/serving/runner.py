@@ -19,7 +19,8 @@ from ..bench_node.fault_objects import event_text
 from ..faults.fault_bench import FaultBench
 from ..node.slave import NEVER
 from .arrival import SyncArrival
-from .hub import Attached, Detached, Event, Hub, Ready, Received
+from .hub import Hub
+from .hub_events import Attached, Detached, Event, Ready, Received, Unreadable
 from .recording import Recorder
 
 ROBOT_BUS, BENCH_BUS = "can0", "bench"
@@ -223,7 +224,13 @@ class EmulatorRunner:
         self._bench.advance(min(came_ns, now_ns))
 
     def _client_event(self, event: Event) -> None:
-        if isinstance(event, Attached):
+        if isinstance(event, Unreadable):
+            shown = event.text[:60].encode("ascii", "backslashreplace").decode()
+            self._on_event(
+                f"client {event.client_id} on {event.channel or 'no bus'} sends what cannot be read: {shown!r}; it is "
+                "dropped and counted, as what follows of the kind"
+            )
+        elif isinstance(event, Attached):
             self._note("attached", bus=event.channel, client=event.client_id)
         elif isinstance(event, Detached):
             self._note("detached", bus=event.channel, client=event.client_id)

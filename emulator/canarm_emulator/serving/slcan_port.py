@@ -20,7 +20,7 @@ from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.transport.port import BusPort, Discarded
 
 from ..errors import EmulatorError
-from .listening import listen
+from .listening import Listener
 from .slcan import SlcanAdapter
 
 SOCKET_URL = "socket://"
@@ -191,10 +191,10 @@ class SlcanSocket(SlcanPort):
 
         Raises `HubError`: address in use or not of this machine, or not loopback without `allow_remote`.
         """
-        self._listener = listen(host, port, allow_remote, f"--slcan {SOCKET_URL}HOST:PORT")
+        self._listener = Listener(host, port, allow_remote, f"--slcan {SOCKET_URL}HOST:PORT")
         super().__init__(queue_bytes)
         self._connection: _SocketLine | None = None
-        bound_host, bound_port = self._listener.getsockname()[:2]
+        bound_host, bound_port = self._listener.address
         self.address: tuple[str, int] = (bound_host, bound_port)
         shown_host = f"[{bound_host}]" if ":" in bound_host else bound_host
         self.description = f"-i slcan -c {SOCKET_URL}{shown_host}:{bound_port}"
@@ -207,19 +207,18 @@ class SlcanSocket(SlcanPort):
         self._hang_up()
 
     def _admit(self) -> None:
-        try:
-            connection, _ = self._listener.accept()
-        except OSError:  # gone before it was accepted
-            return
-        if self.is_open:
-            connection.close()
-            return
-        self._detach()
-        connection.setblocking(False)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        self._connection = _SocketLine(connection)
-        self._attach(self._connection)
+        for connection, _ in self._listener.accept():
+            if self.is_open:
+                connection.close()
+                continue
+            self._detach()
+            connection.setblocking(False)
+            # A client that has gone meanwhile is found out by the first read.
+            with contextlib.suppress(OSError):
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            self._connection = _SocketLine(connection)
+            self._attach(self._connection)
 
     def _release(self) -> None:
         self._hang_up()

@@ -16,6 +16,8 @@ from ..errors import FaultError
 Value = Callable[[Mapping[str, float]], float]
 
 LONGEST_CONDITION = 400
+DEEPEST = 25
+"""Levels of brackets and operators in one another; no sensible condition has half as many."""
 LARGEST = 1e300
 """Of the numbers in a condition; a whole one may be longer than any float."""
 _COMPARISONS: dict[type[ast.cmpop], Callable[[float, float], bool]] = {
@@ -51,11 +53,21 @@ class Condition:
             body = ast.parse(self._source, mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise FaultError(f"condition {text!r}: cannot be read; {_EXPECTED}") from None
+        self._check_depth(body)
         self._is_true = self._truth(body)
 
     def holds(self, values: Mapping[str, float]) -> bool:
         """Whether it is true for these values of its signals."""
         return bool(self._is_true(values))
+
+    def _check_depth(self, body: ast.expr) -> None:
+        """What follows calls itself for each level, and so does `ast.unparse`."""
+        level: list[ast.AST] = [body]
+        for _ in range(DEEPEST):
+            level = [child for node in level for child in ast.iter_child_nodes(node)]
+            if not level:
+                return
+        raise FaultError(f"condition {self.text!r}: nested too deep; at most {DEEPEST} levels")
 
     def _truth(self, node: ast.expr) -> Value:
         if isinstance(node, ast.BoolOp):

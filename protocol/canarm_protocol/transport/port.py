@@ -101,7 +101,10 @@ def parse_bus_options(words: Iterable[str]) -> dict[str, str | int | float | boo
             raise BusError(f"bus option {word!r}: write -{name[0]} {text}")
         if name in options:
             raise BusError(f"bus option {word!r}: {name} is given twice")
-        options[name] = cast_from_string(text)
+        try:
+            options[name] = cast_from_string(text)
+        except ValueError:
+            raise BusError(f"bus option {name}: a number of {len(text)} digits; no option takes that") from None
     return options
 
 

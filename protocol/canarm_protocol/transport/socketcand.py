@@ -1,4 +1,5 @@
-"""The text of the socketcand protocol, both directions, as pure bytes in and values out.
+"""The text of the socketcand protocol, as pure bytes in and values out: every element that is written, and what a
+client reads. What a server reads is `socketcand_server`'s.
 
 Source: linux-can/socketcand, doc/protocol.md and src/state_raw.c. Elements look like `< send 123 2 11 22 >`. No
 sockets, clocks or waiting enter here. Text that makes no sense is counted, never raised. Each parser has a fast path
@@ -18,51 +19,13 @@ MAX_ELEMENT = 1024
 """Longest element in bytes. The longest that means something here, a `send` of SavvyCAN's, has about 100."""
 
 _MAX_SECONDS_DIGITS = 12  # 30 000 years; keeps every time stamp within a float's range
-_STANDARD_MASK = 0x7FF
-_EXTENDED_MASK = 0x1FFF_FFFF
-_HEX_DIGITS = frozenset("0123456789abcdefABCDEF")
-_LENGTH_TEXT = tuple(str(length) for length in range(9))
+STANDARD_MASK = 0x7FF
+EXTENDED_MASK = 0x1FFF_FFFF
+HEX_DIGITS = frozenset("0123456789abcdefABCDEF")
 _UNPADDED = tuple(b"%x" % byte for byte in range(256))
-_BYTE_OF = {spelling % byte: byte for byte in range(256) for spelling in ("%x", "%X", "%02x", "%02X")}
 _unpadded = _UNPADDED.__getitem__
-_byte_of = _BYTE_OF.__getitem__
 # The generated __new__ of a NamedTuple takes three times as long.
 _tuple = tuple.__new__
-
-
-class Send(NamedTuple):
-    """`< send … >`: a client puts a frame on the bus."""
-
-    frame: Frame
-
-
-class Open(NamedTuple):
-    """`< open can0 >`: a client chooses its bus."""
-
-    channel: str
-
-
-class RawMode(NamedTuple):
-    """`< rawmode >`: a client wants every frame of its bus from now on."""
-
-
-class Echo(NamedTuple):
-    """`< echo >`, to be sent back as it is."""
-
-
-class Unknown(NamedTuple):
-    """A well-formed element that is not served here."""
-
-    text: str
-
-
-class Bad(NamedTuple):
-    """An element with a known command and wrong arguments, or text outside any element."""
-
-    text: str
-
-
-Command = Send | Open | RawMode | Echo | Unknown | Bad
 
 
 class ErrorFrame(NamedTuple):
@@ -88,7 +51,7 @@ def format_frame(frame: Frame, time_ns: int) -> bytes:
 def format_error(error_class: int, time_ns: int) -> bytes:
     """Return the element that tells a client of an error frame (SocketCAN's class bits) at `time_ns` (>= 0)."""
     time_us = time_ns // 1000
-    return b"< error %03X %d.%06d >" % (error_class & _EXTENDED_MASK, time_us // 1_000_000, time_us % 1_000_000)
+    return b"< error %03X %d.%06d >" % (error_class & EXTENDED_MASK, time_us // 1_000_000, time_us % 1_000_000)
 
 
 def format_send(frame: Frame) -> bytes:
@@ -103,57 +66,11 @@ def format_send(frame: Frame) -> bytes:
     return text % (can_id, len(data), b" ".join(map(_unpadded, data)))
 
 
-class ServerParser:
-    """What a server reads: the commands of one client."""
-
-    def __init__(self) -> None:
-        self._cutter = _Cutter()
-
-    @property
-    def garbage_bytes(self) -> int:
-        """Bytes so far that belonged to no well-formed element."""
-        return self._cutter.garbage_bytes
-
-    @property
-    def malformed(self) -> int:
-        """Elements and stretches of text so far that could not be read."""
-        return self._cutter.malformed
-
-    def feed(self, data: bytes) -> list[Command]:
-        """Take the next bytes of the stream, return the commands completed by them, in order. Never raises."""
-        text = self._cutter.whole_elements(data)
-        if text.startswith("< send "):
-            try:
-                return _read_sends(text)
-            except (ValueError, LookupError):
-                pass
-        return [self._command(words) for words in self._cutter.split(text)]
-
-    def _command(self, words: list[str]) -> Command:
-        match words:
-            case ["send", id_text, length_text, *byte_texts]:
-                try:
-                    return Send(_read_send(id_text, length_text, byte_texts))
-                except ValueError:
-                    pass
-            case ["open", channel]:
-                return Open(channel)
-            case ["rawmode"]:
-                return RawMode()
-            case ["echo"]:
-                return Echo()
-            case [name, *_] if name not in ("send", "open"):
-                return Unknown(" ".join(words))
-        text = " ".join(words)
-        self._cutter.reject(len(text))
-        return Bad(text)
-
-
 class ClientParser:
     """What a client reads: frames. Error frames go to `errors`, replies to the client's commands to `replies`."""
 
     def __init__(self) -> None:
-        self._cutter = _Cutter()
+        self._cutter = Cutter()
         self.errors: deque[ErrorFrame] = deque(maxlen=1024)
         self.replies: deque[str] = deque(maxlen=64)
 
@@ -179,7 +96,7 @@ class ClientParser:
                         payload = _payload("".join(byte_texts))
                         frames.append((_read_time(time_text), Frame(can_id, payload, is_extended)))
                     case ["error", class_text, time_text] if _is_time(time_text):
-                        self.errors.append(ErrorFrame(_read_time(time_text), _read_hex(class_text) & _EXTENDED_MASK))
+                        self.errors.append(ErrorFrame(_read_time(time_text), _read_hex(class_text) & EXTENDED_MASK))
                     case ["frame", *_] | []:
                         raise ValueError
                     case _:
@@ -189,7 +106,7 @@ class ClientParser:
         return frames
 
 
-class _Cutter:
+class Cutter:
     """Cuts a stream of bytes at the ends of elements, with bounded memory, and counts what was refused."""
 
     def __init__(self) -> None:
@@ -198,6 +115,7 @@ class _Cutter:
         self.malformed = 0
 
     def reject(self, size: int) -> None:
+        """Count `size` bytes that made no sense."""
         self.garbage_bytes += size
         self.malformed += 1
 
@@ -241,12 +159,12 @@ class _IdTable(dict[str, tuple[int, bool]]):
     """(CAN ID, is extended) by its spelling, filled on demand. Raises `ValueError` for what is no ID."""
 
     def __missing__(self, text: str) -> tuple[int, bool]:
-        # Eight digits mean extended (state_raw.c, element_length). SavvyCAN leaves flags in the upper three bits.
+        # Eight digits mean extended (state_raw.c, element_length).
         value = _read_hex(text)
         is_extended = len(text) == 8
         if is_extended:
-            value &= _EXTENDED_MASK
-        elif value > _STANDARD_MASK:
+            value &= EXTENDED_MASK
+        elif value > STANDARD_MASK:
             raise ValueError(text)
         if len(self) >= 8192:
             self.clear()
@@ -259,7 +177,7 @@ _IDS = _IdTable()
 
 def _read_hex(text: str) -> int:
     """One to eight hex digits; `int` alone would also take signs, underscores and 0x."""
-    if not 0 < len(text) <= 8 or not _HEX_DIGITS.issuperset(text):
+    if not 0 < len(text) <= 8 or not HEX_DIGITS.issuperset(text):
         raise ValueError(text)
     return int(text, 16)
 
@@ -301,30 +219,3 @@ def _read_frames(text: str) -> list[tuple[int, Frame]]:
             raise ValueError(element)
         frames.append((time_ns, _tuple(Frame, (can_id, data, is_extended, False))))
     return frames
-
-
-def _read_sends(text: str) -> list[Command]:
-    """Nothing but well-formed `< send … >` without gaps, or `ValueError` or `LookupError`."""
-    commands: list[Command] = []
-    for element in text.split("< send ")[1:]:
-        id_text, length_text, byte_texts = element.split(" ", 2)
-        can_id, is_extended = _IDS[id_text]
-        if byte_texts in (">", " >"):
-            data = b""
-        elif byte_texts.endswith(" >"):
-            data = bytes(map(_byte_of, byte_texts[:-2].split(" ")))
-        else:
-            raise ValueError(element)
-        if length_text != _LENGTH_TEXT[len(data)]:
-            raise ValueError(element)
-        commands.append(_tuple(Send, (_tuple(Frame, (can_id, data, is_extended, False)),)))
-    return commands
-
-
-def _read_send(id_text: str, length_text: str, byte_texts: list[str]) -> Frame:
-    """As scanf's %x, %hhu and %hhx would: bytes keep their lowest eight bits (SavvyCAN extends their sign)."""
-    can_id, is_extended = _IDS[id_text]
-    data = bytes(_read_hex(text) & 0xFF for text in byte_texts)
-    if len(data) > 8 or length_text != _LENGTH_TEXT[len(data)]:
-        raise ValueError(length_text)
-    return Frame(can_id, data, is_extended)

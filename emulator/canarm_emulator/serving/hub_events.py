@@ -1,0 +1,52 @@
+"""What `Hub.poll` reports, in the order in which it came."""
+
+from typing import NamedTuple, Protocol
+
+from canarm_protocol.canopen.frames import Frame
+
+
+class HasFileno(Protocol):
+    """What `select` can watch."""
+
+    def fileno(self) -> int:
+        """File descriptor."""
+        ...
+
+
+class Received(NamedTuple):
+    """A client sent a frame."""
+
+    channel: str
+    client_id: int
+    frame: Frame
+
+
+class Attached(NamedTuple):
+    """A client opened a channel."""
+
+    channel: str
+    client_id: int
+
+
+class Detached(NamedTuple):
+    """A client that had opened a channel is gone."""
+
+    channel: str
+    client_id: int
+
+
+class Ready(NamedTuple):
+    """A file object given to `watch` is readable, or broken, in which case it is watched no longer."""
+
+    fileobj: HasFileno
+
+
+class Unreadable(NamedTuple):
+    """A client said something that cannot be read, for the first time. It is dropped, as what follows of the kind."""
+
+    channel: str | None
+    client_id: int
+    text: str
+
+
+Event = Received | Attached | Detached | Ready | Unreadable
