@@ -1,6 +1,5 @@
 """Reading a cell: a shipped name or a TOML file, with keys of the command line laid over it."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..errors import CellError
-from ..text_file import read_text
+from ..text_file import parse_toml, read_text
 from .cell_checks import problems
 from .cell_messages import explain, keys_at, nearest
 from .model import Cell
@@ -69,11 +68,9 @@ def printable(text: str) -> str:
 def parse_cell(text: str, source: str, settings: Mapping[str, str] | None = None) -> Cell:
     """Validate the TOML `text` of a cell; `source` names it in error messages. Raises `CellError`."""
     try:
-        table = tomllib.loads(text)
-    except ValueError as error:  # TOMLDecodeError, and an integer of too many digits
-        raise CellError(f"{source}: not valid TOML: {printable(str(error))}") from None
-    except RecursionError:
-        raise _too_deep(source) from None
+        table = parse_toml(text)
+    except ValueError as error:
+        raise CellError(f"{source}: {printable(str(error))}") from None
     settings = settings or {}
     for key, value in settings.items():
         _lay_over(table, key, value)
@@ -148,8 +145,8 @@ def _lay_over(table: dict[str, Any], key: str, value: str) -> None:
     for parent in parents:
         target = target.setdefault(parent, {}) if isinstance(target, dict) else {}
     try:
-        (target[leaf],) = tomllib.loads(f"value = {value}").values()
-    except (ValueError, RecursionError):
+        (target[leaf],) = parse_toml(f"value = {value}").values()
+    except ValueError:
         raise CellError(f"{where}: {printable(repr(value))} is not a value such as {target.get(leaf, 1.0)}") from None
 
 
