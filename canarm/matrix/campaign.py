@@ -12,7 +12,7 @@ from .evidence import Evidence
 from .foreign_run import FIRST_SYNC_S, require_whole, run_foreign
 from .judgement import judge
 from .plan import MatrixCell, Scenario
-from .pool import results_of
+from .pool import LostWorkerError, results_of
 from .rig_run import false_alarms, run_in_rig
 from .table import FalseAlarm, Matrix, Row
 
@@ -75,7 +75,7 @@ def run_campaign(
         tasks = _tasks(campaign, on_note or (lambda text: None))
         tell = on_progress or (lambda done, total: None)
         tell(0, total)
-        with contextlib.closing(results_of(_run, tasks, jobs)) as coming:
+        with contextlib.closing(results_of(_run, tasks, jobs, _lost)) as coming:
             for place, result in coming:
                 results[place] = result
                 tell(len(results), total)
@@ -111,6 +111,13 @@ def _run(task: _Task) -> _Result:
         return Row.broken(fault, error)
 
 
+def _lost(task: _Task, error: LostWorkerError) -> _Result:
+    """What stands for a run that ends its process each time: a cell that is broken, or a run that proves nothing."""
+    if task.fault is None:
+        return (FalseAlarm(_fault_free_run(task.scenario, task.number)[0], "run lost", str(error), 0),)
+    return Row.broken(task.fault, error)
+
+
 def _evidence(task: _Task, cell: Cell, fault: MatrixCell, twin: Evidence) -> Evidence:
     if task.controller is None:
         return run_in_rig(task.scenario, cell, fault, fault.needs_wire)
@@ -118,10 +125,15 @@ def _evidence(task: _Task, cell: Cell, fault: MatrixCell, twin: Evidence) -> Evi
 
 
 def _fault_free(scenario: Scenario, cell: Cell, number: int) -> tuple[FalseAlarm, ...]:
-    factor, seed = PAYLOAD_FACTORS[number % len(PAYLOAD_FACTORS)], scenario.seed + FIRST_ALARM_SEED + number
-    name = f"seed {seed}, payload x {factor:g}"
+    name, factor, seed = _fault_free_run(scenario, number)
     notices = false_alarms(replace(scenario, seed=seed), cell, factor)
     return tuple(FalseAlarm(name, each.detector, each.where, each.cycle) for each in notices)
+
+
+def _fault_free_run(scenario: Scenario, number: int) -> tuple[str, float, int]:
+    """Name, payload factor and seed of a run without a fault."""
+    factor, seed = PAYLOAD_FACTORS[number % len(PAYLOAD_FACTORS)], scenario.seed + FIRST_ALARM_SEED + number
+    return f"seed {seed}, payload x {factor:g}", factor, seed
 
 
 @functools.lru_cache(maxsize=2)

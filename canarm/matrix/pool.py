@@ -7,6 +7,7 @@ import signal
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from queue import SimpleQueue
 from types import FrameType
 from typing import TypeVar
@@ -17,29 +18,74 @@ ORPHAN_S = 5.0
 """Seconds that a task is given to end in, once the process that wanted its result is no more."""
 
 
+class LostWorkerError(RuntimeError):
+    """A process that ran a task was ended from outside: killed, told to end, or out of memory."""
+
+
 def results_of(
-    run: Callable[[_Task], _Result], tasks: Sequence[_Task], jobs: int
+    run: Callable[[_Task], _Result],
+    tasks: Sequence[_Task],
+    jobs: int,
+    lost: Callable[[_Task, LostWorkerError], _Result] | None = None,
 ) -> Generator[tuple[int, _Result], None, None]:
     """Number and result of every task, as they come; with one job, or one task, in this process.
 
     `run` is a function of a module, and tasks and results can be pickled. Closing the iterator early, or an interrupt,
     ends the tasks that run: `SystemExit` is raised in each of them, once, so that its `with` statements are left.
+    A worker that is ended from outside takes nothing else with it: what it may have run is tried once more by itself,
+    and where that ends its worker again, `lost` gives the result (without it, `LostWorkerError` is raised).
     """
     if jobs <= 1 or len(tasks) <= 1:
         yield from ((place, run(task)) for place, task in enumerate(tasks))
         return
+    waiting = list(range(len(tasks)))
+    while waiting:
+        suspects: list[int] = []
+        with contextlib.closing(_until_broken(run, tasks, waiting, jobs)) as coming:
+            for place, result in coming:
+                if isinstance(result, LostWorkerError):
+                    suspects.append(place)
+                else:
+                    waiting.remove(place)
+                    yield place, result
+        for place in suspects:  # each by itself, so that none pays for what ran beside it
+            waiting.remove(place)
+            ((_, result),) = _until_broken(run, tasks, [place], 1)
+            if isinstance(result, LostWorkerError):
+                if lost is None:
+                    raise result
+                result = lost(tasks[place], result)
+            yield place, result
+
+
+def _until_broken(
+    run: Callable[[_Task], _Result], tasks: Sequence[_Task], waiting: Sequence[int], jobs: int
+) -> Generator[tuple[int, _Result | LostWorkerError], None, None]:
+    """Number and result of the tasks that wait, or `LostWorkerError` for those that an ended worker may have run.
+
+    An executor whose worker is killed is of no use any more: it ends then, and tasks that had not begun have no result.
+    """
     strangers = set(multiprocessing.active_children())
     executor = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _begin_worker)
     # Not `concurrent.futures.wait`: an interrupt in it leaves futures locked, and the shutdown would wait for ever.
     done: SimpleQueue[Future[_Result]] = SimpleQueue()
     try:
         with _interrupts_ignored():  # by the workers from their beginning: they inherit it
-            places = {executor.submit(_run_until_told, run, task): place for place, task in enumerate(tasks)}
+            places = {executor.submit(_run_until_told, run, tasks[place]): place for place in waiting}
             for future in places:
                 future.add_done_callback(done.put)
         while places:
             future = done.get()
-            yield places.pop(future), future.result()
+            try:
+                result: _Result | LostWorkerError = future.result()
+            except BrokenProcessPool:
+                # Tasks begin in the order in which they were handed in: those that ran are the first without a result.
+                for place in list(places.values())[:jobs]:
+                    yield place, LostWorkerError("its process was ended from outside")
+                break
+            except LostWorkerError as error:
+                result = error
+            yield places.pop(future), result
     except BaseException:
         with _interrupts_ignored():  # an impatient second one would leave processes behind
             for worker in set(multiprocessing.active_children()) - strangers:
@@ -105,7 +151,7 @@ def _run_until_told(run: Callable[[_Task], _Result], task: _Task) -> _Result:
             raise SystemExit(1)
         return run(task)
     except SystemExit:
-        raise RuntimeError("the worker process was told to end") from None
+        raise LostWorkerError("its process was told to end") from None
     finally:
         _worker.is_in_task = False
         _worker.task_over.set()

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from canarm.matrix.pool import results_of
+from canarm.matrix.pool import LostWorkerError, results_of
 
 HERE = Path(__file__).parent
 DEADLINE_S = 60.0
@@ -41,6 +41,36 @@ def test_a_worker_told_to_end_between_tasks_still_sends_what_it_has() -> None:
     assert next(results)[1] == "sent"
     with contextlib.suppress(RuntimeError):  # the other task, where the same worker is to run it as well
         assert next(results)[1] == "sent"
+
+
+def kill_own_process_once(folder: Path) -> str:
+    """The first to come kills its process, as a kernel that is out of memory would."""
+    with contextlib.suppress(FileExistsError):
+        (folder / "killed").touch(exist_ok=False)
+        os.kill(os.getpid(), signal.SIGKILL)
+    return "done"
+
+
+def kill_own_process_always(name: str) -> str:
+    if name == "deadly":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return name
+
+
+def test_a_worker_that_is_killed_loses_no_task(tmp_path: Path) -> None:
+    assert dict(results_of(kill_own_process_once, [tmp_path] * 6, 2)) == dict.fromkeys(range(6), "done")
+
+
+def test_a_task_that_kills_its_worker_every_time_is_given_up_and_the_others_are_done() -> None:
+    tasks = ["deadly", *(f"task {number}" for number in range(5))]
+    results = dict(results_of(kill_own_process_always, tasks, 2, lambda task, error: f"{task}: {error}"))
+    assert results.pop(0) == "deadly: its process was ended from outside"
+    assert results == {number: tasks[number] for number in range(1, 6)}
+
+
+def test_without_anybody_to_tell_a_lost_task_is_an_error() -> None:
+    with pytest.raises(LostWorkerError, match="ended from outside"):
+        list(results_of(kill_own_process_always, ["deadly", "task"], 2))
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
