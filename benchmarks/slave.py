@@ -42,7 +42,7 @@ def _ours() -> Callable[[int], None]:
 
     def cycle(number: int) -> None:
         for layout in slave.on_sync(bytes((number % 240 + 1,)), number):
-            slave.send_tpdo(layout, number)
+            slave.pdos.send(layout, number)
         if len(sent) > 1000:
             sent.clear()
 

@@ -16,7 +16,7 @@ from canarm_controller.supervision.detection import Detection
 from canarm_emulator.bench.bench import CycleTruth, Record
 from canarm_emulator.bench_node.assessor import Assessor
 from canarm_emulator.errors import TruthError
-from canarm_emulator.faults.engine import SetStatus
+from canarm_emulator.faults.turns import SetStatus
 from canarm_emulator.robot.truth import Truth
 from canarm_emulator.serving.recording import Recorder
 from canarm_protocol.canopen.frames import ERROR_FLAG, Frame

@@ -21,7 +21,8 @@ from canarm.rig.rig_joint import SIGNALS, TRUE_SIGNALS, RigJoint, Span
 from canarm.usage import UsageError
 from canarm_controller.supervision.detection import Detection, Reaction
 from canarm_emulator.faults import declaration
-from canarm_emulator.faults.declaration import declared_faults, parameters_at
+from canarm_emulator.faults.declaration import declared_faults
+from canarm_emulator.faults.parameters import parameters_at
 from canarm_emulator.faults.taps import taps_of
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.errors import FaultError

@@ -21,7 +21,7 @@ from canarm_emulator.serving.recording import Recorder
 from canarm_emulator.serving.runner import EmulatorRunner
 from canarm_emulator.wire.confinement import ErrorKind, ErrorState
 from canarm_emulator.wire.error_frames import error_frame
-from canarm_emulator.wire.wire import ErrorFrame
+from canarm_emulator.wire.wire_events import ErrorFrame
 from canarm_protocol.canopen.frames import Frame, NmtCommand, NmtState, heartbeat_frame, nmt_frame, sync_frame
 from canarm_protocol.canopen.sdo import download, upload
 from canarm_protocol.cell.bench_objects import bench_pdos, sdo_channel

@@ -16,20 +16,10 @@ import pytest
 
 from canarm_emulator.bench_node.fault_objects import event_text
 from canarm_emulator.faults import declaration
-from canarm_emulator.faults.declaration import (
-    Context,
-    JointFault,
-    NodeFault,
-    NodePort,
-    SignalFault,
-    TapKind,
-    choice,
-    level,
-    of_tap,
-    parameter,
-)
-from canarm_emulator.faults.engine import SetState
+from canarm_emulator.faults.declaration import Context, JointFault, NodeFault, NodePort, SignalFault, TapKind
 from canarm_emulator.faults.fault_bench import FaultBench
+from canarm_emulator.faults.parameters import choice, level, of_tap, parameter
+from canarm_emulator.faults.turns import SetState
 from canarm_emulator.robot.truth import JointTruth, Truth
 from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame, sync_frame
 from canarm_protocol.cell.cell_file import load_cell

@@ -12,7 +12,7 @@ import pytest
 
 from canarm_emulator.bench.bench import Record
 from canarm_emulator.wire.confinement import ErrorState
-from canarm_emulator.wire.wire import ErrorFrame, StateChange
+from canarm_emulator.wire.wire_events import ErrorFrame, StateChange
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FaultError
 

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from canarm_emulator.cards.adc0809 import Adc0809Card
 from canarm_emulator.cards.dac0808 import Dac0808Card
 from canarm_emulator.cards.device import AdcDevice, DacDevice
-from canarm_emulator.node.slave import NEVER, Slave
+from canarm_emulator.node.slave import Slave
+from canarm_emulator.timing import NEVER
 from canarm_emulator.wire.confinement import ErrorState
 from canarm_protocol.canopen.dictionary import Dictionary, load_dictionary
 from canarm_protocol.canopen.frames import Frame, NmtCommand, NmtState
@@ -77,7 +78,7 @@ class Node:
         return [self.card.code(channel) for channel in range(4)]
 
     def rpdo(self, data: bytes, now_ns: int = 0) -> None:
-        (layout,) = self.slave.rpdos
+        (layout,) = self.slave.pdos.rpdos
         self.slave.on_rpdo(layout, data, now_ns)
 
     def run_until(self, until_ns: int) -> None:
@@ -269,10 +270,10 @@ def test_a_synchronous_rpdo_acts_at_the_next_sync_and_the_last_one_counts(node: 
     node.rpdo(outputs_frame(1, 2, 3, 4))
     node.rpdo(outputs_frame(5, 6, 7, 8))
     assert node.outputs() == [0, 0, 0, 0]
-    node.slave.apply_outputs()
+    node.slave.pdos.apply_outputs()
     assert node.outputs() == [5, 6, 7, 8]
     node.write(0x6411, 1, 0, 2)
-    node.slave.apply_outputs()
+    node.slave.pdos.apply_outputs()
     assert node.outputs() == [0, 6, 7, 8]
 
 
@@ -285,14 +286,14 @@ def test_an_event_driven_rpdo_acts_at_once(node: Node, transmission_type: int) -
 
 
 def test_there_are_pdos_in_operational_only(node: Node, adc: Node) -> None:
-    assert node.slave.rpdos == adc.slave.tpdos == adc.slave.tpdos_due() == []
+    assert node.slave.pdos.rpdos == adc.slave.pdos.tpdos == adc.slave.pdos.due() == []
     for each in (node, adc):
         each.slave.on_nmt(START, 0)
-    assert len(node.slave.rpdos) == 1
-    assert len(adc.slave.tpdos_due()) == 2
+    assert len(node.slave.pdos.rpdos) == 1
+    assert len(adc.slave.pdos.due()) == 2
     for each in (node, adc):
         each.slave.on_nmt(NmtCommand.PRE_OPERATIONAL, 0)
-    assert node.slave.rpdos == adc.slave.tpdos == adc.slave.tpdos_due() == []
+    assert node.slave.pdos.rpdos == adc.slave.pdos.tpdos == adc.slave.pdos.due() == []
 
 
 def test_an_rpdo_that_waits_for_sync_does_not_outlive_operational(node: Node) -> None:
@@ -300,7 +301,7 @@ def test_an_rpdo_that_waits_for_sync_does_not_outlive_operational(node: Node) ->
     node.rpdo(outputs_frame(1, 2, 3, 4))
     node.slave.on_nmt(NmtCommand.PRE_OPERATIONAL, 0)
     node.slave.on_nmt(START, 0)
-    node.slave.apply_outputs()
+    node.slave.pdos.apply_outputs()
     assert node.outputs() == [0, 0, 0, 0]
 
 
@@ -314,7 +315,7 @@ def test_a_short_rpdo_has_no_effect_but_one_emcy_until_a_good_one_comes(node: No
     assert node.read(0x1001) == 0x11
     node.rpdo(outputs_frame(1, 2, 3, 4) + b"\xff", 3)
     assert node.take() == [(3, Frame(0x92, bytes(8)))]
-    node.slave.apply_outputs()
+    node.slave.pdos.apply_outputs()
     assert node.outputs() == [1, 2, 3, 4]
     assert (node.read(0x1001), node.read(0x1003), node.read(0x1003, 1)) == (0, 1, 0x8210)
     assert node.slave.ignored_frames == 2
@@ -326,7 +327,7 @@ def test_a_short_rpdo_has_no_effect_but_one_emcy_until_a_good_one_comes(node: No
 def test_a_tpdo_of_type_n_is_due_at_every_nth_sync(adc: Node, transmission_type: int, sent: str) -> None:
     adc.write(0x1801, 2, transmission_type, 1)
     adc.slave.on_nmt(START, 0)
-    due = [any(layout.number == 2 for layout in adc.slave.tpdos_due()) for _ in sent]
+    due = [any(layout.number == 2 for layout in adc.slave.pdos.due()) for _ in sent]
     assert due == [digit == "1" for digit in sent]
 
 
@@ -337,9 +338,9 @@ def test_a_tpdo_of_type_0_is_sent_when_its_data_change(adc: Node) -> None:
     sent = []
     for volts in (1.0, 1.0, 2.0, 2.0, 1.0):
         adc.device.store(0, volts)
-        for layout in adc.slave.tpdos_due():
+        for layout in adc.slave.pdos.due():
             if layout.number == 2:
-                adc.slave.send_tpdo(layout, 7)
+                adc.slave.pdos.send(layout, 7)
         sent.append([frame.data[:2].hex() for _, frame in adc.take()])
     assert sent == [["8019"], [], ["0033"], [], ["8019"]]
 
@@ -349,8 +350,8 @@ def test_tpdo_data_are_the_last_scan(adc: Node) -> None:
     adc.take()
     for channel in range(8):
         adc.device.store(channel, channel * 0.5)
-    for layout in adc.slave.tpdos_due():
-        adc.slave.send_tpdo(layout, 42)
+    for layout in adc.slave.pdos.due():
+        adc.slave.pdos.send(layout, 42)
     codes = [int(channel * 0.5 / 5.0 * 255 + 0.5) << 7 for channel in range(8)]
     assert adc.take() == [
         (42, Frame(0x292, struct.pack("<4h", *codes[:4]))),
@@ -360,12 +361,12 @@ def test_tpdo_data_are_the_last_scan(adc: Node) -> None:
 
 def test_a_tpdo_that_is_no_longer_in_force_is_not_sent(adc: Node) -> None:
     adc.slave.on_nmt(START, 0)
-    due = adc.slave.tpdos_due()
+    due = adc.slave.pdos.due()
     adc.slave.on_nmt(NmtCommand.RESET_NODE, 0)
     adc.slave.on_nmt(START, 0)
     adc.take()
     for layout in due:
-        adc.slave.send_tpdo(layout, 1)
+        adc.slave.pdos.send(layout, 1)
     assert adc.take() == []
 
 
@@ -397,7 +398,7 @@ def test_a_changed_mapping_is_what_is_sent(adc: Node) -> None:
     adc.slave.on_nmt(START, 0)
     adc.take()
     adc.device.store(7, 5.0)
-    adc.slave.send_tpdo(adc.slave.tpdos[0], 0)
+    adc.slave.pdos.send(adc.slave.pdos.tpdos[0], 0)
     assert adc.take() == [(0, Frame(0x292, bytes.fromhex("807f" + "00" + "0000")))]
 
 
@@ -464,7 +465,7 @@ def test_a_cob_id_is_changed_by_way_of_a_disabled_pdo(node: Node) -> None:
     node.write(0x1401, 1, 0x8000_0312, 4)
     node.write(0x1401, 1, 0x4000_0313, 4)  # bit 30: no remote frames
     node.slave.on_nmt(START, 0)
-    assert [layout.cob_id for layout in node.slave.rpdos] == [0x313]
+    assert [layout.cob_id for layout in node.slave.pdos.rpdos] == [0x313]
 
 
 @pytest.mark.parametrize(
@@ -492,8 +493,8 @@ def test_no_sequence_of_writes_leaves_pdos_that_cannot_be_served(writes: list[tu
         except SdoAborted:
             continue
     adc.slave.on_nmt(START, 0)
-    for layout in adc.slave.tpdos:
-        adc.slave.send_tpdo(layout, 0)
+    for layout in adc.slave.pdos.tpdos:
+        adc.slave.pdos.send(layout, 0)
 
 
 # Heartbeat (CiA 301, 7.2.8.2.2) and EMCY (7.2.7)
@@ -546,7 +547,7 @@ def test_a_lost_heartbeat_acts_exactly_at_its_time(node: Node, behaviour: int, s
     node.write(0x6443, 3, 0, 1)
     node.slave.on_nmt(START, 0)
     node.rpdo(outputs_frame(9, 9, 9, 9))
-    node.slave.apply_outputs()
+    node.slave.pdos.apply_outputs()
     node.take()
     node.slave.on_heartbeat(MASTER, 7)
     node.run_until(100 * MILLISECOND + 6)
@@ -646,7 +647,7 @@ def test_a_sync_counter_beyond_its_overflow_is_none(adc: Node) -> None:
     adc.take()
     due = [layout.number for layout in adc.slave.on_sync(b"\x1e", 0)]
     assert 2 not in due
-    assert due == [layout.number for layout in adc.slave.tpdos if layout.number != 2]
+    assert due == [layout.number for layout in adc.slave.pdos.tpdos if layout.number != 2]
     assert adc.take() == []
 
 
@@ -701,7 +702,7 @@ def test_the_loss_of_any_watched_node_gives_the_outputs_their_error_values(node:
     node.write(0x1029, 1, 1, 1)
     node.slave.on_nmt(START, 0)
     node.rpdo(outputs_frame(9, 9, 9, 9))
-    node.slave.apply_outputs()
+    node.slave.pdos.apply_outputs()
     node.slave.on_heartbeat(lost, 0)
     node.run_until(1000 * MILLISECOND)
     assert node.outputs() == [0, 0, 0, 0]
@@ -747,7 +748,7 @@ def test_error_passive_is_reported_once_and_changes_nothing_else(node: Node, beh
     node.write(0x1029, 1, behaviour, 1)
     node.slave.on_nmt(START, 0)
     node.rpdo(outputs_frame(9, 9, 9, 9))
-    node.slave.apply_outputs()
+    node.slave.pdos.apply_outputs()
     node.take()
     node.slave.on_error_state(ErrorState.PASSIVE, 5)
     node.slave.on_error_state(ErrorState.ACTIVE, 8)

@@ -6,8 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
+from canarm_emulator.timing import NEVER
 from canarm_emulator.wire.confinement import ErrorKind, ErrorState
-from canarm_emulator.wire.wire import NEVER, Delivery, ErrorFrame, Queueing, StateChange, Wire
+from canarm_emulator.wire.wire import Wire
+from canarm_emulator.wire.wire_events import Delivery, ErrorFrame, StateChange
+from canarm_emulator.wire.wire_node import Queueing
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.schedulability import Message, response_times
 from canarm_protocol.errors import FrameError

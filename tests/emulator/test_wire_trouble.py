@@ -24,7 +24,7 @@ from canarm_emulator.serving.recording import Recorder
 from canarm_emulator.serving.runner import EmulatorRunner
 from canarm_emulator.wire.bus_trouble import ClientNode
 from canarm_emulator.wire.confinement import ErrorState
-from canarm_emulator.wire.wire import StateChange
+from canarm_emulator.wire.wire_events import StateChange
 from canarm_protocol.canopen.frames import Frame, NmtCommand, NmtState, nmt_frame, sync_frame
 from canarm_protocol.canopen.sdo import download, upload
 from canarm_protocol.cell.bench_objects import bench_pdos

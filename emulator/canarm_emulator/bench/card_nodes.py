@@ -59,7 +59,7 @@ class CardNodes:
             name = slave.bus_name
             for cob_id in slave.sdo_cob_ids:
                 takers.setdefault(cob_id, []).append(Taker(name, self._sdo(slave, cob_id)))
-            for layout in slave.rpdos:
+            for layout in slave.pdos.rpdos:
                 takers.setdefault(layout.cob_id, []).append(Taker(name, self._rpdo(slave, layout)))
             for watched in slave.watched_node_ids:
                 takers.setdefault(Cob.HEARTBEAT + watched, []).append(Taker(name, self._heartbeat(slave, watched)))
@@ -92,7 +92,7 @@ class CardNodes:
         """A remote frame is on the bus; whether a card has a TPDO for it. Those that are `off` do not hear it."""
         self._timeline.catch_up()
         hearing = [slave for slave in self.running if slave.bus_name not in off]
-        answers = [slave.on_remote(can_id, self._timeline.time_ns) for slave in hearing]
+        answers = [slave.pdos.on_remote(can_id, self._timeline.time_ns) for slave in hearing]
         return any(answers)
 
     def on_error_state(self, name: Hashable, state: ErrorState) -> None:

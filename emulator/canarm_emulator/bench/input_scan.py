@@ -43,5 +43,5 @@ class InputScan:
         while self._due and self._due[0][0] <= now_ns:
             _, pdos = self._due.pop(0)
             for slave, layout in pdos:
-                slave.send_tpdo(layout, now_ns)
+                slave.pdos.send(layout, now_ns)
         self.due_ns = self._due[0][0] if self._due else NEVER

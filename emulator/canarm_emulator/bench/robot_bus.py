@@ -14,7 +14,8 @@ from ..node.slave import Emit
 from ..robot.timeline import Timeline
 from ..wire.bus_trouble import BusTrouble, origin_of, wire_name
 from ..wire.error_frames import error_frame
-from ..wire.wire import StateChange, Wire
+from ..wire.wire import Wire
+from ..wire.wire_events import StateChange
 from .card_nodes import CardNodes
 from .fault_hooks import FaultHooks
 

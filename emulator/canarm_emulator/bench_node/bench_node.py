@@ -36,7 +36,7 @@ class BenchNode:
         slave.on_nmt(NmtCommand.START, self._timeline.time_ns)
         self._takers = {
             **{cob_id: self._sdo(cob_id) for cob_id in slave.sdo_cob_ids},
-            **{layout.cob_id: self._rpdo(layout) for layout in slave.rpdos},
+            **{layout.cob_id: self._rpdo(layout) for layout in slave.pdos.rpdos},
         }
 
     def receive(self, frame: Frame, origin: object) -> None:
@@ -52,9 +52,9 @@ class BenchNode:
 
     def send_telemetry(self) -> None:
         """The node sends its TPDOs."""
-        for layout in self.slave.tpdos:
+        for layout in self.slave.pdos.tpdos:
             if self._has_wire or layout.objects[0].index != BUS_LOAD:
-                self.slave.send_tpdo(layout, self._timeline.time_ns)
+                self.slave.pdos.send(layout, self._timeline.time_ns)
 
     def _sdo(self, cob_id: int) -> Callable[[bytes], None]:
         return lambda data: self.slave.on_sdo(cob_id, data, self._timeline.time_ns)

@@ -12,7 +12,8 @@ from canarm_protocol.cell import bench_objects as objects
 from ..node.io_device import Getter
 from ..wire.bus_trouble import BusTrouble
 from ..wire.confinement import ErrorState
-from ..wire.wire import Node, Wire
+from ..wire.wire import Wire
+from ..wire.wire_node import Node
 
 LOAD_WINDOW_NS = 1_000_000_000
 LOAD_REFRESH_NS = 100_000_000

@@ -8,7 +8,8 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.script import FaultSpec, ParameterValue, limits_text
 
-from .declaration import Fault, Parameter, Tap, declared_faults, parameters_at
+from .declaration import Fault, Tap, declared_faults
+from .parameters import Parameter, parameters_at
 from .taps import taps_of
 
 
@@ -55,8 +56,43 @@ def about(fault: type[Fault]) -> str:
     return next(iter((fault.__doc__ or "").strip().splitlines()), fault.name)
 
 
-def resolve(taps: Mapping[str, Tap], spec: FaultSpec) -> tuple[Tap, type[Fault], dict[str, ParameterValue | None]]:
-    """The tap, the fault and all its parameters that `spec` asks for. Raises `FaultError`: what would be right."""
+class PlannedFault:
+    """A fault at a tap as a text asks for it, found and checked. Raises `FaultError`: what would be right.
+
+    `fresh` gives an object for every activation.
+    """
+
+    def __init__(self, taps: Mapping[str, Tap], spec: FaultSpec) -> None:
+        self.tap, self._type, self._values = _resolve(taps, spec)
+        self._first: Fault | None = self._make()
+
+    @property
+    def needs_wire(self) -> bool:
+        """Whether it acts on the wire model alone."""
+        return self._type.needs_wire
+
+    def fresh(self) -> Fault:
+        """A fault that has not been active yet. Raises `FaultError`."""
+        first, self._first = self._first, None
+        return first if first is not None else self._make()
+
+    def _make(self) -> Fault:
+        try:
+            return self._type(**self._values)
+        except Exception as error:
+            text = " ".join(f"{type(error).__name__}: {error}".split())
+            raise FaultError(
+                f"{self._type.name} at {self.tap.name}: cannot be made: {text} ({self._type.declared_at})"
+            ) from None
+
+
+def make_fault(taps: Mapping[str, Tap], spec: FaultSpec) -> Fault:
+    """A fault as `spec` asks for it, for whoever drives it by hand. Raises `FaultError`."""
+    return PlannedFault(taps, spec).fresh()
+
+
+def _resolve(taps: Mapping[str, Tap], spec: FaultSpec) -> tuple[Tap, type[Fault], dict[str, ParameterValue | None]]:
+    """The tap, the fault and all its parameters that `spec` asks for."""
     tap = taps.get(spec.tap)
     if tap is None:
         raise FaultError(f"no tap {spec.tap!r}{nearest(spec.tap, taps, '`canarm fault list`')}")
@@ -77,16 +113,6 @@ def resolve(taps: Mapping[str, Tap], spec: FaultSpec) -> tuple[Tap, type[Fault],
         for name, each in parameters.items()
     }
     return tap, fault, values
-
-
-def make_fault(taps: Mapping[str, Tap], spec: FaultSpec) -> Fault:
-    """A fresh fault as `spec` asks for it. Raises `FaultError`."""
-    tap, fault, values = resolve(taps, spec)
-    try:
-        return fault(**values)
-    except Exception as error:
-        text = " ".join(f"{type(error).__name__}: {error}".split())
-        raise FaultError(f"{fault.name} at {tap.name}: cannot be made: {text} ({fault.declared_at})") from None
 
 
 def _checked(spec: FaultSpec, parameter: Parameter, value: ParameterValue) -> ParameterValue:

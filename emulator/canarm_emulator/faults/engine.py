@@ -9,26 +9,26 @@ import contextlib
 import functools
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from enum import Enum
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from random import Random
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.conditions import Condition
 from canarm_protocol.faults.fault_events import FaultEvent
-from canarm_protocol.faults.script import FaultScript, FaultSet, FaultSpec, Trigger
+from canarm_protocol.faults.script import FaultScript, FaultSet, Trigger
 
 from ..robot.world import JointState
-from .catalogue import make_fault
+from .catalogue import PlannedFault
 from .declaration import Context, Fault, Tap, TapKind
 from .guard import failure_text, guard
 from .messages import MessagePoint
 from .places import BusPoint, ClockPoint, NodePoint
 from .points import Point, TruthPoint, signal_point
 from .taps import taps_of
+from .turns import Configuration, SetState, SetStatus, Turn, Values
 
 if TYPE_CHECKING:
     from ..bench.bench import Bench
@@ -38,85 +38,6 @@ NAME_OF_ALL = ""
 MOST_AT_WORK, MOST_DONE = 2000, 100
 """Sets that may wait or act at one time; texts whose sets have all ended that `status` still shows."""
 _JOINT_KINDS = frozenset({TapKind.SUPPLY, TapKind.MOTOR, TapKind.LINK, TapKind.DRIVE_WIRE})
-
-
-Values = Callable[[], Mapping[str, float]]
-"""Gives the true signals of the moment by name."""
-
-
-class SetState(Enum):
-    """Where a set stands."""
-
-    WAITING = "waiting"
-    ACTIVE = "active"
-    ENDED = "ended"
-
-
-class SetStatus(NamedTuple):
-    """A set that was accepted: its state, and how often it has been active so far."""
-
-    name: str
-    state: SetState
-    activations: int
-
-
-@dataclass(slots=True, eq=False)
-class _Turn:
-    """One set of a configuration at work."""
-
-    declared: FaultSet
-    condition: Condition | None
-    state: SetState = SetState.WAITING
-    activations: int = 0
-    begun_ns: int = 0
-    is_pulled: bool = False
-    """Triggered by hand."""
-    was_true: bool = False
-    faults: list[tuple[Tap, Fault]] = field(default_factory=list)
-    failure: tuple[Fault, str] | None = None
-    """The fault of it that has failed first, and how."""
-
-    def may_begin(self, now_ns: int, begin_ns: int | None, cycle: int, values: Values) -> bool:
-        """Whether its trigger holds. A condition that comes again must have been false in between."""
-        if self.is_pulled:
-            return True
-        if self.activations and self.declared.period_s is not None:
-            return now_ns - self.begun_ns >= round(self.declared.period_s * 1e9)
-        trigger = self.declared.trigger
-        if trigger.is_manual:
-            return False
-        if trigger.at_s is not None:
-            return begin_ns is not None and now_ns - begin_ns >= round(trigger.at_s * 1e9)
-        if trigger.cycle is not None:
-            return begin_ns is not None and cycle >= trigger.cycle
-        if self.condition is not None:
-            if begin_ns is None:
-                self.was_true = False
-                return False
-            was_true, self.was_true = self.was_true, self.condition.holds(values())
-            return self.was_true and (not self.activations or not was_true)
-        return True
-
-    def is_over(self, now_ns: int) -> bool:
-        """Whether its duration has passed."""
-        duration_s = self.declared.duration_s
-        return duration_s is not None and now_ns - self.begun_ns >= round(duration_s * 1e9)
-
-
-@dataclass(slots=True, eq=False)
-class _Configuration:
-    turns: list[_Turn]
-    is_parallel: bool
-    place: int = 0
-    """The set whose turn it is, where they come one after the other."""
-
-    @property
-    def is_done(self) -> bool:
-        return all(turn.state is SetState.ENDED for turn in self.turns)
-
-    def keep(self, turns: list[_Turn]) -> None:
-        """Forget all but these. Those that have ended are passed over again."""
-        self.turns, self.place = turns, 0
 
 
 class FaultEngine:
@@ -131,12 +52,12 @@ class FaultEngine:
         self.active = 0
         """How many faults act now."""
         self._bench, self._seed = bench, seed
-        self._configurations: list[_Configuration] = []
+        self._configurations: list[Configuration] = []
         self._points: dict[str, Point] = {}
         self._busy: dict[Point, int] = {}
         self._truth_point = TruthPoint(bench)
         self._cycle = bench.cycle
-        self._failed: list[_Turn] = []
+        self._failed: list[Turn] = []
         """Sets that are to end because a fault of theirs has failed."""
         self._accepted = 0
         signals = [name for joint in bench.cell.joint_names for name in _joint_signals(joint)]
@@ -160,13 +81,9 @@ class FaultEngine:
                 each = replace(each, name=f"set {self._accepted + position + 1}")
             if each.name in at_work:
                 raise FaultError(f"a set named {each.name!r} is there already: clear it, or choose another name")
-            for number, spec in enumerate(each.faults, start=1):
-                try:
-                    self._check(spec)
-                except FaultError as error:
-                    raise FaultError(f"set {each.name!r}, fault {number}: {error}") from None
+            planned = tuple(self._planned(each))
             when = each.trigger.when
-            turns.append(_Turn(each, None if when is None else Condition(when, self._signals)))
+            turns.append(Turn(each, None if when is None else Condition(when, self._signals), planned))
         if not script.is_parallel:
             _check_order(script.sets)
         names = {turn.declared.name for turn in turns}
@@ -175,16 +92,25 @@ class FaultEngine:
         done = [each for each in self._configurations if each.is_done]
         forgotten = done[: max(0, len(done) - MOST_DONE)]
         self._configurations = [each for each in self._configurations if each not in forgotten and each.turns]
-        self._configurations.append(_Configuration(turns, script.is_parallel))
+        self._configurations.append(Configuration(turns, script.is_parallel))
         self._accepted += len(turns)
         return "; ".join([f"accepted {', '.join(repr(turn.declared.name) for turn in turns)}", *self._remarks(script)])
 
-    def _check(self, spec: FaultSpec) -> None:
-        """Raises `FaultError` for a fault that there is not, or that this bench does not support."""
-        fault, tap = make_fault(self.taps, spec), self.taps[spec.tap]
-        if fault.needs_wire and self._bench.wire is None:
+    def _planned(self, declared: FaultSet) -> Iterator[PlannedFault]:
+        """The faults of a set. Raises `FaultError` for one that there is not, or that this bench does not support."""
+        for number, spec in enumerate(declared.faults, start=1):
+            try:
+                planned = PlannedFault(self.taps, spec)
+                self._check_supported(planned, spec.fault)
+            except FaultError as error:
+                raise FaultError(f"set {declared.name!r}, fault {number}: {error}") from None
+            yield planned
+
+    def _check_supported(self, planned: PlannedFault, name: str) -> None:
+        tap = planned.tap
+        if planned.needs_wire and self._bench.wire is None:
             raise FaultError(
-                f"{spec.fault!r} at {tap.name} needs the model of the wire; start the emulator with --wire, a Rig with "
+                f"{name!r} at {tap.name} needs the model of the wire; start the emulator with --wire, a Rig with "
                 "wire=True"
             )
         if tap.kind is TapKind.CLOCK and self._bench.clock is Clock.WALL:
@@ -278,7 +204,7 @@ class FaultEngine:
         """Where faults change the truth of the arm."""
         return self._truth_point
 
-    def _take_turns(self, configuration: _Configuration, now_ns: int, values: Values) -> None:
+    def _take_turns(self, configuration: Configuration, now_ns: int, values: Values) -> None:
         turns = configuration.turns
         while configuration.place < len(turns):
             turn = turns[configuration.place]
@@ -300,17 +226,17 @@ class FaultEngine:
         """Cycle 0 of the run that is on; between runs no time counts."""
         return self._bench.begin_ns if self._bench.is_operational else None
 
-    def _may_begin(self, turn: _Turn, now_ns: int, values: Values) -> bool:
+    def _may_begin(self, turn: Turn, now_ns: int, values: Values) -> bool:
         return turn.may_begin(now_ns, self._run_began_ns, self._cycle, values)
 
-    def _begin(self, turn: _Turn, now_ns: int) -> None:
+    def _begin(self, turn: Turn, now_ns: int) -> None:
         turn.state, turn.is_pulled = SetState.ACTIVE, False
         turn.activations += 1
         turn.begun_ns = now_ns
         if not turn.declared.faults:
             self._clear_others(turn)
-        for number, spec in enumerate(turn.declared.faults):
-            fault, tap = make_fault(self.taps, spec), self.taps[spec.tap]
+        for number, planned in enumerate(turn.planned):
+            fault, tap = planned.fresh(), planned.tap
             guard(fault, functools.partial(self._fail, turn, fault))
             random = Random(f"{self._seed}/{turn.declared.name}/{number}/{turn.activations}")
             point = self._point(tap)
@@ -323,7 +249,7 @@ class FaultEngine:
             except Exception as error:  # such as a truth that cannot be
                 self._fail(turn, fault, error)
 
-    def _fail(self, turn: _Turn, fault: Fault, error: Exception) -> None:
+    def _fail(self, turn: Turn, fault: Fault, error: Exception) -> None:
         if turn.failure is None:
             turn.failure = fault, failure_text(fault, error)
             self._failed.append(turn)
@@ -341,7 +267,7 @@ class FaultEngine:
             self._end(turn)
             turn.state = SetState.ENDED
 
-    def _clear_others(self, empty: _Turn) -> None:
+    def _clear_others(self, empty: Turn) -> None:
         """An empty set clears."""
         for turn in self._turns():
             if turn is not empty and turn.state is SetState.ACTIVE:
@@ -350,7 +276,7 @@ class FaultEngine:
         for point in self._points.values():
             point.drop()
 
-    def _end(self, turn: _Turn) -> None:
+    def _end(self, turn: Turn) -> None:
         now_ns = self._bench.time_ns
         (failing, failure), turn.failure = turn.failure or (None, ""), None
         for tap, fault in turn.faults:
@@ -375,7 +301,7 @@ class FaultEngine:
                 return f"triggered {name!r}"
         raise FaultError(f"no set {name!r} to trigger; there {_are([turn.declared.name for turn in self._turns()])}")
 
-    def _turns(self) -> list[_Turn]:
+    def _turns(self) -> list[Turn]:
         return [turn for configuration in self._configurations for turn in configuration.turns]
 
     def _point(self, tap: Tap) -> Point:
@@ -397,7 +323,7 @@ class FaultEngine:
             return ClockPoint(self._bench)
         return signal_point(self._bench, tap)
 
-    def _tell(self, now_ns: int, is_begin: bool, turn: _Turn, tap: Tap, fault: Fault, failure: str = "") -> None:
+    def _tell(self, now_ns: int, is_begin: bool, turn: Turn, tap: Tap, fault: Fault, failure: str = "") -> None:
         if self.on_event is not None:
             name = turn.declared.name
             self.on_event(FaultEvent(now_ns, self._cycle, is_begin, name, tap.name, fault.name, failure))

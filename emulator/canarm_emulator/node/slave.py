@@ -16,7 +16,6 @@ from canarm_protocol.canopen.dictionary import (
     EMERGENCY_COB_ID,
     ERROR_BEHAVIOUR,
     ERROR_HISTORY,
-    ERROR_REGISTER,
     INTERRUPT_ENABLE,
     INTERRUPT_SOURCE,
     PRODUCER_HEARTBEAT,
@@ -26,29 +25,19 @@ from canarm_protocol.canopen.dictionary import (
     Dictionary,
 )
 from canarm_protocol.canopen.frames import ErrorCode, Frame, NmtCommand, NmtState, heartbeat_frame
-from canarm_protocol.canopen.pdo import COMMUNICATION, DISABLED, PDO_COUNT, Kind, MappedObject, PdoLayout, read_layouts
+from canarm_protocol.canopen.pdo import COMMUNICATION, DISABLED, PDO_COUNT, PdoLayout
 from canarm_protocol.canopen.sdo import AbortCode
-from canarm_protocol.errors import DictionaryError
 
-from ..timing import MICROSECOND, MILLISECOND
-from ..timing import NEVER as NEVER
+from ..timing import MICROSECOND, MILLISECOND, NEVER
 from ..wire.confinement import ErrorState
 from . import parameters
 from .analogue_events import AnalogueEvents
 from .emergency import EmergencyProducer
-from .event_pdos import EVENT_TIMER, EventPdos
+from .event_pdos import EVENT_TIMER
 from .heartbeats import HeartbeatConsumer
-from .io_device import Getter, IoDevice, Setter
-from .pdo_rules import (
-    EVENT_DRIVEN_TYPES,
-    NO_REMOTE,
-    ON_REQUEST,
-    SYNCHRONOUS_ON_REQUEST,
-    SYNCHRONOUS_TYPES,
-    check_emergency_cob_id,
-    check_pdo_write,
-    check_sync_cob_id,
-)
+from .io_device import IoDevice
+from .pdo_rules import check_emergency_cob_id, check_pdo_write, check_sync_cob_id
+from .pdos import Pdos
 from .rpdo_deadlines import RpdoDeadlines
 from .sdo_server import SdoServer
 from .store import ObjectStore, SdoRefused
@@ -57,8 +46,6 @@ Emit = Callable[[int, Frame], None]
 
 SDO_SERVER, SDO_SERVERS = 0x1200, 0x80
 APPLICATION_OBJECTS = 0x2000
-SYNC_START_VALUE = 6
-"""Sub-index of a TPDO's communication parameter."""
 
 
 class Slave:
@@ -73,8 +60,6 @@ class Slave:
         self.state = NmtState.BOOT_UP
         self.next_due_ns = NEVER
         """When `run_timers` has something to do."""
-        self.rpdos: list[PdoLayout] = []
-        self.tpdos: list[PdoLayout] = []
         self.ignored_frames = 0
         self.timer_scale = 1.0
         """How long the periods of its heartbeat and of those that it waits for last, of what they should."""
@@ -91,20 +76,11 @@ class Slave:
         }
         self._emergency = EmergencyProducer(self._store, node_id, emit, lambda: self.state is not NmtState.STOPPED)
         self._inputs = AnalogueEvents(self._store) if INTERRUPT_ENABLE in dictionary else None
-        self._events = EventPdos(self._store, device, self._inputs, self.send_tpdo)
+        self.pdos = Pdos(name, self._store, device, self._inputs, emit)
+        """What of its process data is in force."""
         self._is_configured = False
-        self._scanned: set[tuple[int, int]] = set()
-        self._setters: dict[int, list[Setter]] = {}
-        self._getters: dict[int, list[Getter]] = {}
-        self._received: dict[int, bytes] = {}
-        self._syncs_until_due: dict[int, int] = {}
-        self._first_syncs: dict[int, int] = {}
-        self._last_sync_ns = NEVER
-        self._sync_length = self._sync_overflow = 0
-        self._window_ns = 0
         self._deadlines = RpdoDeadlines()
         self._too_short: set[int] = set()
-        self._last_sent: dict[int, bytes] = {}
         self._heartbeat_due_ns = NEVER
         self._watch = HeartbeatConsumer(self._store)
         self._is_bus_off = False
@@ -120,8 +96,7 @@ class Slave:
         self.device.configure(self._store.number)
         self.device.take_error_values(self._store.number)
         self._emergency.reset()
-        self._take_sync_overflow(self._store.optional(SYNC_OVERFLOW))
-        self._window_ns = self._store.optional(SYNC_WINDOW) * MICROSECOND
+        self.pdos.reset()
         heartbeat_ns = self._store.number(PRODUCER_HEARTBEAT) * MILLISECOND
         self._heartbeat_due_ns = now_ns + self._scaled(heartbeat_ns) if heartbeat_ns else NEVER
         self._watch.reset()
@@ -137,7 +112,7 @@ class Slave:
         self._watch.reset()
         self._deadlines.restart()
         self._emergency.postpone(now_ns)
-        self._events.restart(now_ns)
+        self.pdos.events.restart(now_ns)
         self._schedule()
 
     def on_nmt(self, command: NmtCommand, now_ns: int) -> None:
@@ -171,7 +146,7 @@ class Slave:
     @property
     def world_due_ns(self) -> int:
         """When `run_timers` has something to do that reads the card's inputs or sets its outputs."""
-        return min(self._watch.due_ns, self._events.due_ns)
+        return min(self._watch.due_ns, self.pdos.events.due_ns)
 
     @property
     def watched_node_ids(self) -> list[int]:
@@ -210,20 +185,7 @@ class Slave:
             self._end_rpdo_errors(now_ns)
         if is_monitored or self._emergency.present:
             self._schedule()
-        if layout.transmission_type in SYNCHRONOUS_TYPES:
-            if self._window_ns and now_ns - self._last_sync_ns > self._window_ns:
-                self.ignored_frames += 1
-            else:
-                self._received[layout.number] = data
-        else:
-            self._apply(layout, data)
-
-    def apply_outputs(self) -> None:
-        """SYNC: what was received since the last one acts now."""
-        for layout in self.rpdos:
-            data = self._received.pop(layout.number, None)
-            if data is not None:
-                self._apply(layout, data)
+        self.ignored_frames += not self.pdos.take(layout, data, now_ns)
 
     def on_sync(self, data: bytes, now_ns: int) -> list[PdoLayout]:
         """SYNC: outputs act; returns the TPDOs to be sent once their inputs are converted.
@@ -233,79 +195,13 @@ class Slave:
         """
         if self.state is NmtState.STOPPED:
             return []
-        if len(data) != self._sync_length:
+        if len(data) != self.pdos.sync_length:
             self._emergency.begin(ErrorCode.SYNC_LENGTH, now_ns)
             self._schedule()
         elif self._emergency.present:
             self._emergency.end(ErrorCode.SYNC_LENGTH, now_ns)
             self._schedule()
-        self._last_sync_ns = now_ns
-        if self._received:
-            self.apply_outputs()
-        if not self.tpdos:
-            return []
-        return self.tpdos_due(data[0] if data and data[0] <= self._sync_overflow else 0)
-
-    def tpdos_due(self, counter: int = 0) -> list[PdoLayout]:
-        """The TPDOs that the SYNC with this counter asks for; 0 is one without."""
-        due = []
-        for layout in self.tpdos:
-            transmission_type = layout.transmission_type
-            if self._first_syncs and layout.number in self._first_syncs:
-                if self._first_syncs[layout.number] != counter:
-                    continue
-                del self._first_syncs[layout.number]
-            if transmission_type <= 1 or transmission_type == SYNCHRONOUS_ON_REQUEST:
-                due.append(layout)
-            elif transmission_type in SYNCHRONOUS_TYPES:
-                left = self._syncs_until_due[layout.number] - 1
-                if left == 0:
-                    due.append(layout)
-                    left = transmission_type
-                self._syncs_until_due[layout.number] = left
-        return due
-
-    def send_tpdo(self, layout: PdoLayout, now_ns: int) -> None:
-        """Send one TPDO, if it is still in force.
-
-        One of type 0 is sent only when its data differ from what it last sent; one of type 252 waits for a remote
-        frame. A synchronous one whose time has come after the synchronous window (0x1007) is left out.
-        """
-        if layout not in self.tpdos:
-            return
-        transmission_type = layout.transmission_type
-        if self._window_ns and now_ns - self._last_sync_ns > self._window_ns and transmission_type < ON_REQUEST:
-            return
-        data = self._pack(layout)
-        if transmission_type == 0:
-            if self._last_sent.get(layout.number) == data:
-                return
-            self._last_sent[layout.number] = data
-        elif transmission_type == SYNCHRONOUS_ON_REQUEST:
-            self._last_sent[layout.number] = data
-            return
-        self._emit(now_ns, Frame(layout.cob_id, data))
-
-    def on_remote(self, cob_id: int, now_ns: int) -> bool:
-        """A remote frame: a TPDO of that COB-ID is sent, unless bit 30 forbids it. Returns whether there is one.
-
-        Synchronous ones carry what was sampled at the last SYNC, the others what is there now.
-        """
-        for layout in self.tpdos:
-            if layout.cob_id == cob_id:
-                if self._store.number(COMMUNICATION["tpdo"] + layout.number - 1, 1) & NO_REMOTE:
-                    return False
-                if layout.transmission_type in (ON_REQUEST, *EVENT_DRIVEN_TYPES):
-                    self._events.refresh(layout)
-                data = self._pack(layout)
-                if layout.transmission_type == SYNCHRONOUS_ON_REQUEST:
-                    data = self._last_sent.get(layout.number, data)
-                self._emit(now_ns, Frame(cob_id, data))
-                return True
-        return False
-
-    def _pack(self, layout: PdoLayout) -> bytes:
-        return layout.pack(*[getter() for getter in self._getters[layout.number]])
+        return self.pdos.on_sync(data, now_ns)
 
     def on_heartbeat(self, node_id: int, now_ns: int) -> None:
         """A heartbeat of another node: monitoring begins with the first one (CiA 301, 7.5.2.19)."""
@@ -348,8 +244,8 @@ class Slave:
             self._deadlines.run(now_ns)
         if self._emergency.due_ns <= now_ns:
             self._emergency.run(now_ns)
-        if self._events.due_ns <= now_ns:
-            self._events.run(now_ns)
+        if self.pdos.events.due_ns <= now_ns:
+            self.pdos.events.run(now_ns)
         self._schedule()
 
     def _communication_lost(self) -> None:
@@ -367,51 +263,16 @@ class Slave:
         if not self._too_short:
             self._emergency.end(ErrorCode.PDO_LENGTH, now_ns)
 
-    def _apply(self, layout: PdoLayout, data: bytes) -> None:
-        for setter, value in zip(self._setters[layout.number], layout.unpack(data[: layout.size]), strict=True):
-            setter(value)
-
     def _activate_pdos(self, now_ns: int) -> None:
-        """PDOs that map nothing are none."""
-        dictionary, number, optional = self._store.dictionary, self._store.number, self._store.optional
-        self.rpdos = [layout for layout in read_layouts(dictionary, "rpdo", number) if layout.objects]
-        self.tpdos = [layout for layout in read_layouts(dictionary, "tpdo", number) if layout.objects]
-        self._setters = {layout.number: [self._setter(m) for m in layout.objects] for layout in self.rpdos}
-        self._getters = {layout.number: [self._getter(m) for m in layout.objects] for layout in self.tpdos}
-        self._scanned = {(m.index, m.subindex) for layout in self.tpdos for m in layout.objects}
-        self._syncs_until_due = {layout.number: layout.transmission_type for layout in self.tpdos}
-        starts = {p.number: optional(COMMUNICATION["tpdo"] + p.number - 1, SYNC_START_VALUE) for p in self.tpdos}
-        self._first_syncs = {n: start for n, start in starts.items() if start and self._sync_length}
-        timers_ms = {p.number: optional(COMMUNICATION["rpdo"] + p.number - 1, EVENT_TIMER) for p in self.rpdos}
+        self.pdos.activate(now_ns)
+        optional, rpdos = self._store.optional, self.pdos.rpdos
+        timers_ms = {p.number: optional(COMMUNICATION["rpdo"] + p.number - 1, EVENT_TIMER) for p in rpdos}
         self._deadlines.activate({number: time_ms * MILLISECOND for number, time_ms in timers_ms.items()})
-        self._events.activate(self.tpdos, now_ns)
         self._schedule()
 
-    def _setter(self, mapped: MappedObject) -> Setter:
-        setter = self.device.setter(mapped.index, mapped.subindex)
-        if setter is None:
-            raise DictionaryError(
-                f"{self.name}: an RPDO maps 0x{mapped.index:04X}:{mapped.subindex:02X}, no output of the card"
-            )
-        return setter
-
-    def _getter(self, mapped: MappedObject) -> Getter:
-        index, subindex = mapped.index, mapped.subindex
-        return self.device.getter(index, subindex) or (lambda: self._store.number(index, subindex))
-
-    def _can_map(self, kind: Kind, index: int, subindex: int) -> bool:
-        if kind == "rpdo":
-            return self.device.setter(index, subindex) is not None
-        return index == ERROR_REGISTER or self.device.getter(index, subindex) is not None
-
     def _deactivate_pdos(self) -> None:
-        self.rpdos, self.tpdos = [], []
-        self._scanned.clear()
-        self._received.clear()
-        self._last_sent.clear()
-        self._events.clear()
+        self.pdos.clear()
         self._deadlines.activate({})
-        self._last_sync_ns = NEVER
 
     def _leave_operational(self, state: NmtState) -> None:
         self.state = state
@@ -427,7 +288,7 @@ class Slave:
             self._watch.due_ns,
             self._deadlines.due_ns,
             self._emergency.due_ns,
-            self._events.due_ns,
+            self.pdos.events.due_ns,
         )
 
     def _read_object(self, index: int, subindex: int) -> bytes | None:
@@ -438,7 +299,7 @@ class Slave:
         if index == INTERRUPT_SOURCE and subindex and self._inputs is not None:
             return self._inputs.take_sources().to_bytes(4, "little")
         if index >= APPLICATION_OBJECTS:
-            if (index, subindex) not in self._scanned:
+            if not self.pdos.is_scanned(index, subindex):
                 self.device.refresh(index, subindex)
             getter = self.device.getter(index, subindex)
             if getter is not None:
@@ -457,18 +318,15 @@ class Slave:
         if index < APPLICATION_OBJECTS:
             self._configure(index, subindex, value)
         elif index == INTERRUPT_ENABLE:
-            self._events.enable(bool(value), self._now_ns)
+            self.pdos.events.enable(bool(value), self._now_ns)
             self._schedule()
         self._is_configured = index >= APPLICATION_OBJECTS
         return False
 
-    def _take_sync_overflow(self, value: int) -> None:
-        self._sync_overflow, self._sync_length = value, 1 if value else 0
-
     def _configure(self, index: int, subindex: int, value: int) -> None:
         """A client is about to write a communication object: refuse what cannot be, act on what acts at once."""
         is_operational = self.state is NmtState.OPERATIONAL
-        check_pdo_write(self._store, self._can_map, is_operational, index, subindex, value)
+        check_pdo_write(self._store, self.pdos.can_map, is_operational, index, subindex, value)
         if index == PRODUCER_HEARTBEAT:
             self._heartbeat_due_ns = self._now_ns + self._scaled(value * MILLISECOND) if value else NEVER
             self._schedule()
@@ -494,10 +352,10 @@ class Slave:
         elif index == EMERGENCY_COB_ID:
             check_emergency_cob_id(value, self._store.number(EMERGENCY_COB_ID))
         elif index == SYNC_WINDOW:
-            self._window_ns = value * MICROSECOND
+            self.pdos.window_ns = value * MICROSECOND
         elif index == SYNC_OVERFLOW:
             if self._store.number(CYCLE_PERIOD):
                 raise SdoRefused(AbortCode.DEVICE_STATE)
             if value == 1:
                 raise SdoRefused(AbortCode.INVALID_VALUE)
-            self._take_sync_overflow(value)
+            self.pdos.take_sync_overflow(value)

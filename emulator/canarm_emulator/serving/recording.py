@@ -14,7 +14,7 @@ from canarm_protocol.runs.run_folder import CAN_LOG_FILE, EVENTS_FILE, SIGNALS_F
 from ..bench.bench import CycleTruth, Record
 from ..wire.bus_trouble import origin_of
 from ..wire.error_frames import ErrorClass
-from ..wire.wire import ErrorFrame, StateChange
+from ..wire.wire_events import ErrorFrame, StateChange
 
 SIGNALS_FILE = "robot.csv"
 _COLUMNS = (

@@ -17,7 +17,7 @@ from ..bench.robot_bus import is_sync
 from ..bench_node.bus_figures import ClientCounts
 from ..bench_node.fault_objects import event_text
 from ..faults.fault_bench import FaultBench
-from ..node.slave import NEVER
+from ..timing import NEVER
 from .arrival import SyncArrival
 from .hub import Hub
 from .hub_events import Attached, Detached, Event, Ready, Received, Unreadable

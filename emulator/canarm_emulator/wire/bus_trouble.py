@@ -8,7 +8,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from .confinement import ErrorState
-from .wire import ErrorFrame, StateChange, Wire
+from .wire import Wire
+from .wire_events import ErrorFrame, StateChange
 
 
 class ClientNode(NamedTuple):

@@ -8,7 +8,8 @@ from enum import IntFlag
 from canarm_protocol.canopen.frames import ERROR_FLAG, Frame
 
 from .confinement import PASSIVE_LIMIT, ErrorKind, ErrorState
-from .wire import ErrorFrame, Node, StateChange
+from .wire_events import ErrorFrame, StateChange
+from .wire_node import Node
 
 
 class ErrorClass(IntFlag):

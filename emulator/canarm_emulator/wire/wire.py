@@ -5,7 +5,6 @@ here knows what a frame means, or a clock. Bit timing, resynchronisation and pro
 """
 
 from collections.abc import Hashable, Iterable, Mapping
-from typing import NamedTuple
 
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.transport.bits import (
@@ -17,42 +16,14 @@ from canarm_protocol.transport.bits import (
     identifier,
 )
 
+from ..timing import NEVER
 from .confinement import SUSPEND_BITS, ErrorKind, ErrorState
 from .wire_errors import Attempt, Disturbance, Disturbances, Identifier, foresee
+from .wire_events import Delivery, ErrorFrame, StateChange
 from .wire_load import BusLoad
 from .wire_node import LONGEST_QUEUE, Node, Queueing, Waiting
 
-__all__ = ["NEVER", "Delivery", "ErrorFrame", "Node", "Queueing", "StateChange", "Wire"]
-
 SECOND_NS = 10**9
-NEVER = 1 << 62
-
-
-class Delivery(NamedTuple):
-    """A frame that every node on the bus has at `end_ns`, its last bit, but its sender and those in `missed_by`."""
-
-    end_ns: int
-    frame: Frame
-    sender: Hashable
-    start_ns: int
-    missed_by: frozenset[Hashable] = frozenset()
-
-
-class ErrorFrame(NamedTuple):
-    """A transmission that ended in an error; `end_ns` is the end of the error delimiter. The frame is sent again."""
-
-    end_ns: int
-    kind: ErrorKind
-    frame: Frame
-    sender: Hashable
-
-
-class StateChange(NamedTuple):
-    """A node's error state from `time_ns` on."""
-
-    time_ns: int
-    node: Hashable
-    state: ErrorState
 
 
 class Wire:

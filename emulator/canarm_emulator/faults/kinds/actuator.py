@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from ...robot.electrics import Direction
 from ...robot.truth import JointTruth
-from ..declaration import Context, Family, JointFault, SignalFault, TapKind, of_tap, parameter
+from ..declaration import Context, Family, JointFault, SignalFault, TapKind
+from ..parameters import of_tap, parameter
 from .wiring import OPEN_OHM, with_resistance
 
 CURRENT, LATCH, MOTOR = (frozenset({kind}) for kind in (TapKind.CURRENT, TapKind.LATCH, TapKind.MOTOR))

@@ -6,7 +6,8 @@ from typing import ClassVar
 from ...wire.confinement import BUS_OFF_LIMIT, ERROR_STEP
 from ...wire.wire import Wire
 from ...wire.wire_errors import Disturbance
-from ..declaration import BusFault, Family, TapKind, parameter
+from ..declaration import BusFault, Family, TapKind
+from ..parameters import parameter
 
 _BUS = (TapKind.BUS,)
 UNTIL_BUS_OFF = -(-(BUS_OFF_LIMIT + 1) // ERROR_STEP)

@@ -3,7 +3,8 @@
 from dataclasses import dataclass, field
 from random import Random
 
-from ..declaration import ClockFault, Context, Family, TapKind, parameter
+from ..declaration import ClockFault, Context, Family, TapKind
+from ..parameters import parameter
 
 _CLOCK = (TapKind.CLOCK,)
 

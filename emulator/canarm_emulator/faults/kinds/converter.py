@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from ..declaration import Family, SignalFault, TapKind, parameter
+from ..declaration import Family, SignalFault, TapKind
+from ..parameters import parameter
 
 CODES = frozenset({TapKind.DAC_CODE, TapKind.ADC_CODE})
 BITS = 8

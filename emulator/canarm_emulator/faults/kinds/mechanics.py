@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ...robot.truth import JointTruth
-from ..declaration import Family, JointFault, TapKind, parameter
+from ..declaration import Family, JointFault, TapKind
+from ..parameters import parameter
 
 if TYPE_CHECKING:
     from ...robot.world import World

@@ -10,7 +10,8 @@ from random import Random
 
 from canarm_protocol.canopen.frames import Frame
 
-from ..declaration import Context, Family, MessageFault, TapKind, parameter
+from ..declaration import Context, Family, MessageFault, TapKind
+from ..parameters import parameter
 
 _MESSAGES = (TapKind.MESSAGES,)
 MILLISECOND = 1_000_000

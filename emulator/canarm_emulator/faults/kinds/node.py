@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 from canarm_protocol.canopen.frames import Cob, Frame
 
-from ..declaration import Context, Family, NodeFault, NodePort, TapKind, choice, parameter
+from ..declaration import Context, Family, NodeFault, NodePort, TapKind
+from ..parameters import choice, parameter
 
 _NODE = (TapKind.NODE,)
 

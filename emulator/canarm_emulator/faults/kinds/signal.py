@@ -6,7 +6,8 @@ At the latch, whose value is two bits and no quantity, only those act that make 
 from collections import deque
 from dataclasses import dataclass
 
-from ..declaration import SCALAR_KINDS, Context, Family, SignalFault, TapKind, level, of_tap, parameter
+from ..declaration import SCALAR_KINDS, Context, Family, SignalFault, TapKind
+from ..parameters import level, of_tap, parameter
 
 ANY_SIGNAL = SCALAR_KINDS | {TapKind.LATCH}
 _PER_NS = 1e-9

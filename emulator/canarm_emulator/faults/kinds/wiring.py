@@ -12,7 +12,8 @@ from random import Random
 from typing import ClassVar
 
 from ...robot.truth import JointTruth
-from ..declaration import Context, Family, JointFault, SignalFault, TapKind, of_tap, parameter
+from ..declaration import Context, Family, JointFault, SignalFault, TapKind
+from ..parameters import of_tap, parameter
 
 SOURCE_OHM = 2500.0
 """Assumed: the wiper of a 10 kohm potentiometer in the middle, 5 kohm to either side of it."""

@@ -1,0 +1,122 @@
+"""The parameters of a fault: how a class declares them, with bounds that are checked where they are written.
+
+What a fault does with them never enters; which value somebody asks for is checked by `catalogue.py`.
+"""
+
+import dataclasses
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import FrameType
+from typing import Any
+
+from canarm_protocol.errors import FaultError
+
+from .declaration import Fault, Tap
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter at a tap: a number in `unit` from `minimum` to `maximum`, or a text where `choices` are given.
+
+    A `default` of None means that the fault finds a value by itself, as `about` says.
+    """
+
+    name: str
+    about: str
+    unit: str
+    default: float | str | None
+    minimum: float = 0.0
+    maximum: float = 0.0
+    choices: tuple[str, ...] = ()
+    is_whole: bool = False
+
+
+def parameter(
+    about: str,
+    unit: str,
+    default: float | None,
+    minimum: float,
+    maximum: float,
+    *,
+    is_whole: bool = False,
+) -> Any:
+    """A numeric parameter of a fault, bounds included. It and the next three raise `FaultError` for what cannot be."""
+    call = "parameter(about, unit, default, minimum, maximum, *, is_whole=False)"
+    _check_arguments(call, {"about": about, "unit": unit}, default, minimum, maximum)
+    meta = Parameter("", about, unit, default, minimum, maximum, is_whole=is_whole)
+    return field(default=default, metadata={"parameter": meta})
+
+
+def of_tap(about: str, default: float | None, minimum: float, maximum: float, per: str = "") -> Any:
+    """A numeric parameter in the unit of the tap (`per` something, such as "s"), given in multiples of its range.
+
+    Bounds and default here are multiples of high - low; what the fault gets is in the tap's unit.
+    """
+    call = 'of_tap(about, default, minimum, maximum, per="")'
+    _check_arguments(call, {"about": about, "per": per}, default, minimum, maximum)
+    meta = Parameter("", about, per, default, minimum, maximum)
+    return field(default=default, metadata={"parameter": meta, "of_tap": True})
+
+
+def level(about: str, default: float | None) -> Any:
+    """A parameter that is a value of the tap itself, from its low to its high. `default`: 0 is low, 1 is high."""
+    _check_arguments("level(about, default)", {"about": about}, default, 0.0, 1.0)
+    meta = Parameter("", about, "", default, 0.0, 1.0)
+    return field(default=default, metadata={"parameter": meta, "level": True})
+
+
+def choice(about: str, choices: tuple[str, ...]) -> Any:
+    """A parameter that is one of some words; the first is the default."""
+    given: object = choices
+    if not isinstance(given, tuple | list) or not given or not all(isinstance(each, str) for each in given):
+        raise _refused("choice(about, choices)", f"choices = {choices!r}: must be words, at least one")
+    _check_arguments("choice(about, choices)", {"about": about}, None, 0.0, 0.0)
+    meta = Parameter("", about, "", choices[0], choices=tuple(choices))
+    return field(default=choices[0], metadata={"parameter": meta})
+
+
+def _check_arguments(call: str, texts: Mapping[str, object], default: object, minimum: object, maximum: object) -> None:
+    for name, value in texts.items():
+        if not isinstance(value, str):
+            raise _refused(call, f"{name} = {value!r}: must be text")
+    for name, value in (("minimum", minimum), ("maximum", maximum), ("default", default)):
+        if isinstance(value, bool) or not (isinstance(value, float | int) or (value is None and name == "default")):
+            raise _refused(call, f"{name} = {value!r}: must be a number")
+    if not minimum <= maximum:  # type: ignore[operator]
+        raise _refused(call, f"minimum = {minimum!r} is above maximum = {maximum!r}")
+    if default is not None and not minimum <= default <= maximum:  # type: ignore[operator]
+        raise _refused(call, f"default = {default!r}: must be from {minimum!r} to {maximum!r}")
+
+
+def _refused(call: str, problem: str) -> FaultError:
+    """What is wrong with a parameter, at the line and in the class where it is declared."""
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and frame.f_globals.get("__name__") == __name__:
+        frame = frame.f_back
+    if frame is None:
+        return FaultError(f"{problem}; {call}")
+    return FaultError(
+        f"{frame.f_code.co_filename}:{frame.f_lineno}: class {frame.f_code.co_name}: {problem}; the call is {call}"
+    )
+
+
+def parameters_at(fault: type[Fault], tap: Tap) -> list[Parameter]:
+    """The parameters of `fault` at `tap`, with their bounds in the tap's unit. Raises `FaultError` for no dataclass."""
+    if not dataclasses.is_dataclass(fault):
+        raise FaultError(f"{fault.declared_at}: class {fault.__name__}: must be a @dataclass")
+    found = []
+    span = tap.high - tap.low
+    for each in dataclasses.fields(fault):
+        meta = each.metadata.get("parameter")
+        if meta is None:
+            continue
+        meta = dataclasses.replace(meta, name=each.name)
+        zero = tap.low if "level" in each.metadata else 0.0
+        if "level" in each.metadata or "of_tap" in each.metadata:
+            unit = f"{tap.unit}/{meta.unit}" if meta.unit else tap.unit
+            default = None if meta.default is None else zero + span * meta.default
+            low, high = zero + span * meta.minimum, zero + span * meta.maximum
+            meta = dataclasses.replace(meta, unit=unit, default=default, minimum=low, maximum=high)
+        found.append(meta)
+    return found
