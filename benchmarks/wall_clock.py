@@ -18,8 +18,8 @@ from typing import Any
 from measure import Ratio, Row
 
 from canarm.session import make_bench, make_controller
-from canarm_controller.run.controller import State
 from canarm_controller.run.runner import Runner, RunResult
+from canarm_controller.run.state import State
 from canarm_emulator.serving.arrival import SyncArrival
 from canarm_emulator.serving.hub import Hub
 from canarm_emulator.serving.hub_events import Detached, Event, Received

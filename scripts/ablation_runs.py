@@ -18,7 +18,7 @@ import numpy as np
 from canarm import Rig
 from canarm.rig.rig import RigJoint
 from canarm_controller.laws.mras import HIGHEST, LOWEST
-from canarm_controller.run.controller import State
+from canarm_controller.run.state import State
 from canarm_controller.supervision.detection import DETECTORS
 
 SECONDS = 10.24

@@ -12,7 +12,7 @@ from collections import Counter
 from typing import NamedTuple
 
 from canarm.session import make_bench, make_controller
-from canarm_controller.run.controller import State
+from canarm_controller.run.state import State
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
 

@@ -11,9 +11,10 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from canarm_controller.errors import ClockMismatchError, ControllerError
-from canarm_controller.run.controller import Controller, State
+from canarm_controller.run.controller import Controller
 from canarm_controller.run.recording import SIGNALS_FILE, ControllerRecorder
 from canarm_controller.run.runner import LISTEN_NS, Runner, RunResult
+from canarm_controller.run.state import State
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError

@@ -4,7 +4,7 @@ from collections import deque
 
 import numpy as np
 
-from canarm_controller.run.controller import State
+from canarm_controller.run.state import State
 from canarm_emulator.bench.bench import CycleTruth, Record
 from canarm_protocol.cell.model import Cell
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from canarm_controller.run.controller import State
+from canarm_controller.run.state import State
 from canarm_controller.supervision.detection import Detection
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.errors import BusError, FaultError

@@ -10,8 +10,9 @@ from types import TracebackType
 from typing import NamedTuple, Self
 
 from canarm_controller.errors import ControllerError
-from canarm_controller.run.controller import Controller, State
+from canarm_controller.run.controller import Controller
 from canarm_controller.run.recording import ControllerRecorder
+from canarm_controller.run.state import State
 from canarm_controller.supervision.detection import Detection
 from canarm_emulator.bench.bench import CycleTruth, Record
 from canarm_emulator.bench_node.assessor import Assessor

@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterable, Mapping
 import pytest
 
 from canarm.session import make_bench, make_controller
-from canarm_controller.run.controller import Controller, State
+from canarm_controller.run.controller import Controller
+from canarm_controller.run.state import State
 from canarm_emulator.bench.bench import CycleTruth
 from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_protocol.canopen.frames import Frame

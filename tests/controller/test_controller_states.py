@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 import pytest
 
 from canarm_controller.errors import BringUpError, ClockMismatchError, ControllerError
-from canarm_controller.run.controller import State
+from canarm_controller.run.state import State
 from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.frames import Emergency, Frame, NmtState, time_frame

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from canarm_controller.run.controller import State
+from canarm_controller.run.state import State
 from canarm_controller.supervision.detection import DETECTORS, Reaction
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.frames import Emergency, Frame

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from canarm_controller.run.controller import State
+from canarm_controller.run.state import State
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.clock import Clock
 

@@ -11,8 +11,8 @@ import pytest
 from canarm_controller.errors import ControllerError, LawError, TrajectoryError
 from canarm_controller.laws import ControlLaw, Cycle, load_law
 from canarm_controller.reference.trajectory import make_trajectory
-from canarm_controller.run.controller import State
 from canarm_controller.run.loop import ControlLoop
+from canarm_controller.run.state import State
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.wiring import card_nodes, input_slots

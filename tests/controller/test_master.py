@@ -7,7 +7,7 @@ import pytest
 
 from canarm_controller.bus.master import ANSWER_NS, Ask, Silence, bring_up, read_input, start_frames, stop_frames
 from canarm_controller.errors import BringUpError
-from canarm_controller.run.controller import State
+from canarm_controller.run.state import State
 from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_protocol.canopen.frames import Frame, NmtState
 from canarm_protocol.canopen.sdo import upload

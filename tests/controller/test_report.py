@@ -6,8 +6,8 @@ from collections import Counter
 
 import pytest
 
-from canarm_controller.run.controller import State
 from canarm_controller.run.report import BenchReport
+from canarm_controller.run.state import State
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.bench_objects import bench_pdos
 

@@ -7,8 +7,8 @@ import pytest
 
 from canarm.session import make_bench, make_controller
 from canarm_controller.laws.base import Cycle
-from canarm_controller.run.controller import State
 from canarm_controller.run.runner import Runner, RunResult
+from canarm_controller.run.state import State
 from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.cell_file import load_cell

@@ -8,7 +8,7 @@ import pytest
 
 from canarm import Rig
 from canarm_controller.laws import LAWS, ControlLaw, Cycle
-from canarm_controller.run.controller import State
+from canarm_controller.run.state import State
 
 NOISE_X3 = {"joint2.noise_lsb": 0.9, "joint3.noise_lsb": 0.9}
 ROBOTS = {

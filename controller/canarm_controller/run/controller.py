@@ -5,9 +5,8 @@ The same object runs in a process of its own or inside a test.
 """
 
 from collections.abc import Callable, Collection, Sequence
-from enum import IntEnum
 
-from canarm_protocol.canopen.dictionary import CODE_SHIFT, SYNC_OVERFLOW, default_value
+from canarm_protocol.canopen.dictionary import SYNC_OVERFLOW, default_value
 from canarm_protocol.canopen.frames import Cob, Frame, NmtState, heartbeat_frame, sync_frame
 from canarm_protocol.canopen.pdo import PdoLayout
 from canarm_protocol.cell.model import SENSOR_KINDS, Cell, Quantity
@@ -19,40 +18,16 @@ from ..errors import BringUpError, ControllerError, InterruptedRunError
 from ..supervision.arm_watch import ArmWatch
 from ..supervision.arrivals import Arrivals
 from ..supervision.detection import DETECTORS, Detection, Reaction
-from ..supervision.hold import SafeHold
 from ..supervision.supervisor import Supervisor, Verdict
+from .awaited_inputs import AwaitedInputs
+from .detection_log import DetectionLog
 from .loop import OFF, ControlLoop
+from .safe_stop import SafeStop, stands_still
+from .sample_times import SampleTimes
+from .state import State
 
-STANDSTILL_RAD_S = 0.06
-"""Three steps of the tachometer: below this a joint stands still."""
-STANDSTILL_CYCLES = 20
-STOPPING_S = 2.0
-"""A stop waits at most this long for standstill."""
-FINAL_CYCLES = 2
-"""A run that ends as planned needs two more SYNCs: the zero outputs of the first act at the second."""
 MISSING_NOTED = DETECTORS["inputs-missing"].debounce_cycles
 MEASURED = Quantity.POSITION, Quantity.VELOCITY, Quantity.CURRENT
-SKEW_FRACTION = 5
-"""An interval that is off by less than a fifth of a cycle is a cycle: at 2 rad/s it moves the angle by 0.05 LSB."""
-CLEAR_CYCLES, UNCLEAR_ANSWERS = 4, 2
-"""An answer that comes so many cycles late, or so long after the one before, follows a stall; it and the next may
-belong to a SYNC before the stall or after it."""
-REPEAT_CYCLES = 400
-"""What is detected again and again at one place is noted once a second."""
-
-
-class State(IntEnum):
-    """States of a run, as published on the bench."""
-
-    IDLE = 0
-    BRINGING_UP = 1
-    RUNNING = 2
-    STOPPING = 3
-    DONE = 4
-    FAILED = 5
-
-    def __str__(self) -> str:
-        return self.name
 
 
 class Controller:
@@ -90,8 +65,6 @@ class Controller:
         self.cycle_is_open = False
         """Whether inputs of the cycle are still to come."""
         self.on_tick: Callable[[], None] | None = None
-        self.detections: list[Detection] = []
-        """What has been noticed, oldest first; what stopped the robot is one of them."""
         self.on_detection: Callable[[Detection], None] | None = None
         """Called with every detection; may raise as `on_tick` may."""
         self.without: Collection[str] = ()
@@ -102,36 +75,21 @@ class Controller:
         self._nodes = nodes
         self._supervisor = Supervisor(cell, nodes)
         self._watch = ArmWatch(cell, loop.arm, loop.inputs.skew_s, loop.law.following_error_lsb, self._detect_at_joint)
-        self._noted: dict[tuple[str, str | None], int] = {}
-        self._holds = False
-        self._hold: SafeHold | None = None
-        self._arrived_ns = 0
-        self._sync_ns: int | None = None
-        self._sampled_ns: int | None = None
-        self._excess_s = 0.0
+        self._log = DetectionLog()
+        self._stop = SafeStop(loop, lambda: [each.bias for each in self._watch.joints])
         self._has_measured = False
-        self._unclear_answers, self._unclear_s = 0, 0.0
         channels = [(joint, quantity) for joint in range(len(cell.joints)) for quantity in MEASURED]
-        self._scan_ns = round(max(loop.inputs.skew_s(*channel) for channel in channels) * 1e9)
-        self._missing_cycles = 0
+        scan_ns = round(max(loop.inputs.skew_s(*channel) for channel in channels) * 1e9)
+        self._times = SampleTimes(clock, cell.bus.cycle_ns, scan_ns)
         self._conversation: Conversation | None = self._prepare(listen_ns)
         self._ask: Ask | None = None
         self._outputs = OutputFrames(cell, nodes)
-        self._layouts = {layout.cob_id: layout for node in nodes for layout in node.tpdos}
-        self._places = {
-            cob_id: [place for place, slot in enumerate(slots) if slot.cob_id == cob_id] for cob_id in self._layouts
-        }
-        self._slots = slots
-        self._codes = [0] * len(slots)
-        self._awaited = set(self._layouts)
-        self._arrivals = Arrivals(self._layouts, self._detect_at_node)
-        self._start_nodes = frozenset(node.card.node_id for node in nodes)
+        self._inputs = AwaitedInputs(nodes, slots)
+        self._arrivals = Arrivals(self._inputs.layouts, self._detect_at_node)
         self._node_id = cell.bus.controller_node_id
         self._heartbeat_cycles = max(1, cell.bus.heartbeat_ms * 1000 // cell.bus.cycle_us)
         self._counter_overflow = default_value(nodes[0].dictionary, SYNC_OVERFLOW)
         self._zero = self._outputs.pack([0] * len(cell.joints), [OFF] * len(cell.joints))
-        self._stopping_cycles = 0
-        self._still_cycles = 0
 
     @property
     def is_finished(self) -> bool:
@@ -143,6 +101,11 @@ class Controller:
         """Why the run failed or was stopped; None if it did as planned."""
         cause = self.error or self.verdict
         return None if cause is None else str(cause)
+
+    @property
+    def detections(self) -> list[Detection]:
+        """What has been noticed, oldest first; what stopped the robot is one of them."""
+        return self._log.entries
 
     @property
     def degraded(self) -> list[Detection]:
@@ -164,10 +127,10 @@ class Controller:
         if is_extended or is_remote:
             self.ignored_frames += 1
             return
-        layout = self._layouts.get(can_id)
+        layout = self._inputs.layouts.get(can_id)
         if layout is not None:
             if self.state >= State.RUNNING:
-                self._arrived_ns = now_ns
+                self._times.arrive(now_ns)
                 self._take_inputs(layout, data)
         elif can_id == Cob.TIME:
             if self.clock is Clock.SYNC and self.cycle_is_open:
@@ -186,22 +149,20 @@ class Controller:
         supervisor = self._supervisor
         self._judge(supervisor.time(data))
         if supervisor.late_ns:
-            self._excess_s += supervisor.late_ns * 1e-9
+            self._times.delay(supervisor.late_ns)
             if self.state is State.RUNNING:
                 self._detect("deadline-missed", None, f"SYNC was {supervisor.late_ns / 1e6:g} ms late")
 
     def _take_inputs(self, layout: PdoLayout, data: bytes) -> None:
-        values = layout.unpack(data[: layout.size]) if len(data) >= layout.size else (-1,)
-        if min(values) < 0:  # too short, or no code of a unipolar converter
+        inputs = self._inputs
+        if not inputs.take(layout, data):
             self.ignored_frames += 1
             return
-        for place, value in zip(self._places[layout.cob_id], values, strict=True):
-            self._codes[place] = value >> CODE_SHIFT
-        if layout.cob_id in self._awaited:
-            self._awaited.discard(layout.cob_id)
+        if layout.cob_id in inputs.awaited:
+            inputs.awaited.discard(layout.cob_id)
         elif self.state is State.RUNNING:
             self._arrivals.extra(layout.cob_id)
-        if not self._awaited and self.cycle_is_open and self.clock is Clock.WALL:
+        if not inputs.awaited and self.cycle_is_open and self.clock is Clock.WALL:
             self.close_cycle()
 
     def time_out(self, now_ns: int) -> None:
@@ -220,12 +181,12 @@ class Controller:
         if self.is_finished or self.state is State.BRINGING_UP:
             return
         self.tick += 1
-        self._sync_ns = now_ns
-        self._arrivals.open_cycle(self._awaited if self.tick else ())
+        self._times.open_cycle(now_ns)
+        self._arrivals.open_cycle(self._inputs.awaited if self.tick else ())
         if self.tick % self._heartbeat_cycles == 0:
             self.outbox.append(heartbeat_frame(self._node_id, NmtState.OPERATIONAL))
         self.outbox.append(sync_frame(self.tick % self._counter_overflow + 1 if self._counter_overflow else None))
-        self._awaited = set(self._layouts)
+        self._inputs.open_cycle()
         self.cycle_is_open = True
 
     def close_cycle(self) -> None:
@@ -234,7 +195,7 @@ class Controller:
         if self._ticks is not None and self.controlled_ticks >= self._ticks:
             self.end()
         if self.state is State.RUNNING:
-            if self._awaited and self.clock is Clock.SYNC:
+            if self._inputs.awaited and self.clock is Clock.SYNC:
                 self._miss()
             if self.state is State.RUNNING:
                 self._judge(self._supervisor.begin_cycle(self.tick))
@@ -320,7 +281,7 @@ class Controller:
 
     def _control(self) -> None:
         loop = self.loop
-        if not self._awaited:
+        if not self._inputs.awaited:
             self._measure()
         else:
             self._watch.coast(loop.cycle)
@@ -337,54 +298,22 @@ class Controller:
 
     def _measure(self) -> None:
         """Take and judge what the cards have measured."""
-        loop, watch = self.loop, self._watch
-        loop.measure(self._codes, self.tick)
+        loop, inputs, watch = self.loop, self.loop.inputs, self._watch
+        loop.measure(self._inputs.codes, self.tick)
         if not self._has_measured:
             self._has_measured = True
-            if not self._stands_still():  # it still falls from the last run
-                self._unclear_answers = UNCLEAR_ANSWERS
-        is_on_time = not self._excess_s if self.clock is Clock.SYNC else self._is_on_time()
-        is_unclear = self._unclear_answers > 0
+            if not stands_still(loop.cycle):  # it still falls from the last run
+                self._times.mistrust()
+        sample = self._times.take()
+        if sample.shift_s:
+            watch.shift(sample.shift_s)
         if self.state is State.RUNNING:
-            left_out = (self._unclear_s if is_unclear else max(self._excess_s, 0.0)) / loop.period_s
+            left_out = sample.left_out_s / loop.period_s
             self._judge(self._supervisor.measurement(loop.cycle.position_rad, left_out))
-        if is_on_time and not is_unclear:
-            watch.step(loop.cycle, loop.inputs.angle_codes, loop.inputs.speed_codes, loop.inputs.current_codes)
+        if sample.is_on_time:
+            watch.step(loop.cycle, inputs.angle_codes, inputs.speed_codes, inputs.current_codes)
         else:
-            watch.glimpse(loop.cycle, loop.inputs.angle_codes, loop.inputs.speed_codes, self._excess_s, is_unclear)
-            self._excess_s = 0.0
-            self._unclear_answers -= is_unclear
-        self._missing_cycles = 0
-
-    def _stands_still(self) -> bool:
-        return all(abs(speed) < STANDSTILL_RAD_S for speed in self.loop.cycle.velocity_rad_s)
-
-    def _is_on_time(self) -> bool:
-        """Whether these inputs were sampled a cycle after the last.
-
-        They are sampled when the cards get SYNC: if the answer comes soon, that is when it was sent; one that comes
-        before the scan can be over is the last cycle's. How much more or less than a cycle has passed since the last,
-        less what was predicted meanwhile, must not be lost in any case: `_excess_s` is added up, so that angles
-        integrated over many cycles stay right.
-
-        After a stall, of this machine or of the cards, nobody knows which SYNC the next answers belong to.
-        """
-        period_ns = self.cell.bus.cycle_ns
-        sync_ns = self._arrived_ns if self._sync_ns is None else self._sync_ns
-        is_old = self._sync_ns is not None and self._arrived_ns - sync_ns < self._scan_ns
-        sampled_ns = sync_ns - period_ns if is_old else sync_ns
-        last_ns, self._sampled_ns = self._sampled_ns, sampled_ns
-        predicted = self._missing_cycles
-        excess_ns = 0 if last_ns is None else sampled_ns - last_ns - (1 + predicted) * period_ns
-        self._excess_s = excess_ns * 1e-9
-        unclear_ns = max(excess_ns, self._arrived_ns - sampled_ns)
-        if unclear_ns > CLEAR_CYCLES * period_ns:
-            self._unclear_answers, self._unclear_s = UNCLEAR_ANSWERS, unclear_ns * 1e-9
-        is_cycle = not predicted and abs(excess_ns) * SKEW_FRACTION < period_ns
-        is_on_time = is_cycle and not is_old and 2 * (self._arrived_ns - sampled_ns) < period_ns
-        if is_on_time and excess_ns:
-            self._watch.shift(self._excess_s)
-        return is_on_time
+            watch.glimpse(loop.cycle, inputs.angle_codes, inputs.speed_codes, sample.excess_s, sample.is_unclear)
 
     def _law_output(self) -> Sequence[float] | None:
         """The law's torques, once they are found to be usable."""
@@ -400,10 +329,9 @@ class Controller:
     def _miss(self) -> None:
         if self.state is State.RUNNING:
             self.missed += 1
-            late = [f"TPDO 0x{cob_id:03X} of node 0x{cob_id & 0x7F:02X}" for cob_id in sorted(self._awaited)]
-            waiting_for = " and ".join(late)
-            self._missing_cycles += 1
-            if self._missing_cycles == MISSING_NOTED:
+            waiting_for = self._inputs.describe_awaited()
+            self._times.missing_cycles += 1
+            if self._times.missing_cycles == MISSING_NOTED:
                 self._detect("inputs-missing", None, f"no {waiting_for} for {MISSING_NOTED} cycles")
             self._judge(self._supervisor.missing(waiting_for, is_timed=self.clock is Clock.WALL))
 
@@ -430,21 +358,17 @@ class Controller:
                 return False
             detail = f"{cause}; {detector} followed from it"
             detector, where = "deadline-missed", None
-        key = detector, where
-        is_new = self.tick - self._noted.get(key, -REPEAT_CYCLES) >= REPEAT_CYCLES or (
-            reaction.stops and self.state is State.RUNNING
-        )
-        self._noted[key] = self.tick
-        if is_new and self.state in (State.RUNNING, State.STOPPING):
-            detection = Detection(detector, where, max(self.tick, 0), detail, reaction)
-            self.detections.append(detection)
-            self._tell_detection(detection)
+        if self.state in (State.RUNNING, State.STOPPING):
+            is_end = reaction.stops and self.state is State.RUNNING
+            detection = self._log.note(Detection(detector, where, max(self.tick, 0), detail, reaction), is_end)
+            if detection is not None:
+                self._tell_detection(detection)
         if reaction.stops and self.state is State.RUNNING:
             self.verdict = Verdict(detector, detail, where)
             self.state = State.STOPPING
-            self._holds = reaction is Reaction.HOLD
+            self._stop.holds = reaction is Reaction.HOLD
         elif reaction is Reaction.OFF:
-            self._holds = False
+            self._stop.holds = False
         return True
 
     def _tell_detection(self, detection: Detection) -> None:
@@ -456,34 +380,19 @@ class Controller:
 
     def _stop_step(self) -> None:
         """Torque off, or the arm held; the cycle goes on until it stands still, so that somebody watches it."""
-        self._stopping_cycles += 1
-        loop = self.loop
-        if not self._awaited:
-            if self._stopping_cycles > 1 or not self._holds:
-                if self._holds:
-                    self._measure()
-                else:
-                    loop.measure(self._codes, self.tick)
-            self._still_cycles = self._still_cycles + 1 if self._stands_still() else 0
-        limit = FINAL_CYCLES if self.verdict is None else int(STOPPING_S / loop.period_s)
-        is_over = self._stopping_cycles > limit or (
-            self.verdict is not None and self._still_cycles >= STANDSTILL_CYCLES
-        )
-        if self._holds and not is_over and not self._awaited:
-            if self._hold is None:
-                self._hold = SafeHold(loop.arm, loop.cycle, [each.bias for each in self._watch.joints], loop.period_s)
-            torque_nm = self._hold.torque_nm(loop.cycle)
-            self.outbox += [Frame(cob_id, data) for cob_id, data in self._outputs.pack(*loop.outputs(torque_nm))]
-        elif is_over and self._holds:
-            self._holds = False
-            self._stopping_cycles = int(STOPPING_S / loop.period_s) - FINAL_CYCLES
-            self._still_cycles = 0
-            self.outbox += [Frame(cob_id, data) for cob_id, data in self._zero]
-        elif is_over:
+        has_inputs = not self._inputs.awaited
+        if self._stop.begin_cycle() and has_inputs:
+            if self._stop.holds:
+                self._measure()
+            else:
+                self.loop.measure(self._inputs.codes, self.tick)
+        step = self._stop.step(self.verdict is None, has_inputs)
+        if step.is_over:
             self.outbox += stop_frames(self._nodes)
             self.state = State.DONE if self.verdict is None else State.FAILED
         else:
-            self.outbox += [Frame(cob_id, data) for cob_id, data in self._zero]
+            outputs = self._zero if step.torque_nm is None else self._outputs.pack(*self.loop.outputs(step.torque_nm))
+            self.outbox += [Frame(cob_id, data) for cob_id, data in outputs]
 
 
 def _law_verdict(error: ControllerError) -> Verdict:

@@ -5,7 +5,8 @@ from pathlib import Path
 from canarm_protocol.runs.run_folder import EVENTS_FILE, SIGNALS_FOLDER, EventLog, SignalLog
 
 from ..supervision.detection import Detection
-from .controller import Controller, State
+from .controller import Controller
+from .state import State
 
 SIGNALS_FILE, MEMORY_FILE = "controller.csv", "memory.bin"
 _COLUMNS = (

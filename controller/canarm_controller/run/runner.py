@@ -15,10 +15,11 @@ from canarm_protocol.transport.sdo_session import SdoSession
 
 from ..bus.assessment import JointAssessment, name_internals, read_assessment
 from ..errors import ControllerError
-from .controller import Controller, State
+from .controller import Controller
 from .pacing import LockstepPace, Pacer
 from .report import BenchReport
 from .starvation import Starvation, explains, long_law
+from .state import State
 
 ANSWER_S = 10.0
 """How long lockstep waits for the emulator's TIME, whatever else arrives meanwhile, unless told otherwise."""

@@ -1,0 +1,42 @@
+"""The inputs of a cycle: which TPDOs are still awaited, and the codes that they bring.
+
+What a code means never enters, nor what is to be done about inputs that are missing.
+"""
+
+from collections.abc import Sequence
+
+from canarm_protocol.canopen.dictionary import CODE_SHIFT
+from canarm_protocol.canopen.pdo import PdoLayout
+from canarm_protocol.cell.wiring import CardNode, InputSlot
+
+
+class AwaitedInputs:
+    """Inputs from the cyclic TPDOs of `nodes`; `codes` has one per slot, the last one that came."""
+
+    def __init__(self, nodes: Sequence[CardNode], slots: Sequence[InputSlot]) -> None:
+        self.layouts = {layout.cob_id: layout for node in nodes for layout in node.tpdos}
+        """By COB-ID."""
+        self.codes = [0] * len(slots)
+        self.awaited = set(self.layouts)
+        """COB-IDs of what has not come in this cycle."""
+        self._places = {
+            cob_id: [place for place, slot in enumerate(slots) if slot.cob_id == cob_id] for cob_id in self.layouts
+        }
+
+    def open_cycle(self) -> None:
+        """From now on everything is awaited."""
+        self.awaited = set(self.layouts)
+
+    def take(self, layout: PdoLayout, data: bytes) -> bool:
+        """Take the data of a TPDO. False for what is too short, or no code of a unipolar converter."""
+        values = layout.unpack(data[: layout.size]) if len(data) >= layout.size else (-1,)
+        if min(values) < 0:
+            return False
+        for place, value in zip(self._places[layout.cob_id], values, strict=True):
+            self.codes[place] = value >> CODE_SHIFT
+        return True
+
+    def describe_awaited(self) -> str:
+        """What has not come in this cycle, in words."""
+        late = [f"TPDO 0x{cob_id:03X} of node 0x{cob_id & 0x7F:02X}" for cob_id in sorted(self.awaited)]
+        return " and ".join(late)

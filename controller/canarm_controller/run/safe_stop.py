@@ -1,0 +1,68 @@
+"""The end of a run: torque off or the arm held, cycle after cycle, until it stands still and the cards can be left.
+
+Why the robot stops, and which frames say so, never enters.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from ..cycle import Cycle
+from ..supervision.hold import SafeHold
+from .loop import ControlLoop
+
+STANDSTILL_RAD_S = 0.06
+"""Three steps of the tachometer: below this a joint stands still."""
+STANDSTILL_CYCLES = 20
+STOPPING_S = 2.0
+"""A stop waits at most this long for standstill."""
+FINAL_CYCLES = 2
+"""A run that ends as planned needs two more SYNCs: the zero outputs of the first act at the second."""
+
+
+class StopStep(NamedTuple):
+    """What one cycle of a stop asks for: torques in N·m, one per joint, or None for none at all; or the end."""
+
+    torque_nm: Sequence[float] | None
+    is_over: bool = False
+
+
+class SafeStop:
+    """The stop of one run. `biases` gives what the witness believes the model's accelerations are off by."""
+
+    def __init__(self, loop: ControlLoop, biases: Callable[[], Sequence[float]]) -> None:
+        self.holds = False
+        """Whether the arm is held, rather than without torque."""
+        self._loop, self._biases = loop, biases
+        self._hold: SafeHold | None = None
+        self._cycles = self._still_cycles = 0
+
+    def begin_cycle(self) -> bool:
+        """Another cycle of the stop; whether its inputs are still to be measured, which those of the last are not."""
+        self._cycles += 1
+        return self._cycles > 1 or not self.holds
+
+    def step(self, is_planned: bool, has_inputs: bool) -> StopStep:
+        """What to do in this cycle of a stop that was planned or not."""
+        if has_inputs:
+            self._still_cycles = self._still_cycles + 1 if stands_still(self._loop.cycle) else 0
+        limit = FINAL_CYCLES if is_planned else int(STOPPING_S / self._loop.period_s)
+        is_over = self._cycles > limit or (not is_planned and self._still_cycles >= STANDSTILL_CYCLES)
+        if self.holds and is_over:
+            self.holds = False
+            self._cycles = int(STOPPING_S / self._loop.period_s) - FINAL_CYCLES
+            self._still_cycles = 0
+            return StopStep(None)
+        if self.holds and has_inputs:
+            return StopStep(self._holding_nm())
+        return StopStep(None, is_over)
+
+    def _holding_nm(self) -> Sequence[float]:
+        loop = self._loop
+        if self._hold is None:
+            self._hold = SafeHold(loop.arm, loop.cycle, list(self._biases()), loop.period_s)
+        return self._hold.torque_nm(loop.cycle)
+
+
+def stands_still(cycle: Cycle) -> bool:
+    """Whether every joint does, as measured."""
+    return all(abs(speed) < STANDSTILL_RAD_S for speed in cycle.velocity_rad_s)

@@ -1,0 +1,96 @@
+"""When the inputs of a cycle were sampled, as far as the controller can know: the time of SYNC, or of an earlier one.
+
+Owns the time between one measurement and the next. What was measured never enters.
+"""
+
+from typing import NamedTuple
+
+from canarm_protocol.clock import Clock
+
+SKEW_FRACTION = 5
+"""An interval that is off by less than a fifth of a cycle is a cycle: at 2 rad/s it moves the angle by 0.05 LSB."""
+CLEAR_CYCLES, UNCLEAR_ANSWERS = 4, 2
+"""An answer that comes so many cycles late, or so long after the one before, follows a stall; it and the next may
+belong to a SYNC before the stall or after it."""
+
+
+class Sample(NamedTuple):
+    """What is known of the time at which one cycle's inputs were sampled."""
+
+    is_on_time: bool
+    """Whether that was a cycle after the last ones, so that they can be compared with what was predicted."""
+    is_unclear: bool
+    """Whether nobody knows which SYNC they belong to."""
+    excess_s: float
+    """How much more or less than the cycles that were predicted has passed since the last ones."""
+    left_out_s: float
+    """The time for which nothing was predicted, at the most."""
+    shift_s: float
+    """The small excess of a sample that is on time."""
+
+
+class SampleTimes:
+    """Times of the samples of one run, in cycles of `period_ns`; an ADC needs `scan_ns` for its last channel."""
+
+    def __init__(self, clock: Clock, period_ns: int, scan_ns: int) -> None:
+        self.missing_cycles = 0
+        """Cycles without inputs since the last sample."""
+        self._is_lockstep = clock is Clock.SYNC
+        self._period_ns, self._scan_ns = period_ns, scan_ns
+        self._arrived_ns = 0
+        self._sync_ns: int | None = None
+        self._sampled_ns: int | None = None
+        self._excess_s = 0.0
+        self._unclear_answers, self._unclear_s = 0, 0.0
+
+    def open_cycle(self, now_ns: int | None) -> None:
+        """SYNC goes out, on the wall clock at `now_ns`."""
+        self._sync_ns = now_ns
+
+    def arrive(self, now_ns: int) -> None:
+        """Inputs have arrived."""
+        self._arrived_ns = now_ns
+
+    def delay(self, late_ns: int) -> None:
+        """In lockstep, the SYNC of the cycle was late."""
+        self._excess_s += late_ns * 1e-9
+
+    def mistrust(self) -> None:
+        """The next answers may be those to an earlier SYNC."""
+        self._unclear_answers = UNCLEAR_ANSWERS
+
+    def take(self) -> Sample:
+        """The cycle's inputs are complete and are used now."""
+        is_cycle = not self._excess_s if self._is_lockstep else self._is_cycle()
+        is_unclear, excess_s = self._unclear_answers > 0, self._excess_s
+        left_out_s = self._unclear_s if is_unclear else max(excess_s, 0.0)
+        is_on_time = is_cycle and not is_unclear
+        if not is_on_time:
+            self._excess_s = 0.0
+            self._unclear_answers -= is_unclear
+        self.missing_cycles = 0
+        return Sample(is_on_time, is_unclear, excess_s, left_out_s, excess_s if is_cycle else 0.0)
+
+    def _is_cycle(self) -> bool:
+        """Whether these inputs were sampled a cycle after the last.
+
+        They are sampled when the cards get SYNC: if the answer comes soon, that is when it was sent; one that comes
+        before the scan can be over is the last cycle's. How much more or less than a cycle has passed since the last,
+        less what was predicted meanwhile, must not be lost in any case: `_excess_s` is added up, so that angles
+        integrated over many cycles stay right.
+
+        After a stall, of this machine or of the cards, nobody knows which SYNC the next answers belong to.
+        """
+        period_ns = self._period_ns
+        sync_ns = self._arrived_ns if self._sync_ns is None else self._sync_ns
+        is_old = self._sync_ns is not None and self._arrived_ns - sync_ns < self._scan_ns
+        sampled_ns = sync_ns - period_ns if is_old else sync_ns
+        last_ns, self._sampled_ns = self._sampled_ns, sampled_ns
+        predicted = self.missing_cycles
+        excess_ns = 0 if last_ns is None else sampled_ns - last_ns - (1 + predicted) * period_ns
+        self._excess_s = excess_ns * 1e-9
+        unclear_ns = max(excess_ns, self._arrived_ns - sampled_ns)
+        if unclear_ns > CLEAR_CYCLES * period_ns:
+            self._unclear_answers, self._unclear_s = UNCLEAR_ANSWERS, unclear_ns * 1e-9
+        is_cycle = not predicted and abs(excess_ns) * SKEW_FRACTION < period_ns
+        return is_cycle and not is_old and 2 * (self._arrived_ns - sampled_ns) < period_ns
