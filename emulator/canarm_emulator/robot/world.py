@@ -15,6 +15,7 @@ from ..errors import EmulatorError
 from ..signals import Distortion
 from . import sensors
 from .electrics import Direction, Drive, decay_over
+from .parking import Parking
 from .plant import Plant
 from .scan_schedule import ScanSchedule
 from .sensors import Source
@@ -67,16 +68,18 @@ def _samples(schedule: ScanSchedule, step_count: int) -> list[list[tuple[int, fl
 
 
 class World:
-    """One cell's physics. Starts at `time_ns` = 0 with every arm parked: resting on a support until a bridge is on."""
+    """One cell's physics. Starts at `time_ns` = 0, every arm parked: on a support until its first bridge is on."""
 
     def __init__(self, cell: Cell, truth: Truth, seed: int) -> None:
         self.time_ns = 0
-        self.parked = True
-        """Whether the arms still rest on their supports. The first bridge that is on while time passes frees all."""
         self._cell, self._truth = cell, truth
         self._max_step_ns = cell.physics.max_step_us * 1000
         self._plant = Plant(cell, truth)
         self._drives = [Drive(joint, true) for joint, true in zip(cell.joints, truth.joints, strict=True)]
+        self._parking = Parking(cell)
+        self._held: list[int] = []
+        """Indices into the plant's angles and speeds of what a support carries."""
+        self._hold()
         self._torque_nm = [0.0] * len(self._drives)
         self._deviates = sensors.normal_deviates(seed)
         self._grid = functools.lru_cache(maxsize=256)(self._cut)
@@ -123,13 +126,14 @@ class World:
         """
         self._plant = self._plant.changed(truth)
         self._truth = truth
+        self._hold()
         for drive, joint_truth in zip(self._drives, truth.joints, strict=True):
             drive.change(joint_truth)
         self._grid.cache_clear()
 
     def strike(self, joint_index: int, impulse_nm_s: float) -> None:
         """Something hits the joint's link, counter-clockwise if positive. An arm at rest on its support stays there."""
-        if self._rests():
+        if self._rests() or joint_index in self._held:
             return
         impulses_nm_s = [0.0] * len(self._drives)
         impulses_nm_s[joint_index] = impulse_nm_s
@@ -232,15 +236,30 @@ class World:
         for joint, drive in enumerate(self._drives):
             decay, mean_weight = decays[joint]
             torque_nm[joint] = drive.step(speed[motor_dof[joint]], decay, mean_weight)
+        angle = plant.angle
         plant.step(torque_nm, grid.step_s)
+        if self._held:
+            plant.hold(angle, self._held)
         for value in plant.speed:
             if not -_LARGEST_SPEED_RAD_S < value < _LARGEST_SPEED_RAD_S:
                 raise self._diverged()
 
+    @property
+    def parked(self) -> bool:
+        """Whether all arms still rest on their supports."""
+        return len(self._parking.joints) == len(self._drives)
+
     def _rests(self) -> bool:
-        if self.parked:
-            self.parked = not any(drive.is_on for drive in self._drives)
+        """Whether nothing can move. Robots with a bridge on leave their supports first."""
+        if not self._held:
+            return False
+        if self._parking.free(self._drives):
+            self._hold()
         return self.parked
+
+    def _hold(self) -> None:
+        joints, motors = self._parking.joints, self._plant.motor_dof
+        self._held = [*joints, *(motors[joint] for joint in joints if motors[joint] != joint)]
 
     def _cut(self, duration_ns: int) -> _Grid:
         step_count = -(-duration_ns // self._max_step_ns)

@@ -1,0 +1,29 @@
+"""Which robots still rest on their supports: each until the first of its own bridges is on while time passes."""
+
+from collections.abc import Sequence
+
+from canarm_protocol.cell.model import Cell
+
+from .electrics import Drive
+
+
+class Parking:
+    """Every robot of a cell rests at first."""
+
+    __slots__ = ("_resting",)
+
+    def __init__(self, cell: Cell) -> None:
+        ends = [sum(len(robot.joint) for robot in cell.robot[: number + 1]) for number in range(len(cell.robot))]
+        self._resting = [range(end - len(robot.joint), end) for robot, end in zip(cell.robot, ends, strict=True)]
+
+    @property
+    def joints(self) -> list[int]:
+        """The joints (indices into `Cell.joints`) that a support carries."""
+        return [joint for robot in self._resting for joint in robot]
+
+    def free(self, drives: Sequence[Drive]) -> bool:
+        """Free each robot that has a bridge on. Whether any was freed."""
+        resting = [robot for robot in self._resting if not any(drives[joint].is_on for joint in robot)]
+        is_changed = len(resting) < len(self._resting)
+        self._resting = resting
+        return is_changed
