@@ -18,7 +18,6 @@ from canarm_emulator.cards.device import AdcDevice
 from canarm_emulator.node.slave import Slave
 from canarm_protocol.canopen.dictionary import eds_text, load_dictionary
 from canarm_protocol.canopen.frames import Frame, NmtCommand
-from canarm_protocol.cell.model import CardModel
 
 NODE_ID = 0x14
 CYCLES = 5000
@@ -34,8 +33,8 @@ class _Nowhere:
 
 def _ours() -> Callable[[int], None]:
     sent: list[Frame] = []
-    device = AdcDevice(Adc0809Card(lambda channel: 1.0, 5.0, 100_000), lambda channel: 1.0)
-    dictionary = load_dictionary(CardModel.ADC0809, NODE_ID)
+    device = AdcDevice(lambda pin: Adc0809Card(pin, 5.0, 100_000), lambda channel: 1.0, 8, 8, lambda: 0)
+    dictionary = load_dictionary("adc0809", NODE_ID)
     slave = Slave("adc", NODE_ID, dictionary, device, lambda _, frame: sent.append(frame), 1)
     slave.boot(0)
     slave.on_nmt(NmtCommand.START, 0)
@@ -50,7 +49,7 @@ def _ours() -> Callable[[int], None]:
 
 
 def _theirs(sets_values: bool) -> Callable[[int], None]:
-    eds = io.StringIO(eds_text(CardModel.ADC0809))
+    eds = io.StringIO(eds_text("adc0809"))
     eds.name = "adc0809.eds"
     node = canopen.LocalNode(NODE_ID, eds)
     network = canopen.Network(bus=_Nowhere())

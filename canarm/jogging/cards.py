@@ -6,11 +6,13 @@ from collections.abc import Generator
 
 from canarm_controller.bus.master import Ask, Silence
 from canarm_controller.errors import ControllerError
-from canarm_protocol.canopen.dictionary import ANALOGUE_OUTPUT, CODE_SHIFT, DIGITAL_OUTPUT, ERROR_REGISTER, variable_at
+from canarm_protocol.canopen.dictionary import ERROR_REGISTER, variable_at
 from canarm_protocol.canopen.frames import Cob, Frame
 from canarm_protocol.canopen.sdo import SdoAborted, Transfer, abort_request, download, upload
-from canarm_protocol.cell.model import Cell, Command, Joint, Quantity
-from canarm_protocol.cell.wiring import BITS_A_JOINT, CardNode, DirectionBits, InputSlot, current_scale, sensor_scale
+from canarm_protocol.cards import Wire
+from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.sensing import joint_sensors
+from canarm_protocol.cell.wiring import CardNode, DirectionBits, InputSlot, command_scale
 
 from .parsing import DIRECTION_NAMES, SdoRead, SdoWrite
 
@@ -32,14 +34,17 @@ def read_outputs(
     cell: Cell, node: CardNode, codes: list[int], directions: list[DirectionBits]
 ) -> Generator[Ask, Frame, None]:
     """What the card's outputs hold now, into `codes` and `directions` of the joints. Raises `JogError`."""
-    for channel in node.card.channel:
-        joint = cell.far_joint(node.card, channel)
-        if channel.leaf == Command.CURRENT:
-            data = yield from _transfer(node, upload(ANALOGUE_OUTPUT, channel.number))
-            codes[joint] = int.from_bytes(data, "little") >> CODE_SHIFT
-        elif channel.leaf == Command.DIRECTION:
-            data = yield from _transfer(node, upload(DIGITAL_OUTPUT, 1))
-            directions[joint] = DirectionBits(data[0] >> BITS_A_JOINT * (channel.number - 1) & 0b11)
+    card = node.card
+    if not card.kind.is_output:
+        return
+    for channel in card.channel:
+        joint, place = cell.far_joint(card, channel), card.kind.place(card, channel.number)
+        data = yield from _transfer(node, upload(place.index, place.subindex))
+        code = int.from_bytes(data, "little") >> place.start_bit + card.codec.shift & card.codec.full_scale
+        if card.kind.takes is Wire.DIRECTION:
+            directions[joint] = DirectionBits(code)
+        else:
+            codes[joint] = code
 
 
 def access_object(command: SdoRead | SdoWrite) -> Generator[Ask, Frame, str]:
@@ -62,20 +67,20 @@ def access_object(command: SdoRead | SdoWrite) -> Generator[Ask, Frame, str]:
 
 def input_text(cell: Cell, slot: InputSlot, code: int) -> str:
     """Signal, code and physical value."""
-    joint = cell.joints[slot.joint]
-    value = sensor_scale(joint, slot.quantity)(code)
+    wired = joint_sensors(cell)[slot.joint].measuring(slot.quantity)
+    assert wired is not None, "a slot is made of a wired sensor"
+    value = wired.scale(code)
     if slot.quantity is Quantity.POSITION:
         value = math.degrees(value)
-    sensor = joint.sensor(slot.quantity)
-    signal = f"{cell.joint_names[slot.joint]}.{sensor.kind if sensor else slot.quantity}"
-    return f"{signal:<24} {code:>3}  {value:8.3f} {UNITS[slot.quantity]}"
+    return f"{wired.signal:<24} {code:>3}  {value:8.3f} {UNITS[slot.quantity]}"
 
 
-def output_text(joint: Joint, code: int, direction: DirectionBits) -> str:
+def output_text(cell: Cell, joint: int, code: int, direction: DirectionBits) -> str:
     """Code, direction and the current that both ask for."""
     sign = {DirectionBits.CLOCKWISE: -1.0, DirectionBits.COUNTER_CLOCKWISE: 1.0}.get(direction, 0.0)
     name = DIRECTION_NAMES.get(direction, "illegal")
-    return f"{joint.name}: code {code}, {name}, {sign * current_scale(joint)(code) + 0.0:.3f} A"
+    current_a = sign * command_scale(cell, joint)(code) + 0.0
+    return f"{cell.joint_names[joint]}: code {code}, {name}, {current_a:.3f} A"
 
 
 def _transfer(node: CardNode, transfer: Transfer) -> Generator[Ask, Frame, bytes]:

@@ -11,11 +11,12 @@ from collections.abc import Generator
 from canarm_controller.bus.master import Ask, Silence, bring_up, read_input, start_frames, stop_frames
 from canarm_controller.run.pacing import Pacer
 from canarm_controller.supervision.supervisor import Supervisor, Verdict
-from canarm_protocol.canopen.dictionary import CODE_SHIFT, SYNC_OVERFLOW, default_value
+from canarm_protocol.canopen.dictionary import SYNC_OVERFLOW, default_value
 from canarm_protocol.canopen.frames import Cob, ErrorCode, Frame, NmtState, heartbeat_frame, sync_frame
 from canarm_protocol.canopen.pdo import PdoLayout
 from canarm_protocol.cell.model import Cell, Quantity
-from canarm_protocol.cell.wiring import CardNode, DirectionBits, InputSlot, OutputFrames, input_slots, sensor_scale
+from canarm_protocol.cell.sensing import joint_sensors
+from canarm_protocol.cell.wiring import CardNode, DirectionBits, InputSlot, OutputFrames, input_slots
 from canarm_protocol.clock import Clock
 
 from .cards import JogError, access_object, error_register, input_text, output_text, read_outputs
@@ -185,7 +186,7 @@ class Jog:
             self.codes[joint] = command.code
         if command.direction is not None:
             self.directions[joint] = command.direction
-        text = output_text(self.cell.joints[joint], self.codes[joint], self.directions[joint])
+        text = output_text(self.cell, joint, self.codes[joint], self.directions[joint])
         return [f"{text}, from the next step"]
 
     def _start(self) -> list[str]:
@@ -295,9 +296,9 @@ class Jog:
                 text += f", error register 0x{(yield from error_register(node)):02X}"
                 yield from read_outputs(self.cell, node, codes, directions)
             lines.append(text)
-        for position, joint in enumerate(self.cell.joints):
-            text = output_text(joint, codes[position], directions[position])
-            wanted = output_text(joint, self.codes[position], self.directions[position])
+        for joint in range(len(self.cell.joints)):
+            text = output_text(self.cell, joint, codes[joint], directions[joint])
+            wanted = output_text(self.cell, joint, self.codes[joint], self.directions[joint])
             is_pending = self.is_driving and not self._are_sent and text != wanted
             lines.append(f"{text}; from the next step {wanted}" if is_pending else text)
         return lines
@@ -307,19 +308,21 @@ class Jog:
             raise JogError("the cards are STOPPED and answer no SDO; type: preop")
 
     def _take_inputs(self, layout: PdoLayout, data: bytes) -> None:
-        values = layout.unpack(data[: layout.size]) if len(data) >= layout.size else (-1,)
-        if min(values) < 0:  # too short, or no code of a unipolar converter
+        if len(data) < layout.size:
             return
-        for slot in self._slots:
-            if slot.cob_id == layout.cob_id:
-                self._inputs[slot] = values[slot.position] >> CODE_SHIFT
+        values = layout.unpack(data[: layout.size])
+        slots = [slot for slot in self._slots if slot.cob_id == layout.cob_id]
+        if any(values[slot.position] < slot.codec.lowest_value for slot in slots):  # no code of the converter
+            return
+        for slot in slots:
+            self._inputs[slot] = slot.codec.code(values[slot.position])
         self._awaited.discard(layout.cob_id)
 
     def _positions_rad(self) -> list[float]:
-        angles = [0.0] * len(self.cell.joints)
+        angles, sensors = [0.0] * len(self.cell.joints), joint_sensors(self.cell)
         for slot in self._slots:
             if slot.quantity is Quantity.POSITION:
-                angles[slot.joint] = sensor_scale(self.cell.joints[slot.joint], slot.quantity)(self._inputs[slot])
+                angles[slot.joint] = sensors[slot.joint].position.scale(self._inputs[slot])
         return angles
 
     def _heartbeat(self) -> Frame:

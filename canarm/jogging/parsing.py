@@ -14,7 +14,7 @@ from canopen.objectdictionary.datatypes import SIGNED_TYPES
 
 from canarm_protocol.canopen.dictionary import variable_at
 from canarm_protocol.cell.model import Cell
-from canarm_protocol.cell.wiring import FULL_SCALE_CODE, CardNode, DirectionBits
+from canarm_protocol.cell.wiring import CardNode, DirectionBits, command_codec
 
 from ..usage import UsageError
 
@@ -152,7 +152,7 @@ class Parser:
 
     def _dac(self, words: list[str]) -> Command:
         joint, code = self._joint_and_one(words, "dac")
-        return Drive(joint, _integer("dac", "CODE", code, 0, FULL_SCALE_CODE), None)
+        return Drive(joint, _integer("dac", "CODE", code, 0, self._full_scale(joint)), None)
 
     def _current(self, words: list[str]) -> Command:
         joint, text = self._joint_and_one(words, "current")
@@ -165,10 +165,13 @@ class Parser:
             raise UsageError(
                 f"current {text}: must be a number of A from -{limit:g} to {limit:g}, the amplifier's limit"
             )
-        code = int(abs(current_a) * FULL_SCALE_CODE / limit + 0.5)
+        code = int(abs(current_a) * self._full_scale(joint) / limit + 0.5)
         if code == 0:
             return Drive(joint, 0, DirectionBits.OFF)
         return Drive(joint, code, DirectionBits.CLOCKWISE if current_a < 0.0 else DirectionBits.COUNTER_CLOCKWISE)
+
+    def _full_scale(self, joint: int) -> int:
+        return command_codec(self._cell, joint).full_scale
 
     def _direction(self, words: list[str]) -> Command:
         joint, name = self._joint_and_one(words, "dir")
@@ -213,7 +216,7 @@ class Parser:
 USAGE = {
     "read": ("read", "all inputs: code and physical value"),
     "scan": ("scan", "the same as read"),
-    "dac": ("dac JOINT CODE", "code of the joint's DAC, 0 to 255; the direction stays"),
+    "dac": ("dac JOINT CODE", "code of the joint's DAC, from 0; the direction stays"),
     "current": ("current JOINT A", "signed current in A: DAC code and direction; positive is counter-clockwise"),
     "dir": ("dir JOINT ccw|cw|off", "direction bits of the joint; the code stays"),
     "off": ("off", "every code 0, every direction off"),

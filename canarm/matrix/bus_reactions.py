@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from canarm_protocol.canopen.dictionary import ANALOGUE_OUTPUT, CODE_SHIFT
 from canarm_protocol.canopen.frames import Cob, Emergency, NmtCommand, NmtState, parse_nmt
+from canarm_protocol.cards import Wire
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.wiring import card_nodes
 from canarm_protocol.errors import FrameError
@@ -73,19 +73,21 @@ def cycle_at(stamp_s: float, cycle: Ints, time_s: Floats) -> int:
 def _zero_outputs(cell: Cell, frames: Iterable[Received]) -> list[float]:
     """When the outputs of all joints went to zero for at least `ZERO_CYCLES` frames; of several DACs, the last one."""
     layouts = {
-        layout.cob_id: layout
+        layout.cob_id: (layout, node.card.codec)
         for node in card_nodes(cell)
         for layout in node.rpdos
-        if layout.objects[0].index == ANALOGUE_OUTPUT
+        if node.card.kind.takes is Wire.CURRENT_COMMAND
     }
     since_s: dict[int, float] = {}
     counts = dict.fromkeys(layouts, 0)
     is_off, found = False, []
     for stamp_s, (can_id, data, is_extended, is_remote) in frames:
-        layout = layouts.get(can_id)
-        if layout is None or is_extended or is_remote or len(data) < layout.size:
+        if can_id not in layouts or is_extended or is_remote:
             continue
-        if any(value >> CODE_SHIFT for value in layout.unpack(data[: layout.size])):
+        layout, codec = layouts[can_id]
+        if len(data) < layout.size:
+            continue
+        if any(codec.code(value) for value in layout.unpack(data[: layout.size])):
             counts[can_id], is_off = 0, False
             continue
         counts[can_id] += 1

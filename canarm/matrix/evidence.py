@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from canarm_protocol.canopen.dictionary import CODE_SHIFT
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.model import Cell, Quantity
-from canarm_protocol.cell.wiring import InputSlot, card_nodes, input_slots, sensor_scale
+from canarm_protocol.cell.sensing import joint_sensors
+from canarm_protocol.cell.wiring import InputSlot, card_nodes, input_slots
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -87,6 +87,7 @@ def seen_by_controller(cell: Cell, frames: Iterable[Received], time_s: Floats) -
     nodes = card_nodes(cell)
     layouts = {layout.cob_id: layout for node in nodes for layout in node.tpdos}
     slots = input_slots(cell, nodes)
+    lowest = {slot.cob_id: slot.codec.lowest_value for slot in slots}
     times: dict[int, list[float]] = {cob_id: [] for cob_id in layouts}
     values: dict[int, list[tuple[int, ...]]] = {cob_id: [] for cob_id in layouts}
     for stamp_s, (can_id, data, is_extended, is_remote) in frames:
@@ -94,19 +95,21 @@ def seen_by_controller(cell: Cell, frames: Iterable[Received], time_s: Floats) -
         if layout is None or is_extended or is_remote or len(data) < layout.size:
             continue
         unpacked = layout.unpack(data[: layout.size])
-        if min(unpacked) >= 0:
+        if min(unpacked) >= lowest[can_id]:
             times[can_id].append(stamp_s)
             values[can_id].append(unpacked)
     ends_s = np.append(time_s[1:], np.inf) - _HALF_NS
     seen = {sensor: np.full((len(time_s), len(cell.joints)), np.nan) for sensor in SENSORS}
     for slot in slots:
-        codes = [each[slot.position] >> CODE_SHIFT for each in values[slot.cob_id]]
+        codes = [slot.codec.code(each[slot.position]) for each in values[slot.cob_id]]
         seen[slot.quantity][:, slot.joint] = _held(np.array(times[slot.cob_id]), _scaled(cell, slot, codes), ends_s)
     return seen
 
 
 def _scaled(cell: Cell, slot: InputSlot, codes: list[int]) -> Floats:
-    scale = sensor_scale(cell.joints[slot.joint], slot.quantity)
+    wired = joint_sensors(cell)[slot.joint].measuring(slot.quantity)
+    assert wired is not None, "a slot is made of a wired sensor"
+    scale = wired.scale
     return (np.array(codes, dtype=np.float64) - scale.zero) * scale.step
 
 

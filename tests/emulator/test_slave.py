@@ -16,7 +16,6 @@ from canarm_emulator.wire.confinement import ErrorState
 from canarm_protocol.canopen.dictionary import Dictionary, load_dictionary
 from canarm_protocol.canopen.frames import Frame, NmtCommand, NmtState
 from canarm_protocol.canopen.sdo import SdoAborted, download, upload
-from canarm_protocol.cell.model import CardModel
 
 NODE_ID = 0x12
 MASTER = 1
@@ -28,19 +27,20 @@ UNSUPPORTED, NOT_MAPPABLE, PDO_TOO_LONG, TOO_LONG = 0x0601_0000, 0x0604_0041, 0x
 
 
 @functools.cache
-def dictionary_of(model: CardModel) -> Dictionary:
+def dictionary_of(model: str) -> Dictionary:
     return load_dictionary(model, NODE_ID)
 
 
 class Node:
     """A slave with its card, and what it sent, stamped."""
 
-    def __init__(self, model: CardModel = CardModel.DAC0808) -> None:
+    def __init__(self, model: str = "dac0808") -> None:
         self.sent: list[tuple[int, Frame]] = []
         self.card = Dac0808Card(lambda channel, fraction: None)
         self.volts = [0.0] * 8
-        adc = Adc0809Card(lambda channel: self.volts[channel], 5.0, 100_000)
-        self.device = DacDevice(self.card) if model is CardModel.DAC0808 else AdcDevice(adc, lambda c: self.volts[c])
+        dac = DacDevice(self.card, 8, 4, lambda: 0)
+        adc = AdcDevice(lambda pin: Adc0809Card(pin, 5.0, 100_000), lambda c: self.volts[c], 8, 8, lambda: 0)
+        self.device = dac if model == "dac0808" else adc
         dictionary = dictionary_of(model)
         self.slave = Slave("card", NODE_ID, dictionary, self.device, lambda t, f: self.sent.append((t, f)), 1)
         self.slave.boot(0)
@@ -93,7 +93,7 @@ def node() -> Node:
 
 @pytest.fixture
 def adc() -> Node:
-    return Node(CardModel.ADC0809)
+    return Node("adc0809")
 
 
 # NMT (CiA 301, 7.2.8)
@@ -337,7 +337,7 @@ def test_a_tpdo_of_type_0_is_sent_when_its_data_change(adc: Node) -> None:
     adc.take()
     sent = []
     for volts in (1.0, 1.0, 2.0, 2.0, 1.0):
-        adc.device.store(0, volts)
+        adc.device.scan(0, volts, 0)
         for layout in adc.slave.pdos.due():
             if layout.number == 2:
                 adc.slave.pdos.send(layout, 7)
@@ -349,7 +349,7 @@ def test_tpdo_data_are_the_last_scan(adc: Node) -> None:
     adc.slave.on_nmt(START, 0)
     adc.take()
     for channel in range(8):
-        adc.device.store(channel, channel * 0.5)
+        adc.device.scan(channel, channel * 0.5, 0)
     for layout in adc.slave.pdos.due():
         adc.slave.pdos.send(layout, 42)
     codes = [int(channel * 0.5 / 5.0 * 255 + 0.5) << 7 for channel in range(8)]
@@ -375,8 +375,8 @@ def test_an_input_is_live_for_sdo_unless_a_tpdo_shows_its_last_scan(adc: Node) -
     adc.volts[:] = [5.0] * 8
     assert adc.read(0x6401, 1) == adc.read(0x6401, 2) == 0x7F80
     adc.slave.on_nmt(START, 0)
-    adc.device.store(0, 0.0)
-    adc.device.store(1, 0.0)
+    adc.device.scan(0, 0.0, 0)
+    adc.device.scan(1, 0.0, 0)
     assert (adc.read(0x6401, 1), adc.read(0x6401, 2)) == (0, 0x7F80)
 
 
@@ -397,7 +397,7 @@ def test_a_changed_mapping_is_what_is_sent(adc: Node) -> None:
     write_mapping(adc, 0x1801, 0x1A01, [0x64010810, 0x10010008, 0x64010110])
     adc.slave.on_nmt(START, 0)
     adc.take()
-    adc.device.store(7, 5.0)
+    adc.device.scan(7, 5.0, 0)
     adc.slave.pdos.send(adc.slave.pdos.tpdos[0], 0)
     assert adc.take() == [(0, Frame(0x292, bytes.fromhex("807f" + "00" + "0000")))]
 
@@ -486,7 +486,7 @@ def test_cob_ids_that_belong_to_others_are_refused(node: Node, cob_id: int) -> N
     )
 )
 def test_no_sequence_of_writes_leaves_pdos_that_cannot_be_served(writes: list[tuple[int, int, bytes]]) -> None:
-    adc = Node(CardModel.ADC0809)
+    adc = Node("adc0809")
     for index, subindex, data in writes:
         try:
             adc.sdo(download(index, subindex, data))

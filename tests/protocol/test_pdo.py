@@ -16,11 +16,10 @@ from canarm_protocol.canopen.pdo import (
     read_layout,
     read_layouts,
 )
-from canarm_protocol.cell.model import CardModel
 from canarm_protocol.errors import DictionaryError
 
-DAC = load_dictionary(CardModel.DAC0808, 0x12)
-ADC = load_dictionary(CardModel.ADC0809, 0x14)
+DAC = load_dictionary("dac0808", 0x12)
+ADC = load_dictionary("adc0809", 0x14)
 
 
 def read_dac(index: int, subindex: int) -> int:

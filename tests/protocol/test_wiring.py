@@ -6,12 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from canarm_protocol.cards import Codec
 from canarm_protocol.cell.cell_file import load_cell, parse_cell, shipped_cells
 from canarm_protocol.cell.model import Quantity
 from canarm_protocol.cell.wiring import InputSlot, OutputFrames, card_nodes, input_slots, sensor_scale
 
 CELL = load_cell("konkuk1")
 NODES = card_nodes(CELL)
+BITS_8 = Codec(8, 7)
+"""CIA 401: left-adjusted in 16 bits with sign."""
 CODES = st.integers(0, 255)
 BITS = st.integers(0, 3)
 
@@ -61,12 +64,12 @@ def test_only_wired_channels_are_mapped() -> None:
 def test_every_input_has_its_place_in_a_frame() -> None:
     position, speed, current = Quantity.POSITION, Quantity.VELOCITY, Quantity.CURRENT
     assert input_slots(CELL, NODES) == (
-        InputSlot(0x14, 0x294, 0, position, 0),
-        InputSlot(0x14, 0x294, 1, position, 1),
-        InputSlot(0x14, 0x294, 2, speed, 0),
-        InputSlot(0x14, 0x294, 3, speed, 1),
-        InputSlot(0x14, 0x394, 0, current, 0),
-        InputSlot(0x14, 0x394, 1, current, 1),
+        InputSlot(0x14, 0x294, 0, position, 0, BITS_8),
+        InputSlot(0x14, 0x294, 1, position, 1, BITS_8),
+        InputSlot(0x14, 0x294, 2, speed, 0, BITS_8),
+        InputSlot(0x14, 0x294, 3, speed, 1, BITS_8),
+        InputSlot(0x14, 0x394, 0, current, 0, BITS_8),
+        InputSlot(0x14, 0x394, 1, current, 1, BITS_8),
     )
 
 

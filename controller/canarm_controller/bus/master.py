@@ -4,14 +4,11 @@ A conversation is a generator. It yields what to send and whose answer it waits 
 has `Silence` thrown into it when none came in time. Sockets and clocks belong to whoever drives it.
 """
 
-import struct
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 
 from canarm_protocol.canopen.dictionary import (
-    ANALOGUE_INPUT,
     CLOCK_MODE,
-    CODE_SHIFT,
     DEVICE_TYPE,
     IDENTITY,
     default_value,
@@ -66,9 +63,13 @@ def bring_up(nodes: tuple[CardNode, ...], bus: Bus, clock_mode: int, listen_ns: 
 
 
 def read_input(node: CardNode, channel: int) -> Generator[Ask, Frame, int]:
-    """The present code of an analogue input, by SDO. Raises `BringUpError`."""
-    data = yield from _read(node, ANALOGUE_INPUT, channel, 2)
-    return int(struct.unpack("<h", data)[0]) >> CODE_SHIFT
+    """The present code of one of the card's inputs, by SDO. Raises `BringUpError`."""
+    card = node.card
+    place = card.kind.place(card, channel)
+    variable = variable_at(node.dictionary, place.index, place.subindex)
+    assert variable is not None, "every channel of the kind is in its EDS"
+    data = yield from _read(node, place.index, place.subindex, len(variable) // 8)
+    return card.codec.code(int(variable.decode_raw(data)))
 
 
 def start_frames(nodes: tuple[CardNode, ...], node_id: int) -> list[Frame]:

@@ -5,7 +5,6 @@ What a code means never enters, nor what is to be done about inputs that are mis
 
 from collections.abc import Sequence
 
-from canarm_protocol.canopen.dictionary import CODE_SHIFT
 from canarm_protocol.canopen.pdo import PdoLayout
 from canarm_protocol.cell.wiring import CardNode, InputSlot
 
@@ -20,20 +19,24 @@ class AwaitedInputs:
         self.awaited = set(self.layouts)
         """COB-IDs of what has not come in this cycle."""
         self._places = {
-            cob_id: [place for place, slot in enumerate(slots) if slot.cob_id == cob_id] for cob_id in self.layouts
+            cob_id: [(place, slot.codec.shift) for place, slot in enumerate(slots) if slot.cob_id == cob_id]
+            for cob_id in self.layouts
         }
+        self._lowest = {slot.cob_id: slot.codec.lowest_value for slot in slots}
 
     def open_cycle(self) -> None:
         """From now on everything is awaited."""
         self.awaited = set(self.layouts)
 
     def take(self, layout: PdoLayout, data: bytes) -> bool:
-        """Take the data of a TPDO. False for what is too short, or no code of a unipolar converter."""
-        values = layout.unpack(data[: layout.size]) if len(data) >= layout.size else (-1,)
-        if min(values) < 0:
+        """Take the data of a TPDO. False for what is too short, or no code of the card's converter."""
+        if len(data) < layout.size:
             return False
-        for place, value in zip(self._places[layout.cob_id], values, strict=True):
-            self.codes[place] = value >> CODE_SHIFT
+        values = layout.unpack(data[: layout.size])
+        if min(values) < self._lowest[layout.cob_id]:
+            return False
+        for (place, shift), value in zip(self._places[layout.cob_id], values, strict=True):
+            self.codes[place] = value >> shift
         return True
 
     def describe_awaited(self) -> str:

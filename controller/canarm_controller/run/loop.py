@@ -7,7 +7,7 @@ beyond what it returns.
 from collections.abc import Callable, Mapping, Sequence
 
 from canarm_protocol.cell.model import Cell
-from canarm_protocol.cell.wiring import FULL_SCALE_CODE, InputSlot
+from canarm_protocol.cell.wiring import InputSlot, command_codec
 
 from ..dynamics import cell_arm
 from ..errors import ControllerError, LawError, TrajectoryError
@@ -82,7 +82,7 @@ class ControlLoop:
         """How long the law took in the last cycle, if that is measured."""
         self._limits_a = limits_a
         self._torque_per_ampere = list(self.arm.torque_per_ampere)
-        self._full_codes = [FULL_SCALE_CODE] * len(cell.joints)
+        self._full_codes = [command_codec(cell, joint).full_scale for joint in range(len(cell.joints))]
         self.inputs = JointInputs(cell, slots, self.arm)
         """Scales of what is measured, and the codes of the last cycle."""
         self._block: Reference | None = None

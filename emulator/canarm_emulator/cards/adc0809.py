@@ -7,10 +7,15 @@ as long as it moves less than half a step during the conversion.
 
 from collections.abc import Callable
 
+from canarm_protocol.cell.model import Card
+
+from .converters import input_code
+from .device import AdcDevice
+from .plugged import Connections, Plugged
 from .registers import OPEN_BUS
 
 CHANNELS = 8
-FULL_SCALE_CODE = 255
+BITS = 8
 STATUS, DATA = 8, 9
 END_OF_CONVERSION = 0x80
 
@@ -18,9 +23,8 @@ END_OF_CONVERSION = 0x80
 class Adc0809Card:
     """Multiplexer and converter.
 
-    `sample(channel)` gives the volts at an input pin. The errors: `offset_lsb`, `gain_error` (a fraction of the
-    reading) and `nonlinearity_lsb` (a bow between the end points); the data sheet's total is 0.5 to 1 LSB. The
-    reference is trimmed so that `full_scale_v` reads 255.
+    `sample(channel)` gives the volts at an input pin. The errors are those of `input_code`; the data sheet's total is
+    0.5 to 1 LSB.
     """
 
     def __init__(
@@ -33,22 +37,21 @@ class Adc0809Card:
         nonlinearity_lsb: float = 0.0,
     ) -> None:
         self._sample = sample
-        self._conversion_ns = conversion_ns
-        self._gain = FULL_SCALE_CODE / full_scale_v * (1.0 + gain_error)
-        self._offset = 0.5 + offset_lsb
-        self._bow = 4.0 * nonlinearity_lsb / FULL_SCALE_CODE**2
+        self.conversion_ns = conversion_ns
+        self.code = input_code(BITS, full_scale_v, offset_lsb, gain_error, nonlinearity_lsb)
+        """The converter's characteristic: from volts to a code."""
         self._result = 0
         self._converting = 0
         self._done_ns = 0
 
     def read(self, address: int, now_ns: int) -> int:
         """Status or data. Data read before the end of a conversion is the result of the one before."""
-        if address == STATUS:
-            return END_OF_CONVERSION if now_ns >= self._done_ns else 0
         if address == DATA:
             if now_ns >= self._done_ns:
                 self._result = self._converting
             return self._result
+        if address == STATUS:
+            return END_OF_CONVERSION if now_ns >= self._done_ns else 0
         return OPEN_BUS
 
     def write(self, address: int, value: int, now_ns: int) -> None:
@@ -57,10 +60,28 @@ class Adc0809Card:
             if now_ns >= self._done_ns:
                 self._result = self._converting
             self._converting = self.code(self._sample(address))
-            self._done_ns = now_ns + self._conversion_ns
+            self._done_ns = now_ns + self.conversion_ns
 
-    def code(self, volts: float) -> int:
-        """The converter's transfer function."""
-        step = volts * self._gain if volts > 0.0 else 0.0
-        code = int(step + self._offset + self._bow * step * (FULL_SCALE_CODE - step))
-        return 0 if code < 0 else FULL_SCALE_CODE if code > FULL_SCALE_CODE else code
+    def result(self, now_ns: int) -> int:
+        """Read the data register."""
+        return self.read(DATA, now_ns)
+
+
+def plug_in(card: Card, connections: Connections) -> Plugged:
+    """The card in its slot."""
+    errors = connections.adc
+    device = AdcDevice(
+        lambda sample: Adc0809Card(
+            sample,
+            connections.full_scale_v,
+            card.channel_us * 1000,
+            errors.offset_lsb,
+            errors.gain_error,
+            errors.nonlinearity_lsb,
+        ),
+        connections.sample,
+        card.codec.bits,
+        CHANNELS,
+        connections.now,
+    )
+    return Plugged(device.card, device, device.distort, None, AdcDevice.INPUTS, device.scan)

@@ -7,12 +7,17 @@ code that changes in both nibbles passes through an intermediate value between t
 
 from collections.abc import Callable
 
+from canarm_protocol.cell.model import Card
+
 from ..signals import Distortion
+from .converters import output_fractions
+from .device import DacDevice
+from .plugged import Connections, Plugged
 from .registers import OPEN_BUS
 
 CHANNELS = 4
-STEPS = 256
-"""I_out = I_ref x code / 256: full scale is 255/256 of the reference (DAC0808 data sheet)."""
+BITS = 8
+NIBBLE = 4
 
 
 class Dac0808Card:
@@ -25,13 +30,8 @@ class Dac0808Card:
     def __init__(self, on_output: Callable[[int, float], None], nonlinearity: float = 0.0) -> None:
         self._latches = [0] * (2 * CHANNELS)
         self._on_output = on_output
-        self._transfer = [self._output(code, nonlinearity) for code in range(STEPS)]
+        self._fractions = output_fractions(BITS, nonlinearity)
         self._distortions: dict[int, Distortion] = {}
-
-    @staticmethod
-    def _output(code: int, nonlinearity: float) -> float:
-        bow = 4.0 * code * (STEPS - 1 - code) / (STEPS - 1) ** 2
-        return (code + nonlinearity * bow * (STEPS - 1)) / STEPS
 
     def read(self, address: int, now_ns: int) -> int:
         """The latches cannot be read back."""
@@ -43,12 +43,17 @@ class Dac0808Card:
             self._latches[address] = value & 0x0F
             self.refresh(address >> 1)
 
+    def load(self, channel: int, code: int, now_ns: int) -> None:
+        """Write both latches of a channel, as the Apple II's program does."""
+        self.write(2 * channel, code & 0x0F, now_ns)
+        self.write(2 * channel + 1, code >> NIBBLE, now_ns)
+
     def refresh(self, channel: int) -> None:
         """Convert what stands in the latches, as changed by whatever breaks between them and the converter."""
-        code = self._latches[2 * channel] | self._latches[2 * channel + 1] << 4
+        code = self._latches[2 * channel] | self._latches[2 * channel + 1] << NIBBLE
         if self._distortions and channel in self._distortions:
             code = int(self._distortions[channel](code))
-        self._on_output(channel, self._transfer[code])
+        self._on_output(channel, self._fractions[code])
 
     def distort(self, channel: int, distortion: Distortion | None) -> None:
         """Let the converter see another code than its latches hold, 0 to 255, from the next `refresh` on."""
@@ -59,4 +64,11 @@ class Dac0808Card:
 
     def code(self, channel: int) -> int:
         """The 8-bit code in front of a converter."""
-        return self._latches[2 * channel] | self._latches[2 * channel + 1] << 4
+        return self._latches[2 * channel] | self._latches[2 * channel + 1] << NIBBLE
+
+
+def plug_in(card: Card, connections: Connections) -> Plugged:
+    """The card in its slot."""
+    registers = Dac0808Card(connections.set_output, connections.dac.nonlinearity)
+    device = DacDevice(registers, card.codec.bits, CHANNELS, connections.now)
+    return Plugged(registers, device, registers.distort, registers.refresh)

@@ -1,19 +1,22 @@
 """Cards as CiA 401 I/O modules: objects of the dictionary on one side, registers on the other.
 
-A device turns a value of 0x6200, 0x6401 or 0x6411 into the register accesses that the Apple II would make. It knows no
-frames, no states and no time-outs; `slave.py` owns those. What its methods do, `IoDevice` says.
+A device turns a value of an object into the register accesses that the Apple II would make, at the time at which it
+would make them. It knows no frames, no states and no time-outs; `slave.py` owns those. What its methods do, `IoDevice`
+says. Which registers a card has, and where, is the card's business.
 """
 
 from collections.abc import Callable
+from typing import Generic, Protocol, TypeVar
 
 from canarm_protocol.canopen.dictionary import (
     ANALOGUE_ERROR_MODE,
     ANALOGUE_ERROR_VALUE,
     ANALOGUE_INPUT,
     ANALOGUE_INPUT_8,
+    ANALOGUE_INPUT_32,
     ANALOGUE_OUTPUT,
     ANALOGUE_OUTPUT_8,
-    CODE_SHIFT,
+    ANALOGUE_OUTPUT_32,
     DIGITAL_ERROR_MODE,
     DIGITAL_ERROR_VALUE,
     DIGITAL_FILTER_MASK,
@@ -22,47 +25,72 @@ from canarm_protocol.canopen.dictionary import (
 
 from ..node.io_device import Getter, ReadObject, Setter
 from ..signals import Distortion
-from .adc0809 import Adc0809Card
-from .dac0808 import CHANNELS as DAC_CHANNELS
-from .dac0808 import Dac0808Card
-from .sc300 import Sc300Card
+from .registers import RegisterCard
 
-NIBBLE = 4
-TO_8_BITS = 8
-"""Left-adjusted 16 bits to left-adjusted 8 bits: of a card's 8-bit code the sign leaves room for the upper seven."""
+Clock = Callable[[], int]
+"""The present, in ns: when a register is accessed."""
+INPUT_BITS = {ANALOGUE_INPUT_8: 7, ANALOGUE_INPUT: 15, ANALOGUE_INPUT_32: 31}
+OUTPUT_BITS = {ANALOGUE_OUTPUT_8: 7, ANALOGUE_OUTPUT: 15, ANALOGUE_OUTPUT_32: 31}
+"""Room for a left-adjusted code in the objects of CiA 401: their bits without the sign."""
 ALL_BITS = 0xFF
+
+
+class DacRegisters(RegisterCard, Protocol):
+    """A card of D/A converters."""
+
+    def load(self, channel: int, code: int, now_ns: int) -> None:
+        """Make the register accesses that give a converter (from 0) a code."""
+        ...
+
+    def code(self, channel: int) -> int:
+        """The code that a converter (from 0) has been given."""
+        ...
+
+
+class LatchRegister(RegisterCard, Protocol):
+    """A latch of eight bits at address 0."""
+
+    value: int
+
+
+class AdcRegisters(RegisterCard, Protocol):
+    """A card of one A/D converter behind a multiplexer: a write to address n starts a conversion of channel n."""
+
+    conversion_ns: int
+
+    def result(self, now_ns: int) -> int:
+        """Make the register accesses that give the last result."""
+        ...
+
+
+AdcCard = TypeVar("AdcCard", bound=AdcRegisters)
 
 
 class DacDevice:
     """0x6411: one signed, left-adjusted 16-bit value a converter. They are unipolar: negative values give 0.
 
-    0x6410 is the same in 8 bits.
+    0x6410 and 0x6412 are the same in 8 and in 32 bits.
     """
 
-    def __init__(self, card: Dac0808Card) -> None:
-        self._card = card
+    def __init__(self, card: DacRegisters, bits: int, channels: int, now: Clock) -> None:
+        self._card, self._bits, self._channels, self._now = card, bits, channels, now
 
     def setter(self, index: int, subindex: int) -> Setter | None:
         """How to write an output."""
-        if index not in (ANALOGUE_OUTPUT, ANALOGUE_OUTPUT_8) or not 1 <= subindex <= DAC_CHANNELS:
+        if index not in OUTPUT_BITS or not 1 <= subindex <= self._channels:
             return None
-        if index == ANALOGUE_OUTPUT_8:
-            return lambda value: self._load(subindex, value << TO_8_BITS)
-        return lambda value: self._load(subindex, value)
-
-    def _load(self, subindex: int, value: int) -> None:
-        code = value >> CODE_SHIFT if value > 0 else 0
-        lsb_latch = 2 * (subindex - 1)
-        self._card.write(lsb_latch, code & 0x0F, 0)
-        self._card.write(lsb_latch + 1, code >> NIBBLE, 0)
+        channel, shift = subindex - 1, OUTPUT_BITS[index] - self._bits
+        load, now = self._card.load, self._now
+        if shift < 0:
+            return lambda value: load(channel, value << -shift if value > 0 else 0, now())
+        return lambda value: load(channel, value >> shift if value > 0 else 0, now())
 
     def getter(self, index: int, subindex: int) -> Getter | None:
         """How to read a value."""
-        if index not in (ANALOGUE_OUTPUT, ANALOGUE_OUTPUT_8) or not 1 <= subindex <= DAC_CHANNELS:
+        if index not in OUTPUT_BITS or not 1 <= subindex <= self._channels:
             return None
-        if index == ANALOGUE_OUTPUT_8:
-            return lambda: self._card.code(subindex - 1) << CODE_SHIFT >> TO_8_BITS
-        return lambda: self._card.code(subindex - 1) << CODE_SHIFT
+        channel, shift, code = subindex - 1, OUTPUT_BITS[index] - self._bits, self._card.code
+        return lambda: code(channel) << shift if shift >= 0 else code(channel) >> -shift
 
     def refresh(self, index: int, subindex: int) -> None:
         """Outputs need none."""
@@ -72,21 +100,23 @@ class DacDevice:
 
     def power_off(self) -> None:
         """No reference, no current."""
-        for channel in range(1, DAC_CHANNELS + 1):
-            self._load(channel, 0)
+        for channel in range(self._channels):
+            self._card.load(channel, 0, self._now())
 
     def take_error_values(self, read: ReadObject) -> None:
-        """0x6443 = 1 selects 0x6444, a 32-bit value of which the upper 16 bits are the output's."""
-        for channel in range(1, DAC_CHANNELS + 1):
-            if read(ANALOGUE_ERROR_MODE, channel):
-                self._load(channel, read(ANALOGUE_ERROR_VALUE, channel) >> 16)
+        """0x6443 = 1 selects 0x6444, a left-adjusted 32-bit value."""
+        shift = OUTPUT_BITS[ANALOGUE_OUTPUT_32] - self._bits
+        for channel in range(self._channels):
+            if read(ANALOGUE_ERROR_MODE, channel + 1):
+                code = max(read(ANALOGUE_ERROR_VALUE, channel + 1), 0) >> shift
+                self._card.load(channel, code, self._now())
 
 
 class LatchDevice:
     """0x6200: eight latch bits as one byte, of which writing changes those that are 1 in 0x6208."""
 
-    def __init__(self, card: Sc300Card) -> None:
-        self._card = card
+    def __init__(self, card: LatchRegister, now: Clock) -> None:
+        self._card, self._now = card, now
         self._mask = ALL_BITS
 
     def setter(self, index: int, subindex: int) -> Setter | None:
@@ -97,7 +127,7 @@ class LatchDevice:
 
     def _write(self, value: int) -> None:
         card, mask = self._card, self._mask
-        card.write(0, value if mask == ALL_BITS else card.value & ~mask | value & mask, 0)
+        card.write(0, value if mask == ALL_BITS else card.value & ~mask | value & mask, self._now())
 
     def getter(self, index: int, subindex: int) -> Getter | None:
         """How to read a value."""
@@ -112,36 +142,51 @@ class LatchDevice:
 
     def power_off(self) -> None:
         """All bridges open."""
-        self._card.write(0, 0, 0)
+        self._card.write(0, 0, self._now())
 
     def take_error_values(self, read: ReadObject) -> None:
         """Bits that are 1 in 0x6206 take the bit of 0x6207; the others stay."""
         mode = read(DIGITAL_ERROR_MODE, 1)
-        self._card.write(0, self._card.value & ~mode | read(DIGITAL_ERROR_VALUE, 1) & mode, 0)
+        self._card.write(0, self._card.value & ~mode | read(DIGITAL_ERROR_VALUE, 1) & mode, self._now())
 
 
-class AdcDevice:
+class AdcDevice(Generic[AdcCard]):
     """0x6401: one signed, left-adjusted 16-bit value a channel, as of the last scan or the last read outside the cycle.
 
-    0x6400 is the same in 8 bits.
-    `sample(channel)` gives the volts at an input pin now.
+    0x6400 and 0x6402 are the same in 8 and in 32 bits.
+    `make_card` makes the card from what stands at its pins; `sample(channel)` gives the volts at a pin now.
     """
 
-    def __init__(self, card: Adc0809Card, sample: Callable[[int], float]) -> None:
-        self._card = card
-        self._sample = sample
-        self._values = [0] * 8
+    INPUTS = frozenset(INPUT_BITS)
+
+    def __init__(
+        self,
+        make_card: Callable[[Callable[[int], float]], AdcCard],
+        sample: Callable[[int], float],
+        bits: int,
+        channels: int,
+        now: Clock,
+    ) -> None:
+        self._sample, self._bits, self._now = sample, bits, now
+        self._scanned_v: float | None = None
+        """What stands at the pin of the channel that is being scanned; the world is further on already."""
+        self.card = make_card(self._at_pin)
+        self._codes = [0] * channels
         self._distortions: dict[int, Distortion] = {}
 
-    def store(self, channel: int, volts: float) -> None:
-        """Convert the volts that the multiplexer saw at `channel` (from 0)."""
-        code = self._card.code(volts)
+    def scan(self, channel: int, volts: float, at_ns: int) -> None:
+        """Convert a channel (from 0) whose pin is at `volts` at a time: start, and read when the conversion is over."""
+        card = self.card
+        self._scanned_v = volts
+        card.write(channel, 0, at_ns)
+        self._scanned_v = None
+        code = card.result(at_ns + card.conversion_ns)
         if self._distortions and channel in self._distortions:
             code = int(self._distortions[channel](code))
-        self._values[channel] = code << CODE_SHIFT
+        self._codes[channel] = code
 
     def distort(self, channel: int, distortion: Distortion | None) -> None:
-        """Let another code, 0 to 255, be read than the converter of `channel` (from 0) has given."""
+        """Let another code be read than the converter of `channel` (from 0) has given."""
         if distortion is None:
             self._distortions.pop(channel, None)
         else:
@@ -153,17 +198,17 @@ class AdcDevice:
 
     def getter(self, index: int, subindex: int) -> Getter | None:
         """How to read a value."""
-        if index not in (ANALOGUE_INPUT, ANALOGUE_INPUT_8) or not 1 <= subindex <= len(self._values):
+        if index not in INPUT_BITS or not 1 <= subindex <= len(self._codes):
             return None
-        values, channel = self._values, subindex - 1
-        if index == ANALOGUE_INPUT_8:
-            return lambda: values[channel] >> TO_8_BITS
-        return lambda: values[channel]
+        codes, channel, shift = self._codes, subindex - 1, INPUT_BITS[index] - self._bits
+        if shift < 0:
+            return lambda: codes[channel] >> -shift
+        return lambda: codes[channel] << shift
 
     def refresh(self, index: int, subindex: int) -> None:
-        """Convert one channel."""
-        if index in (ANALOGUE_INPUT, ANALOGUE_INPUT_8) and 1 <= subindex <= len(self._values):
-            self.store(subindex - 1, self._sample(subindex - 1))
+        """Convert one channel; nobody waits for it."""
+        if index in INPUT_BITS and 1 <= subindex <= len(self._codes):
+            self.scan(subindex - 1, self._sample(subindex - 1), self._now())
 
     def configure(self, read: ReadObject) -> None:
         """No parameter acts on the values in passing."""
@@ -173,3 +218,6 @@ class AdcDevice:
 
     def take_error_values(self, read: ReadObject) -> None:
         """Inputs have no error values."""
+
+    def _at_pin(self, channel: int) -> float:
+        return self._sample(channel) if self._scanned_v is None else self._scanned_v

@@ -1,14 +1,14 @@
-"""The cards of a cell, plugged in: their analogue wires to the world on one side, CiA 401 devices on the other.
+"""The cards of a cell, plugged in: their analogue wires to the world on one side, devices on the other.
 
-Owns which channel drives or measures which joint. Knows no frames, no states and no order of events.
+Owns which channel drives or measures which joint. Knows no kind of card, no frames, no states and no order of events.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from canarm_protocol.canopen.dictionary import ANALOGUE_INPUT, ANALOGUE_INPUT_8
 from canarm_protocol.canopen.pdo import MappedObject
-from canarm_protocol.cell.model import SENSOR_KINDS, Card, CardModel, Cell, Quantity
+from canarm_protocol.cards import Wire
+from canarm_protocol.cell.model import SENSOR_KINDS, Card, Cell, Quantity
 from canarm_protocol.cell.sensing import fitted_sensor
 from canarm_protocol.cell.sensors import AnalogueSensor
 
@@ -18,26 +18,31 @@ from ..robot.sensors import DistortedSource
 from ..robot.truth import Truth
 from ..robot.world import Source, World
 from ..signals import Distortion
-from .adc0809 import Adc0809Card
-from .dac0808 import Dac0808Card
-from .device import AdcDevice, DacDevice, LatchDevice
-from .sc300 import Sc300Card
-
-
-@dataclass(frozen=True, slots=True)
-class _Converter:
-    """An ADC card with the sensors at its channels (from 0)."""
-
-    node_id: int
-    device: AdcDevice
-    sources: dict[int, Source]
-    """By channel, as they are now; `sound` is how they are with nothing broken."""
-    sound: dict[int, Source]
-    conversion_ns: int
-
+from .plugged import Connections, Plugged, plug_in
 
 Mapped = tuple[tuple[int, MappedObject], ...]
 """Objects of the cards' TPDOs, each with its node-ID."""
+
+
+@dataclass(frozen=True, slots=True)
+class _InputCard:
+    """A card with the sensors at its channels (from 0)."""
+
+    node_id: int
+    indices: frozenset[int]
+    scan: Callable[[int, float, int], None]
+    channel_ns: int
+    sources: dict[int, Source]
+    """By channel, as they are now; `sound` is how they are with nothing broken."""
+    sound: dict[int, Source]
+
+    def measured(self, mapped: Mapped) -> list[int]:
+        """Its channels among these objects, in their order."""
+        return [
+            each.subindex - 1
+            for node_id, each in mapped
+            if node_id == self.node_id and each.index in self.indices and each.subindex - 1 in self.sources
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,31 +50,22 @@ class _Plan:
     """A scan: its samples in order of time, where each goes, and when each card is done after its start."""
 
     schedule: ScanSchedule
-    stores: tuple[tuple[AdcDevice, int], ...]
-    """Device and channel (from 0) of each sample."""
+    scans: tuple[tuple[Callable[[int, float, int], None], int, int], ...]
+    """Of each sample: its card's scan, the channel (from 0), and the time after the start, ns."""
     durations_ns: dict[int, int]
     """By node-ID; cards that convert nothing are not among them."""
 
 
-def _measured(converter: _Converter, mapped: Mapped) -> list[int]:
-    """The channels (from 0) of a converter among these objects, in their order."""
-    return [
-        each.subindex - 1
-        for node_id, each in mapped
-        if node_id == converter.node_id
-        and each.index in (ANALOGUE_INPUT, ANALOGUE_INPUT_8)
-        and each.subindex - 1 in converter.sources
-    ]
-
-
-def _plan(converters: list[_Converter], mapped: Mapped) -> _Plan:
-    """All converters begin at once, each converts its channels one after the other."""
-    busy = [(each, channels) for each in converters if (channels := _measured(each, mapped))]
-    sequences = [([each.sources[channel] for channel in channels], each.conversion_ns) for each, channels in busy]
+def _plan(cards: list[_InputCard], mapped: Mapped) -> _Plan:
+    """All cards begin at once, each takes its channels one after the other."""
+    busy = [(card, channels) for card in cards if (channels := card.measured(mapped))]
+    sequences = [([card.sources[channel] for channel in channels], card.channel_ns) for card, channels in busy]
     schedule = ScanSchedule.merged(sequences)
-    stores = tuple((busy[number][0].device, busy[number][1][place]) for number, place in schedule.places)
-    durations_ns = {each.node_id: len(channels) * each.conversion_ns for each, channels in busy}
-    return _Plan(schedule, stores, durations_ns)
+    scans = tuple(
+        (busy[number][0].scan, busy[number][1][place], offset_ns)
+        for (number, place), offset_ns in zip(schedule.places, schedule.offsets_ns, strict=True)
+    )
+    return _Plan(schedule, scans, {card.node_id: len(channels) * card.channel_ns for card, channels in busy})
 
 
 class Rack:
@@ -77,104 +73,53 @@ class Rack:
 
     def __init__(self, cell: Cell, world: World, truth: Truth) -> None:
         self._cell, self._world, self._truth = cell, world, truth
-        self._converters: list[_Converter] = []
+        self._inputs: list[_InputCard] = []
         self._mapped: Mapped | None = None
         self._plan = _plan([], ())
         """Of the last scan: nearly always the next one's too."""
-        self._dacs: dict[int, tuple[Dac0808Card, int]] = {}
-        """By joint: the card that drives it, and the channel."""
-        self._latches: dict[int, tuple[Sc300Card, int]] = {}
-        self.devices: dict[int, IoDevice] = {card.node_id: self._plug_in(card) for card in cell.card}
+        self.cards: dict[int, Plugged] = {card.node_id: self._plug_in(card) for card in cell.card}
+        self.devices: dict[int, IoDevice] = {node_id: card.device for node_id, card in self.cards.items()}
 
     def convert(self, mapped: Mapped) -> Mapping[int, int]:
-        """Scan the analogue inputs among these objects, all cards at once; the world moves on to the end meanwhile.
+        """Scan the inputs among these objects, all cards at once; the world moves on to the end meanwhile.
 
         Returns how long each card takes, in ns by node-ID; those that convert nothing are not among them.
         """
         if mapped is not self._mapped:
-            self._mapped, self._plan = mapped, _plan(self._converters, mapped)
-        plan = self._plan
-        for (device, channel), volts in zip(plan.stores, self._world.scan(plan.schedule), strict=True):
-            device.store(channel, volts)
+            self._mapped, self._plan = mapped, _plan(self._inputs, mapped)
+        plan, begin_ns = self._plan, self._world.time_ns
+        for (scan, channel, offset_ns), value in zip(plan.scans, self._world.scan(plan.schedule), strict=True):
+            scan(channel, value, begin_ns + offset_ns)
         return plan.durations_ns
 
     def spare(self, card: Card) -> IoDevice:
         """Another card of the same kind, wired to nothing."""
-        if card.model is CardModel.DAC0808:
-            return DacDevice(Dac0808Card(lambda channel, fraction: None))
-        if card.model is CardModel.LATCH:
-            return LatchDevice(Sc300Card(lambda channel, bits: None))
-        full_scale_v = self._reference_v(card)
-        return AdcDevice(Adc0809Card(lambda channel: 0.0, full_scale_v, card.conversion_us * 1000), lambda channel: 0.0)
+        return plug_in(card, self._connections(card)).device
 
     def distort_input(self, joint: int, quantity: Quantity, distortion: Distortion | None) -> None:
-        """Change a sensor's voltage on its way to the ADC, or no longer (None)."""
-        for converter in self._converters:
-            for channel, source in converter.sound.items():
+        """Change what a sensor gives on its way to the card, or no longer (None)."""
+        for card in self._inputs:
+            for channel, source in card.sound.items():
                 if (source.joint_index, source.quantity) == (joint, quantity):
                     broken = None if distortion is None else DistortedSource.of(source, distortion)
-                    converter.sources[channel] = broken or source
+                    card.sources[channel] = broken or source
         self._mapped = None
 
-    def distort_conversion(self, node_id: int, channel: int, distortion: Distortion | None) -> None:
-        """Change the code of an ADC's channel (from 0)."""
-        for converter in self._converters:
-            if converter.node_id == node_id:
-                converter.device.distort(channel, distortion)
-
-    def distort_code(self, joint: int, distortion: Distortion | None) -> None:
-        """Change the code that a joint's DAC converts."""
-        card, channel = self._dacs[joint]
-        card.distort(channel, distortion)
-
-    def refresh_code(self, joint: int) -> None:
-        """Let the joint's DAC convert anew."""
-        card, channel = self._dacs[joint]
-        card.refresh(channel)
-
-    def distort_latch(self, joint: int, distortion: Distortion | None) -> None:
-        """Change a joint's direction bits behind the latch."""
-        card, channel = self._latches[joint]
-        card.distort(channel, distortion)
-
-    def refresh_latch(self, joint: int) -> None:
-        """Let the joint's latch put out its bits anew."""
-        card, channel = self._latches[joint]
-        card.refresh(channel)
-
-    def _plug_in(self, card: Card) -> IoDevice:
+    def _plug_in(self, card: Card) -> Plugged:
         joints = {channel.number - 1: self._cell.far_joint(card, channel) for channel in card.channel}
-        if card.model is CardModel.DAC0808:
-            return self._dac(joints)
-        if card.model is CardModel.LATCH:
-            return self._latch(joints)
-        return self._adc(card, joints)
+        world = self._world
+        if card.kind.is_output:
+            is_direction = card.kind.takes is Wire.DIRECTION
 
-    def _dac(self, joints: dict[int, int]) -> DacDevice:
-        def on_output(channel: int, fraction: float) -> None:
-            if channel in joints:
-                self._world.set_dac_output(joints[channel], fraction)
+            def set_output(channel: int, value: float) -> None:
+                if channel not in joints:
+                    return
+                if is_direction:
+                    world.set_direction(joints[channel], int(value))
+                else:
+                    world.set_dac_output(joints[channel], value)
 
-        card = Dac0808Card(on_output, self._truth.dac.nonlinearity)
-        self._dacs.update({joint: (card, channel) for channel, joint in joints.items()})
-        return DacDevice(card)
-
-    def _latch(self, joints: dict[int, int]) -> LatchDevice:
-        def on_direction(channel: int, bits: int) -> None:
-            if channel in joints:
-                self._world.set_direction(joints[channel], bits)
-
-        card = Sc300Card(on_direction)
-        self._latches.update({joint: (card, channel) for channel, joint in joints.items()})
-        return LatchDevice(card)
-
-    def _reference_v(self, card: Card) -> float:
-        """The reference of an ADC card: the full scale of its sensors, which is the same for all."""
-        sensors = (fitted_sensor(self._cell, card, channel) for channel in card.channel)
-        return next(sensor.full_scale_v for sensor in sensors if isinstance(sensor, AnalogueSensor))
-
-    def _adc(self, card: Card, joints: dict[int, int]) -> AdcDevice:
-        world, errors = self._world, self._truth.adc
+            return plug_in(card, self._connections(card, set_output))
         sources = {
             channel.number - 1: world.source(joints[channel.number - 1], SENSOR_KINDS[channel.leaf].quantity)
             for channel in card.channel
@@ -183,15 +128,22 @@ class Rack:
         def sample(channel: int) -> float:
             return world.sample(sources[channel]) if channel in sources else 0.0
 
-        conversion_ns = card.conversion_us * 1000
-        adc = Adc0809Card(
-            sample,
-            self._reference_v(card),
-            conversion_ns,
-            errors.offset_lsb,
-            errors.gain_error,
-            errors.nonlinearity_lsb,
-        )
-        device = AdcDevice(adc, sample)
-        self._converters.append(_Converter(card.node_id, device, sources, dict(sources), conversion_ns))
-        return device
+        plugged = plug_in(card, self._connections(card, sample=sample))
+        assert plugged.scan is not None, "inputs are scanned"
+        channel_ns = card.channel_us * 1000
+        self._inputs.append(_InputCard(card.node_id, plugged.inputs, plugged.scan, channel_ns, sources, dict(sources)))
+        return plugged
+
+    def _connections(
+        self,
+        card: Card,
+        set_output: Callable[[int, float], None] = lambda channel, value: None,
+        sample: Callable[[int], float] = lambda channel: 0.0,
+    ) -> Connections:
+        world, truth = self._world, self._truth
+        return Connections(lambda: world.time_ns, set_output, sample, self._reference_v(card), truth.adc, truth.dac)
+
+    def _reference_v(self, card: Card) -> float:
+        """The reference of a card's converter: the full scale of its sensors, which is the same for all."""
+        sensors = (fitted_sensor(self._cell, card, channel) for channel in card.channel)
+        return next((each.full_scale_v for each in sensors if isinstance(each, AnalogueSensor)), 0.0)

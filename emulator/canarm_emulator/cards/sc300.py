@@ -6,11 +6,15 @@ selects it, since an I/O selector decodes none of A3-A0.
 
 from collections.abc import Callable
 
+from canarm_protocol.cards.sc300 import BITS_PER_JOINT
+from canarm_protocol.cell.model import Card
+
 from ..signals import Distortion
+from .device import LatchDevice
+from .plugged import Connections, Plugged
 from .registers import OPEN_BUS
 
 CHANNELS = 4
-BITS = 2
 
 
 class Sc300Card:
@@ -31,12 +35,12 @@ class Sc300Card:
         changed = self.value ^ value
         self.value = value & 0xFF
         for channel in range(CHANNELS):
-            if changed >> BITS * channel & 0b11:
+            if changed >> BITS_PER_JOINT * channel & 0b11:
                 self.refresh(channel)
 
     def refresh(self, channel: int) -> None:
         """Put out a channel's bits, as changed by whatever breaks behind the latch."""
-        bits = self.value >> BITS * channel & 0b11
+        bits = self.value >> BITS_PER_JOINT * channel & 0b11
         if self._distortions and channel in self._distortions:
             bits = int(self._distortions[channel](bits))
         if bits != self._bits[channel]:
@@ -49,3 +53,10 @@ class Sc300Card:
             self._distortions.pop(channel, None)
         else:
             self._distortions[channel] = distortion
+
+
+def plug_in(card: Card, connections: Connections) -> Plugged:
+    """The card in its slot."""
+    registers = Sc300Card(connections.set_output)
+    device = LatchDevice(registers, connections.now)
+    return Plugged(registers, device, registers.distort, registers.refresh)

@@ -5,6 +5,7 @@ Faults at one tap act in the order in which they began, each on what the one bef
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from math import floor
 from typing import TYPE_CHECKING
 
 from canarm_protocol.cell.model import SENSOR_KINDS
@@ -80,7 +81,7 @@ class SignalPoint(Point):
         for fault in self._faults:
             value = fault.apply(value, now_ns)
             value = low if value < low else high if value > high else value
-        return int(value + 0.5) if self._is_whole else value
+        return floor(value + 0.5) if self._is_whole else value
 
 
 class TruthPoint(Point):
@@ -138,16 +139,14 @@ def signal_point(bench: "Bench", tap: Tap) -> SignalPoint:
     if tap.kind is TapKind.SENSOR:
         quantity = SENSOR_KINDS[tap.name.rsplit(".", 1)[1]].quantity
         return SignalPoint(tap, now, lambda distort: rack.distort_input(joint, quantity, distort))
-    if tap.kind is TapKind.ADC_CODE:
-        node_id, channel = tap.node_id, tap.channel - 1
-        return SignalPoint(tap, now, lambda distort: rack.distort_conversion(node_id, channel, distort))
-    if tap.kind is TapKind.DAC_CODE:
+    if tap.node_id:
+        card, channel = rack.cards[tap.node_id], tap.channel - 1
+        refresh = card.refresh
         return SignalPoint(
-            tap, now, lambda distort: rack.distort_code(joint, distort), lambda: rack.refresh_code(joint)
-        )
-    if tap.kind is TapKind.LATCH:
-        return SignalPoint(
-            tap, now, lambda distort: rack.distort_latch(joint, distort), lambda: rack.refresh_latch(joint)
+            tap,
+            now,
+            lambda distort: card.distort(channel, distort),
+            None if refresh is None else lambda: refresh(channel),
         )
     if tap.kind is TapKind.OPAMP:
         install = world.distort_opamp

@@ -1,11 +1,12 @@
 """When a change of an analogue input is an event (CiA 401, 0x6421 to 0x6428): limits, deltas, and what caused it.
 
-Values are those of 0x6400 and 0x6401, left-adjusted; limits and deltas are left-adjusted 32-bit values.
+Values are those of 0x6400 to 0x6402, left-adjusted; limits and deltas are left-adjusted 32-bit values.
 """
 
 from canarm_protocol.canopen.dictionary import (
     ANALOGUE_INPUT,
     ANALOGUE_INPUT_8,
+    ANALOGUE_INPUT_32,
     DELTA,
     INTERRUPT_ENABLE,
     LOWER_LIMIT,
@@ -20,7 +21,7 @@ from .store import ObjectStore
 ABOVE_UPPER, BELOW_LOWER, CHANGED, REDUCED, INCREASED = 0x01, 0x02, 0x04, 0x08, 0x10
 """Bits of 0x6421."""
 LIMITS, DELTAS = ABOVE_UPPER | BELOW_LOWER, CHANGED | REDUCED | INCREASED
-SHIFT = {ANALOGUE_INPUT_8: 24, ANALOGUE_INPUT: 16}
+SHIFT = {ANALOGUE_INPUT_8: 24, ANALOGUE_INPUT: 16, ANALOGUE_INPUT_32: 0}
 """From the value of an input to 32 bits."""
 
 

@@ -28,12 +28,12 @@ class ScanSchedule:
         """Of converters that begin together: the sources of each, one after the other, and the ns that each takes.
 
         Of samples at the same time the one of the earlier sequence comes first. Raises `ValueError` where a conversion
-        takes no time.
+        takes less than no time.
         """
         samples: list[tuple[int, Source, tuple[int, int]]] = []
         for number, (sources, conversion_ns) in enumerate(sequences):
-            if conversion_ns <= 0:
-                raise ValueError(f"conversion_ns = {conversion_ns}: must be positive")
+            if conversion_ns < 0:
+                raise ValueError(f"conversion_ns = {conversion_ns}: must be 0, for all at once, or more")
             samples += [(place * conversion_ns, source, (number, place)) for place, source in enumerate(sources)]
         samples.sort(key=lambda sample: sample[0])
         offsets_ns, sources_in_time, places = zip(*samples, strict=True) if samples else ((), (), ())

@@ -195,7 +195,7 @@ class World:
         sources, duration_ns = schedule.sources, schedule.duration_ns
         volts: list[float] = []
         if not duration_ns:
-            return volts
+            return [self.sample(source) for source in sources]
         plant, drives, deviates = self._plant, self._drives, self._deviates
         grid = self._grid(duration_ns)
         if schedule is not self._schedule:

@@ -7,7 +7,6 @@ from typing import Any
 import canopen
 from canopen.objectdictionary import ODVariable
 
-from ..cell.model import CardModel
 from ..errors import DictionaryError
 
 Dictionary = Any
@@ -21,20 +20,17 @@ ERROR_BEHAVIOUR = 0x1029
 CLOCK_MODE, SCAN_PERIOD = 0x2000, 0x2010
 DIGITAL_OUTPUT, DIGITAL_ERROR_MODE, DIGITAL_ERROR_VALUE, DIGITAL_FILTER_MASK = 0x6200, 0x6206, 0x6207, 0x6208
 ANALOGUE_INPUT, ANALOGUE_OUTPUT, ANALOGUE_ERROR_MODE, ANALOGUE_ERROR_VALUE = 0x6401, 0x6411, 0x6443, 0x6444
-ANALOGUE_INPUT_8, ANALOGUE_OUTPUT_8 = 0x6400, 0x6410
+ANALOGUE_INPUT_8, ANALOGUE_OUTPUT_8, ANALOGUE_INPUT_32, ANALOGUE_OUTPUT_32 = 0x6400, 0x6410, 0x6402, 0x6412
 TRIGGER_SELECTION, INTERRUPT_SOURCE, INTERRUPT_ENABLE = 0x6421, 0x6422, 0x6423
 UPPER_LIMIT, LOWER_LIMIT, DELTA, NEGATIVE_DELTA, POSITIVE_DELTA = 0x6424, 0x6425, 0x6426, 0x6427, 0x6428
 
-CODE_SHIFT = 7
-"""An 8-bit code c travels as c << 7 in CiA 401's signed, left-adjusted 16 bits: the sign bit is 0, no bit is lost."""
 
-
-def eds_text(model: CardModel) -> str:
-    """The EDS file of a card model."""
+def eds_text(model: str) -> str:
+    """The EDS file of a kind of card, by its name."""
     return (resources.files("canarm_protocol") / "eds" / f"{model}.eds").read_text(encoding="ascii")
 
 
-def load_dictionary(model: CardModel, node_id: int) -> Dictionary:
+def load_dictionary(model: str, node_id: int) -> Dictionary:
     """The object dictionary of a card as a node: `$NODEID` in the EDS stands for `node_id`."""
     return canopen.import_od(_named(eds_text(model), f"{model}.eds"), node_id)
 

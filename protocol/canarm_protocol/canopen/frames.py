@@ -14,6 +14,8 @@ ERROR_FLAG = 0x2000_0000
 """In the `can_id` of an error frame, above all identifiers (CAN_ERR_FLAG of linux/can.h)."""
 EXTENDED_FLAG = 0x2000_0000
 """In a COB-ID that an object holds: the identifier has 29 bits (CiA 301, 7.5.2.35, bit 29)."""
+HIGHEST_NODE_ID = 0x7F
+"""Node-IDs are 1 to 127 (CiA 301, 7.3.3): the lower seven bits of a COB-ID of the predefined connection set."""
 
 
 class Frame(NamedTuple):

@@ -18,6 +18,8 @@ Kind = Literal["rpdo", "tpdo"]
 COMMUNICATION: dict[Kind, int] = {"rpdo": 0x1400, "tpdo": 0x1800}
 MAPPING: dict[Kind, int] = {"rpdo": 0x1600, "tpdo": 0x1A00}
 PDO_COUNT = 512
+MOST_BYTES = 8
+"""What a CAN frame holds."""
 DISABLED = 0x8000_0000
 """Bit 31 of a PDO's COB-ID: the PDO does not exist (CiA 301, 7.5.2.35)."""
 COB_ID_MASK = 0x7FF
@@ -37,6 +39,9 @@ _FORMATS = {
 }
 
 
+_SIGNED = frozenset("bhiq")
+
+
 @dataclass(frozen=True, slots=True)
 class MappedObject:
     """One object in a PDO: where it lives in the dictionary and how its bytes read (a `struct` format character)."""
@@ -49,6 +54,11 @@ class MappedObject:
     def bits(self) -> int:
         """Length in the PDO."""
         return 8 * struct.calcsize("<" + self.format)
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether its bytes are a number with a sign."""
+        return self.format in _SIGNED
 
     @property
     def entry(self) -> int:
@@ -65,8 +75,8 @@ class PdoLayout:
         self, kind: Kind, number: int, cob_id: int, transmission_type: int, objects: Sequence[MappedObject]
     ) -> None:
         layout = struct.Struct("<" + "".join(mapped.format for mapped in objects))
-        if layout.size > 8:
-            raise DictionaryError(f"{kind.upper()}{number} maps {layout.size} bytes; a PDO has at most 8")
+        if layout.size > MOST_BYTES:
+            raise DictionaryError(f"{kind.upper()}{number} maps {layout.size} bytes; a PDO has at most {MOST_BYTES}")
         self.kind, self.number, self.cob_id, self.transmission_type = kind, number, cob_id, transmission_type
         self.objects = tuple(objects)
         self.size = layout.size
@@ -84,7 +94,10 @@ class PdoLayout:
 
     def restricted_to(self, wanted: Callable[[MappedObject], bool]) -> "PdoLayout":
         """This PDO with only the mapped objects that are `wanted`."""
-        objects = list(filter(wanted, self.objects))
+        return self.mapping(list(filter(wanted, self.objects)))
+
+    def mapping(self, objects: Sequence[MappedObject]) -> "PdoLayout":
+        """This PDO with other objects mapped. Raises `DictionaryError` for more than fit."""
         return PdoLayout(self.kind, self.number, self.cob_id, self.transmission_type, objects)
 
 
@@ -101,6 +114,13 @@ def mapped_object(dictionary: Dictionary, entry: int) -> MappedObject:
     if mapped.format == "x" or mapped.entry & 0xFF != bits:
         raise DictionaryError(f"{where}: 0x{index:04X}:{subindex:02X} is not {bits} bits long in the dictionary")
     return mapped
+
+
+def mapped_variable(dictionary: Dictionary, index: int, subindex: int) -> MappedObject:
+    """An object of the dictionary, to be mapped whole. Raises `DictionaryError` if it cannot be."""
+    variable = variable_at(dictionary, index, subindex)
+    bits = len(variable) if variable is not None else 0
+    return mapped_object(dictionary, index << 16 | subindex << 8 | bits)
 
 
 def read_layout(dictionary: Dictionary, kind: Kind, number: int, read: Callable[[int, int], int]) -> PdoLayout:

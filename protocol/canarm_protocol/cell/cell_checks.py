@@ -7,15 +7,14 @@ key, value, and what would be right.
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
-from .model import CHANNEL_COUNT, CHANNELS_OF, Bus, Card, CardModel, Cell, Channel
+from ..cards import KINDS, Wire
+from .model import Bus, Card, Cell, Channel, leaves
 from .robot_checks import joint_problems, robot_problems
 from .sensing import fitted_sensor
 from .sensors import SENSOR_KINDS, AnalogueSensor
 
 BENCH_NODE_IDS = range(0x70, 0x80)
 """Below them, the COB-IDs of the bench node would meet those of its telemetry and its further SDO channels."""
-HIGHEST_ERROR_VALUE = {CardModel.DAC0808: 255, CardModel.LATCH: 0b10, CardModel.ADC0809: 0}
-"""Of an output channel: an 8-bit code; two direction bits, of which 11 is refused."""
 MOST_JOINTS = 32
 """The bench node's COB-IDs are laid out for as many."""
 
@@ -86,7 +85,8 @@ def _wiring_problems(cell: Cell) -> Iterator[str]:
     joints = {robot.name: [joint.name for joint in robot.joint] for robot in cell.robot}
     wired: dict[tuple[str, str], str] = {}
     for card in cell.card:
-        allowed, count = CHANNELS_OF[card.model], CHANNEL_COUNT[card.model]
+        allowed, count = leaves(card.kind.takes), card.kind.channels
+        highest = card.kind.highest_error_value(card)
         seen: set[int] = set()
         for channel in card.channel:
             where = f"card {card.name!r}.channel {channel.number}"
@@ -101,8 +101,7 @@ def _wiring_problems(cell: Cell) -> Iterator[str]:
                 yield f"{_signal(where, channel)}: card model {card.model} takes <joint>.{_listed(allowed, ' or ')}"
             elif channel.leaf in SENSOR_KINDS and card.robot in joints and fitted_sensor(cell, card, channel) is None:
                 yield f"{_signal(where, channel)}: the joint has no [robot.joint.sensors.{channel.leaf}]"
-            elif channel.error_value > HIGHEST_ERROR_VALUE[card.model]:
-                highest = HIGHEST_ERROR_VALUE[card.model]
+            elif channel.error_value > highest:
                 right = f"must be from 0 to {highest}" if highest else "an input has none; leave it out"
                 yield f"{where}.error_value = {channel.error_value}: {right}"
             elif (card.robot, channel.signal) in wired:
@@ -118,20 +117,20 @@ def _unwired(cell: Cell) -> Iterator[str]:
         for joint in robot.joint:
             for leaf in (*joint.drive.commands, *(sensor.kind for sensor in joint.sensors.fitted())):
                 if (robot.name, f"{joint.name}.{leaf}") not in wired:
-                    models = _listed((model for model, allowed in CHANNELS_OF.items() if leaf in allowed), " or ")
+                    models = _listed((each.model for each in KINDS.values() if leaf in leaves(each.takes)), " or ")
                     yield f'card.channel: "{joint.name}.{leaf}" is not wired; a channel of card model {models} takes it'
 
 
 def _scan_problems(cell: Cell) -> Iterator[str]:
-    """An ADC converts all its wired channels in every cycle, against one reference voltage."""
+    """A converter converts all its wired channels in every cycle, against one reference voltage."""
     bus = cell.bus
     for card in cell.card:
-        if card.model is not CardModel.ADC0809:
+        if card.kind.takes is not Wire.VOLTAGE:
             continue
-        scan_us = len(card.channel) * card.conversion_us
+        scan_us = len(card.channel) * card.channel_us
         if scan_us + bus.compute_delay_us > bus.cycle_us:
             yield (
-                f"card {card.name!r}.conversion_us = {card.conversion_us}: a scan of {len(card.channel)} channels and "
+                f"card {card.name!r}.conversion_us = {card.channel_us}: a scan of {len(card.channel)} channels and "
                 f"bus.compute_delay_us = {bus.compute_delay_us} do not fit into bus.cycle_us = {bus.cycle_us}"
             )
         references: dict[float, str] = {}

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from canopen.objectdictionary import datatypes
 
 from ..canopen.dictionary import SYNC_OVERFLOW, Dictionary, default_value, variable_at
-from ..canopen.frames import Cob, ErrorCode, NmtCommand, NmtState
+from ..canopen.frames import HIGHEST_NODE_ID, Cob, ErrorCode, NmtCommand, NmtState
 from ..canopen.pdo import MappedObject, PdoLayout, read_layouts
 from .bench_objects import (
     ACTIVE_FAULTS,
@@ -144,7 +144,7 @@ def bench_database(cell: Cell) -> Database:
 def _network_messages(cell: Cell, nodes: tuple[CardNode, ...], cards: tuple[str, ...]) -> Iterator[Message]:
     node_ids = {0: "all", **{node.card.node_id: card for node, card in zip(nodes, cards, strict=True)}}
     commands = Signal("command", 0, 8, maximum=255, choices=_words(NmtCommand, "-"))
-    node_id = Signal("node_id", 8, 8, maximum=127, choices=node_ids)
+    node_id = Signal("node_id", 8, 8, maximum=HIGHEST_NODE_ID, choices=node_ids)
     yield Message(Cob.NMT, "NMT", 2, CONTROLLER, cards, (commands, node_id), comment="NMT node control")
     overflow = default_value(nodes[0].dictionary, SYNC_OVERFLOW)
     counter = (Signal("counter", 0, 8, minimum=1, maximum=overflow),) if overflow else ()

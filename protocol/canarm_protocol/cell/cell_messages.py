@@ -6,7 +6,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from .model import Cell
+from ..canopen.frames import HIGHEST_NODE_ID
+from .model import CARD_TYPES, Card, Cell
 
 Location = tuple[str | int, ...]
 
@@ -49,26 +50,39 @@ def explain(problem: Mapping[str, Any], table: Mapping[str, Any]) -> str:
         )
     if kind == "extra_forbidden":
         what = "table" if isinstance(value, Mapping) else "key"
-        return f"{key}: unknown {what}{nearest(str(last), keys_at(location[:-1]))}"
+        return f"{key}: unknown {what}{nearest(str(last), keys_at(location[:-1], table))}"
     if last == "node_id" and isinstance(value, int):
-        return f"{key} = {_toml(value, key)}: node-IDs are 0x01 to 0x7F"
+        return f"{key} = {_toml(value, key)}: node-IDs are 0x01 to 0x{HIGHEST_NODE_ID:02X}"
     return f"{key} = {_toml(value, key)}: {_rule(kind, problem, last)}"
 
 
-def keys_at(location: Location) -> list[str]:
-    """The keys that the schema has in a table; none where `location` is no table."""
+def keys_at(location: Location, table: Any = None) -> list[str]:
+    """The keys that the schema has in a table; none where `location` is no table. `table` has the cards' models."""
     model: Any = Cell
     for part in location:
+        table = _within(table, part)
         if isinstance(part, int):
+            if model is Card and isinstance(table, Mapping):
+                model = CARD_TYPES.get(str(table.get("model")), Card)
             continue
         field = model.model_fields.get(part)
         annotation = field.annotation if field else None
-        model = next(
-            (argument for argument in getattr(annotation, "__args__", ()) if isinstance(argument, type)), annotation
-        )
+        model = next((each for each in _arguments(annotation) if isinstance(each, type)), annotation)
         if not (isinstance(model, type) and issubclass(model, BaseModel)):
             return []
     return list(model.model_fields)
+
+
+def _arguments(annotation: Any) -> Iterable[Any]:
+    """What a generic type is of, without what is annotated to it."""
+    return (getattr(argument, "__origin__", argument) for argument in getattr(annotation, "__args__", ()))
+
+
+def _within(table: Any, part: str | int) -> Any:
+    try:
+        return table[part]
+    except (LookupError, TypeError):
+        return None
 
 
 def nearest(word: str, known: Iterable[str], see: str = "") -> str:
@@ -96,10 +110,7 @@ def spelled(location: Location, table: Any) -> str:
     """A key's path as people say it: elements of an array of tables by their name, `card 'adc'.slot`."""
     text = ""
     for part in location:
-        try:
-            table = table[part]
-        except (LookupError, TypeError):
-            table = None
+        table = _within(table, part)
         if isinstance(part, str):
             text += f".{part}" if text else part
         elif isinstance(table, Mapping):

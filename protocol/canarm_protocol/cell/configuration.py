@@ -8,14 +8,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from ..canopen.dictionary import (
-    ANALOGUE_ERROR_MODE,
-    ANALOGUE_ERROR_VALUE,
-    CODE_SHIFT,
     CONSUMER_HEARTBEAT,
     CYCLE_PERIOD,
-    DIGITAL_ERROR_MODE,
-    DIGITAL_ERROR_VALUE,
-    DIGITAL_FILTER_MASK,
     EMERGENCY_COB_ID,
     EMERGENCY_INHIBIT_TIME,
     ERROR_BEHAVIOUR,
@@ -28,15 +22,12 @@ from ..canopen.dictionary import (
 from ..canopen.frames import Cob
 from ..canopen.pdo import COMMUNICATION, DISABLED, MAPPING, PdoLayout
 from .model import Bus
-from .wiring import BITS_A_JOINT, CardNode
+from .wiring import CardNode
 
 TO_PRE_OPERATIONAL = 0
 """Error behaviour (0x1029:1): leave OPERATIONAL when the controller's heartbeat is lost."""
-ALL_BITS = 0xFF
 TIMINGS = (3, 5, 6)
 """Of a PDO: inhibit time, event timer, SYNC start value (CiA 301, 7.5.2.35, 7.5.2.37). Synchronous ones need none."""
-ANALOGUE_ERROR_SHIFT = CODE_SHIFT + 16
-"""An error value of 0x6444 is left-adjusted in 32 bits: the output's 16 bits are the upper ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +46,8 @@ def card_settings(node: CardNode, bus: Bus) -> tuple[Setting, ...]:
         *_sync_settings(node, bus),
         *_emergency_settings(node),
         Setting(ERROR_BEHAVIOUR, 1, TO_PRE_OPERATIONAL),
-        *_error_settings(node),
+        *_application_settings(node),
+        *(Setting(COMMUNICATION[each.kind] + each.number - 1, 1, DISABLED | each.cob_id) for each in node.unused),
         *(setting for layout in (*node.rpdos, *node.tpdos) for setting in _pdo_settings(node, layout)),
     )
 
@@ -92,20 +84,12 @@ def _emergency_settings(node: CardNode) -> Iterator[Setting]:
         yield Setting(EMERGENCY_INHIBIT_TIME, 0, 0)
 
 
-def _error_settings(node: CardNode) -> Iterator[Setting]:
-    """Every output takes its error value when the controller is lost; the cell says which."""
-    values = {channel.number: channel.error_value for channel in node.card.channel}
-    if DIGITAL_ERROR_MODE in node.dictionary:
-        bits = sum(value << BITS_A_JOINT * (number - 1) for number, value in values.items())
-        yield Setting(DIGITAL_ERROR_MODE, 1, ALL_BITS)
-        yield Setting(DIGITAL_ERROR_VALUE, 1, bits)
-    if DIGITAL_FILTER_MASK in node.dictionary:
-        yield Setting(DIGITAL_FILTER_MASK, 1, ALL_BITS)
-    if ANALOGUE_ERROR_MODE in node.dictionary:
-        outputs = sorted(set(node.dictionary[ANALOGUE_ERROR_MODE].subindices) - {0})
-        yield from (Setting(ANALOGUE_ERROR_MODE, output, 1) for output in outputs)
-        for output in outputs:
-            yield Setting(ANALOGUE_ERROR_VALUE, output, values.get(output, 0) << ANALOGUE_ERROR_SHIFT)
+def _application_settings(node: CardNode) -> Iterator[Setting]:
+    """What the card's kind wants, with the error values that the cell has chosen."""
+    card = node.card
+    error_values = {channel.number: channel.error_value for channel in card.channel}
+    for index, subindex, value in card.kind.application_values(card, node.dictionary, error_values):
+        yield Setting(index, subindex, value)
 
 
 def _pdo_settings(node: CardNode, layout: PdoLayout) -> Iterator[Setting]:

@@ -6,32 +6,38 @@ Units stand in the key names; angles are degrees in the file because people writ
 """
 
 from collections import Counter
-from enum import StrEnum
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field, SerializeAsAny, ValidatorFunctionWrapHandler, WrapValidator, create_model
+from pydantic_core import PydanticCustomError
 
+from ..canopen.frames import HIGHEST_NODE_ID
+from ..cards import KINDS, CardKind, Codec, Settings, Wire
 from .arm import Body, Joint, Link, Motor, Robot
 from .drives import D669, Command, Drive
-from .sensors import SENSOR_KINDS, AnalogueSensor, Quantity, Sensor, Sensors
+from .sensors import SENSOR_KINDS, Quantity, Sensor, Sensors
 from .table import Finite, Name, NonNegative, Positive, Table, Vector
 
 __all__ = [
-    "CHANNELS_OF", "CHANNEL_COUNT", "D669", "SENSOR_KINDS", "Body", "Bus", "Card", "CardModel", "Cell", "Channel",
+    "CARD_TYPES", "D669", "SENSOR_KINDS", "Body", "Bus", "Card", "Cell", "Channel",
     "Command", "Control", "Drive", "Finite", "Joint", "Link", "Motor", "MrasGains", "MrasLyapunovGains", "Name",
     "NodeId", "NonNegative", "ObserverGains", "Physics", "Positive", "Quantity", "Robot", "Sensor", "Sensors",
-    "SlotineLiGains", "Supervision", "Table", "Vector",
+    "SlotineLiGains", "Supervision", "Table", "Vector", "leaves",
 ]  # fmt: skip
 
-NodeId = Annotated[int, Field(ge=1, le=127)]
+NodeId = Annotated[int, Field(ge=1, le=HIGHEST_NODE_ID)]
+
+_WIRES: Mapping[str, Wire] = {
+    Command.CURRENT: Wire.CURRENT_COMMAND,
+    Command.DIRECTION: Wire.DIRECTION,
+    **{name: kind.wire for name, kind in SENSOR_KINDS.items()},
+}
 
 
-class CardModel(StrEnum):
-    """The cards that the emulator has, by the name used in `[[card]] model`."""
-
-    DAC0808 = "dac0808"
-    LATCH = "sc300"
-    ADC0809 = "adc0809"
+def leaves(wire: Wire) -> tuple[str, ...]:
+    """What can be wired to a card that takes `wire`: commands of drives, or kinds of sensor."""
+    return tuple(leaf for leaf, its_wire in _WIRES.items() if its_wire is wire)
 
 
 class Bus(Table):
@@ -70,7 +76,7 @@ class Channel(Table):
 
     number: Annotated[int, Field(ge=1, le=8)]
     signal: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]*\.[a-z_]+$")]
-    error_value: Annotated[int, Field(ge=0, le=255)] = 0
+    error_value: Annotated[int, Field(ge=0)] = 0
     """What an output channel takes when the controller is lost: a DAC code, or direction bits. 0: no current, off."""
 
     @property
@@ -84,16 +90,63 @@ class Channel(Table):
         return self.signal.split(".")[1]
 
 
-class Card(Table):
-    """A peripheral card: a slot of one robot's Apple II, and a CANopen node."""
+def _known_model(model: str) -> str:
+    if model not in KINDS:
+        *most, last = map(repr, KINDS)
+        raise PydanticCustomError("enum", "no such card", {"expected": f"{', '.join(most)} or {last}"})
+    return model
+
+
+class Card(Settings):
+    """A peripheral card: a slot of one robot's Apple II, and a CANopen node.
+
+    Every card of a cell is of the class in `CARD_TYPES` that has its kind's settings as well.
+    """
 
     name: Name
-    model: CardModel = Field(strict=False)
+    model: Annotated[str, AfterValidator(_known_model)]
     robot: Name
     slot: Annotated[int, Field(ge=1, le=7)]
     node_id: NodeId
-    conversion_us: Annotated[int, Field(ge=1, le=10_000)] = 100
     channel: Annotated[tuple[Channel, ...], Field(min_length=1, max_length=8)]
+
+    @property
+    def kind(self) -> CardKind:
+        """What there is to know of all cards of its model."""
+        return KINDS[self.model]
+
+    @property
+    def codec(self) -> Codec:
+        """How its channels' codes stand in its objects."""
+        return self.kind.codec(self)
+
+    @property
+    def channel_us(self) -> int:
+        """How long one channel takes to convert after the one before; 0 where all are taken at SYNC."""
+        return self.kind.channel_us(self)
+
+
+def _card_type(model: str, settings: type[Settings]) -> type[Card]:
+    bases: tuple[type[Any], ...] = (Card, settings)
+    return create_model(f"{model}_card", __base__=bases)
+
+
+CARD_TYPES: Mapping[str, type[Card]] = {
+    model: Card if kind.settings is Settings else _card_type(model, kind.settings) for model, kind in KINDS.items()
+}
+"""By model. A card of a kind without settings of its own is a plain `Card`."""
+
+_SETTINGS = {key for kind in KINDS.values() for key in kind.settings.model_fields}
+
+
+def _of_its_kind(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
+    """With the settings of its kind; those of any kind are let pass where the model is wrong already."""
+    if not isinstance(value, Mapping):
+        return handler(value)
+    model = value.get("model")
+    if isinstance(model, str) and model in CARD_TYPES:
+        return CARD_TYPES[model].model_validate(value)
+    return handler({key: each for key, each in value.items() if key not in _SETTINGS})
 
 
 class MrasGains(Table):
@@ -168,17 +221,6 @@ class Supervision(Table):
     acceleration_mismatch_rad_s2: Positive = 4.0
 
 
-CHANNELS_OF: dict[CardModel, tuple[str, ...]] = {
-    CardModel.DAC0808: (Command.CURRENT,),
-    CardModel.LATCH: (Command.DIRECTION,),
-    CardModel.ADC0809: tuple(name for name, kind in SENSOR_KINDS.items() if issubclass(kind, AnalogueSensor)),
-}
-"""What can be wired to which card: commands of drives, and kinds of sensor."""
-
-CHANNEL_COUNT: dict[CardModel, int] = {CardModel.DAC0808: 4, CardModel.LATCH: 4, CardModel.ADC0809: 8}
-"""Channels of a card: four DAC0808s behind two 4-bit latches each; eight latch bits, two a joint; an 8-channel ADC."""
-
-
 class Cell(Table):
     """A whole cell; see the shipped `cells/konkuk1.toml` for every key with its unit."""
 
@@ -187,7 +229,9 @@ class Cell(Table):
     bus: Bus
     physics: Physics
     robot: Annotated[tuple[Robot, ...], Field(min_length=1, max_length=7)]
-    card: Annotated[tuple[Card, ...], Field(min_length=1, max_length=49)]
+    card: Annotated[
+        tuple[Annotated[SerializeAsAny[Card], WrapValidator(_of_its_kind)], ...], Field(min_length=1, max_length=49)
+    ]
     control: Control
     supervision: Supervision
 

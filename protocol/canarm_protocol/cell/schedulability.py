@@ -7,7 +7,7 @@ revisited and revised", Real-Time Systems 35 (2007) 239-272, section 3. Numbers 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ..canopen.dictionary import ANALOGUE_INPUT, SYNC_OVERFLOW, default_value
+from ..canopen.dictionary import SYNC_OVERFLOW, default_value
 from ..canopen.frames import Cob, Frame, time_frame
 from ..transport.bits import INTERMISSION_BITS, arbitration_key, worst_case_bits
 from .model import Cell
@@ -203,7 +203,7 @@ def _chain(cell: Cell, nodes: Sequence[CardNode], messages: Sequence[Message]) -
     outputs = sum(message_bits(layout.size) for node in nodes for layout in node.rpdos)
     sync = next(message.bits for message in messages if message.can_id == Cob.SYNC)
     blocking = max(message.bits for message in messages if message.can_id >= Cob.HEARTBEAT)
-    scan_us = max((node.card.conversion_us * _inputs(node) for node in nodes), default=0)
+    scan_us = max((node.card.channel_us * _inputs(node) for node in nodes), default=0)
     total_ns = round((sync + inputs + outputs + 3 * blocking) * bit_ns) + (scan_us + bus.compute_delay_us) * 1000
     sync_us, inputs_us, outputs_us, blocking_us = (
         f"{bits * bit_ns / 1000:.0f}" for bits in (sync, inputs, outputs, blocking)
@@ -218,4 +218,4 @@ def _chain(cell: Cell, nodes: Sequence[CardNode], messages: Sequence[Message]) -
 
 def _inputs(node: CardNode) -> int:
     """Channels that a card converts after a SYNC."""
-    return sum(mapped.index == ANALOGUE_INPUT for layout in node.tpdos for mapped in layout.objects)
+    return sum(len(layout.objects) for layout in node.tpdos)

@@ -9,10 +9,6 @@ from dataclasses import dataclass
 
 from .model import Card, Cell, Channel
 from .sensors import SENSOR_KINDS, Quantity, Sensor, SensorScale
-from .sensors.base import highest_code
-
-CODE_BITS = 8
-"""Of every converter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +35,7 @@ class WiredSensor:
     @property
     def highest_code(self) -> int:
         """The greatest code that its card gives."""
-        return highest_code(self.bits)
+        return self.card.codec.full_scale
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +95,7 @@ def _wired(cell: Cell, card: Card, channel: Channel, rank: int) -> WiredSensor:
         sensor,
         card,
         channel.number,
-        CODE_BITS,
-        sensor.scale(CODE_BITS),
-        rank * (card.conversion_us * 1e-6),
+        card.codec.bits,
+        sensor.scale(card.codec.bits),
+        rank * (card.channel_us * 1e-6),
     )

@@ -5,33 +5,25 @@ Controller, recorder and dashboard all read frames through this; nobody writes a
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 
-from ..canopen.dictionary import (
-    ANALOGUE_INPUT,
-    ANALOGUE_OUTPUT,
-    CODE_SHIFT,
-    DIGITAL_OUTPUT,
-    Dictionary,
-    default_value,
-    load_dictionary,
+from ..canopen.dictionary import Dictionary, default_value, load_dictionary
+from ..canopen.pdo import (
+    COMMUNICATION,
+    DISABLED,
+    MOST_BYTES,
+    Kind,
+    PdoLayout,
+    mapped_variable,
+    pdo_numbers,
+    read_layout,
 )
-from ..canopen.pdo import Kind, MappedObject, PdoLayout, read_layouts
-from .model import Card, Cell, Joint, Quantity
+from ..cards import Codec, Wire
+from ..cards.sc300 import DirectionBits as DirectionBits
+from .model import Card, Cell, Command, Joint, Quantity
 from .sensors import SENSOR_KINDS, SensorScale
 
-BITS_A_JOINT = 2
-"""Direction bits of one joint in the latch; channel n sits at bits 2n-2 and 2n-1."""
 FULL_SCALE_CODE = 255
-
-
-class DirectionBits(IntEnum):
-    """What two bits of the latch do to a joint's bridge; counter-clockwise is towards positive angles."""
-
-    OFF = 0b00
-    CLOCKWISE = 0b01
-    COUNTER_CLOCKWISE = 0b10
-    ILLEGAL = 0b11
+"""Of eight bits."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +34,8 @@ class CardNode:
     dictionary: Dictionary
     rpdos: tuple[PdoLayout, ...]
     tpdos: tuple[PdoLayout, ...]
+    unused: tuple[PdoLayout, ...] = ()
+    """PDOs that are on by default and carry no wired channel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,68 +47,116 @@ class InputSlot:
     position: int
     quantity: Quantity
     joint: int
+    codec: Codec
+    """Gives the code in the value."""
 
 
 def card_nodes(cell: Cell) -> tuple[CardNode, ...]:
-    """All cards of the cell with the PDOs that the controller sets up: the EDS's mapping less channels not wired."""
+    """All cards of the cell with the PDOs that the controller sets up."""
     return tuple(_card_node(card) for card in cell.card)
 
 
 def _card_node(card: Card) -> CardNode:
     dictionary = load_dictionary(card.model, card.node_id)
-    wired = {channel.number for channel in card.channel}
+    kind: Kind = "rpdo" if card.kind.is_output else "tpdo"
+    enabled: list[PdoLayout] = []
+    disabled: list[PdoLayout] = []
+    for number in pdo_numbers(dictionary, kind):
+        layout = read_layout(dictionary, kind, number, lambda *where: default_value(dictionary, *where))
+        is_disabled = default_value(dictionary, COMMUNICATION[kind] + number - 1, 1) & DISABLED
+        (disabled if is_disabled else enabled).append(layout)
+    used = _carriers(card, dictionary, enabled, disabled)
+    numbers = {layout.number for layout in used}
+    unused = tuple(layout for layout in enabled if layout.number not in numbers)
+    return CardNode(card, dictionary, used if card.kind.is_output else (), () if card.kind.is_output else used, unused)
 
-    def is_wired(mapped: MappedObject) -> bool:
-        return mapped.index == DIGITAL_OUTPUT or mapped.subindex in wired
 
-    def layouts(kind: Kind) -> tuple[PdoLayout, ...]:
-        found = read_layouts(dictionary, kind, lambda index, subindex: default_value(dictionary, index, subindex))
-        return tuple(layout for layout in (each.restricted_to(is_wired) for each in found) if layout.objects)
+def _carriers(
+    card: Card, dictionary: Dictionary, enabled: Sequence[PdoLayout], disabled: Sequence[PdoLayout]
+) -> tuple[PdoLayout, ...]:
+    """The EDS's mapping less the channels that are not wired; or, where they stand in other objects, one made of these.
 
-    return CardNode(card, dictionary, layouts("rpdo"), layouts("tpdo"))
+    Such a mapping fills the PDOs that are on by default first, then the others.
+    """
+    places = [card.kind.place(card, channel.number) for channel in card.channel]
+    wanted = sorted({(place.index, place.subindex) for place in places})
+    restricted = [layout.restricted_to(lambda each: (each.index, each.subindex) in wanted) for layout in enabled]
+    if {(each.index, each.subindex) for layout in restricted for each in layout.objects} == set(wanted):
+        return tuple(layout for layout in restricted if layout.objects)
+    objects = [mapped_variable(dictionary, index, subindex) for index, subindex in wanted]
+    carriers = []
+    for layout in (*enabled, *disabled):
+        room, taken = MOST_BYTES * 8, []
+        while objects and objects[0].bits <= room:
+            taken.append(objects.pop(0))
+            room -= taken[-1].bits
+        if taken:
+            carriers.append(layout.mapping(taken))
+    return tuple(carriers)
 
 
 def input_slots(cell: Cell, nodes: Sequence[CardNode]) -> tuple[InputSlot, ...]:
     """Every measured quantity of the cell, in the order in which the frames carry them."""
     slots = []
     for node in nodes:
-        channels = {channel.number: channel for channel in node.card.channel}
+        card = node.card
+        channels = {_object_of(card, channel.number): channel for channel in card.channel}
         for layout in node.tpdos:
             for position, mapped in enumerate(layout.objects):
-                if mapped.index == ANALOGUE_INPUT:
-                    channel = channels[mapped.subindex]
-                    joint, quantity = cell.far_joint(node.card, channel), SENSOR_KINDS[channel.leaf].quantity
-                    slots.append(InputSlot(node.card.node_id, layout.cob_id, position, quantity, joint))
+                channel = channels[mapped.index, mapped.subindex]
+                joint, quantity = cell.far_joint(card, channel), SENSOR_KINDS[channel.leaf].quantity
+                slots.append(InputSlot(card.node_id, layout.cob_id, position, quantity, joint, card.codec))
     return tuple(slots)
+
+
+def _object_of(card: Card, number: int) -> tuple[int, int]:
+    place = card.kind.place(card, number)
+    return place.index, place.subindex
 
 
 class OutputFrames:
     """Packs DAC codes and direction bits of all joints into the cards' RPDOs."""
 
     def __init__(self, cell: Cell, nodes: Sequence[CardNode]) -> None:
-        self._frames: list[tuple[PdoLayout, tuple[tuple[int, int], ...], bool]] = []
+        self._frames: list[tuple[PdoLayout, bool, list[list[tuple[int, int]]]]] = []
+        """For each RPDO: whether it carries directions, and for each of its objects the joints and shifts in it."""
         for node in nodes:
-            joints = {channel.number: cell.far_joint(node.card, channel) for channel in node.card.channel}
+            card = node.card
+            parts: dict[tuple[int, int], list[tuple[int, int]]] = {}
+            for channel in card.channel:
+                place, joint = card.kind.place(card, channel.number), cell.far_joint(card, channel)
+                shift = place.start_bit + card.codec.shift
+                parts.setdefault((place.index, place.subindex), []).append((joint, shift))
             for layout in node.rpdos:
-                if layout.objects[0].index == ANALOGUE_OUTPUT:
-                    sources = tuple((joints[mapped.subindex], CODE_SHIFT) for mapped in layout.objects)
-                    self._frames.append((layout, sources, False))
-                else:
-                    bits = tuple((joint, BITS_A_JOINT * (number - 1)) for number, joint in joints.items())
-                    self._frames.append((layout, bits, True))
+                objects = [parts[mapped.index, mapped.subindex] for mapped in layout.objects]
+                self._frames.append((layout, card.kind.takes is Wire.DIRECTION, objects))
 
     def pack(self, codes: Sequence[int], directions: Sequence[int]) -> list[tuple[int, bytes]]:
-        """COB-ID and data of each RPDO, from 8-bit DAC `codes` and 2-bit `directions`, one a joint."""
+        """COB-ID and data of each RPDO, from DAC `codes` and 2-bit `directions`, one for each joint."""
         packed = []
-        for layout, sources, is_latch in self._frames:
-            if is_latch:
+        for layout, is_direction, objects in self._frames:
+            source, values = directions if is_direction else codes, []
+            for parts in objects:
                 value = 0
-                for joint, shift in sources:
-                    value |= directions[joint] << shift
-                packed.append((layout.cob_id, layout.pack(value)))
-            else:
-                packed.append((layout.cob_id, layout.pack(*[codes[joint] << shift for joint, shift in sources])))
+                for joint, shift in parts:
+                    value |= source[joint] << shift
+                values.append(value)
+            packed.append((layout.cob_id, layout.pack(*values)))
         return packed
+
+
+def command_codec(cell: Cell, joint: int) -> Codec:
+    """The codec of the DAC channel that drives a joint (index in `cell.joints`). Raises `LookupError` without one."""
+    for card in cell.card:
+        for channel in card.channel:
+            if channel.leaf == Command.CURRENT and cell.far_joint(card, channel) == joint:
+                return card.codec
+    raise LookupError(f"{cell.joint_names[joint]}.{Command.CURRENT} is wired to no card of cell {cell.name!r}")
+
+
+def command_scale(cell: Cell, joint: int) -> SensorScale:
+    """Nominal scale of the DAC channel that drives a joint: A of motor current a code, without sign."""
+    return cell.joints[joint].drive.current_scale(command_codec(cell, joint).bits)
 
 
 def sensor_scale(joint: Joint, quantity: Quantity, bits: int = 8) -> SensorScale:
@@ -128,7 +170,7 @@ def sensor_scale(joint: Joint, quantity: Quantity, bits: int = 8) -> SensorScale
     return sensor.scale(bits)
 
 
-def current_scale(joint: Joint) -> SensorScale:
+def current_scale(joint: Joint, full_scale: int = FULL_SCALE_CODE) -> SensorScale:
     """Nominal scale of the DAC channel that drives `joint`: A of motor current a code, without sign."""
     return joint.drive.current_scale()
 
@@ -155,20 +197,24 @@ class WiredSignal:
 
 def wired_signals(cell: Cell, node: CardNode, layout: PdoLayout) -> tuple[WiredSignal, ...]:
     """What `layout`, a PDO of `node`, carries, in the order of its bits."""
-    signals = []
+    card, signals = node.card, []
+    codec = card.codec
     for mapped, start_bit in zip(layout.objects, layout.bit_offsets, strict=True):
-        for channel in node.card.channel:
-            joint, leaf = cell.far_joint(node.card, channel), channel.leaf
-            if mapped.index == DIGITAL_OUTPUT:
-                bit = start_bit + BITS_A_JOINT * (channel.number - 1)
-                signals.append(WiredSignal(joint, leaf, None, bit, BITS_A_JOINT, False, 1.0, 0.0, max(DirectionBits)))
-            elif mapped.subindex == channel.number:
-                kind = SENSOR_KINDS.get(leaf)
-                quantity = None if kind is None else kind.quantity
-                joint_itself = cell.joints[joint]
-                scale = current_scale(joint_itself) if quantity is None else sensor_scale(joint_itself, quantity)
-                factor, highest_raw = scale.step / (1 << CODE_SHIFT), FULL_SCALE_CODE << CODE_SHIFT
-                signals.append(
-                    WiredSignal(joint, leaf, quantity, start_bit, mapped.bits, True, factor, scale(0), highest_raw)
-                )
+        for channel in card.channel:
+            joint, leaf = cell.far_joint(card, channel), channel.leaf
+            place = card.kind.place(card, channel.number)
+            if (place.index, place.subindex) != (mapped.index, mapped.subindex):
+                continue
+            bit, kind = start_bit + place.start_bit, SENSOR_KINDS.get(leaf)
+            if leaf == Command.DIRECTION:
+                signals.append(WiredSignal(joint, leaf, None, bit, codec.bits, False, 1.0, 0.0, codec.full_scale))
+                continue
+            quantity = None if kind is None else kind.quantity
+            if quantity is None:
+                scale = command_scale(cell, joint)
+            else:
+                scale = sensor_scale(cell.joints[joint], quantity, codec.bits)
+            factor, highest_raw = scale.step / (1 << codec.shift), codec.value(codec.full_scale)
+            signed = mapped.is_signed
+            signals.append(WiredSignal(joint, leaf, quantity, bit, mapped.bits, signed, factor, scale(0), highest_raw))
     return tuple(sorted(signals, key=lambda signal: signal.start_bit))

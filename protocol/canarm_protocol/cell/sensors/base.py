@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar, Literal
 
+from ...cards.kind import Wire
 from ..table import NonNegative, Positive, Table
 
 
@@ -47,6 +48,8 @@ class Sensor(Table):
     """Its table in the file, and the second half of its signal: `[robot.joint.sensors.<kind>]`, `<joint>.<kind>`."""
     title: ClassVar[str]
     quantity: ClassVar[Quantity]
+    wire: ClassVar[Wire]
+    """What kind of card channel takes it."""
     is_on_motor: ClassVar[bool] = False
     """Whether it sits on the motor's side of the drive wire."""
     takes_magnitude: ClassVar[bool] = False
@@ -67,6 +70,8 @@ class Sensor(Table):
 
 class AnalogueSensor(Sensor):
     """A sensor that gives a voltage, 0 to `full_scale_v`, for an ADC whose reference is that full scale."""
+
+    wire: ClassVar[Wire] = Wire.VOLTAGE
 
     full_scale_v: Positive
     noise_lsb: NonNegative

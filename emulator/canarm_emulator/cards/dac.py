@@ -1,0 +1,81 @@
+"""A D/A card of 8 to 16 bits: four converters, each behind a register that takes its two bytes over at once.
+
+Registers of channel c (0 to 3): 4c holds the code's low byte, a write to 4c+1 brings its high byte and loads the
+converter with both, as double-buffered converters on 8-bit buses do; a code never passes through an intermediate
+value. Bits above the resolution are not connected. Settling takes far less than a bus cycle.
+"""
+
+from collections.abc import Callable
+
+from canarm_protocol.cell.model import Card
+
+from ..signals import Distortion
+from .converters import output_fractions
+from .device import DacDevice
+from .plugged import Connections, Plugged
+from .registers import OPEN_BUS
+
+CHANNELS = 4
+SPACING = 4
+"""Addresses from one channel's registers to the next one's."""
+
+
+class DacCard:
+    """Buffers and converters of `bits` bits. `on_output(channel, fraction)` is told of every change of I_out / I_ref.
+
+    Full scale is that of eight bits, 255/256 of the reference, so that the op-amp behind it is trimmed alike.
+    `nonlinearity` is as in `Dac0808Card`.
+    """
+
+    def __init__(self, bits: int, on_output: Callable[[int, float], None], nonlinearity: float = 0.0) -> None:
+        self._low = [0] * CHANNELS
+        self._codes = [0] * CHANNELS
+        self._mask = (1 << bits) - 1
+        self._on_output = on_output
+        self._fractions = output_fractions(bits, nonlinearity)
+        self._distortions: dict[int, Distortion] = {}
+
+    def read(self, address: int, now_ns: int) -> int:
+        """The registers cannot be read back."""
+        return OPEN_BUS
+
+    def write(self, address: int, value: int, now_ns: int) -> None:
+        """Keep a low byte, or load a converter."""
+        channel, register = divmod(address, SPACING)
+        if register == 0:
+            self._low[channel] = value & 0xFF
+        elif register == 1:
+            code = (self._low[channel] | (value & 0xFF) << 8) & self._mask
+            if code != self._codes[channel]:
+                self._codes[channel] = code
+                self.refresh(channel)
+
+    def load(self, channel: int, code: int, now_ns: int) -> None:
+        """Write both bytes of a channel."""
+        self.write(SPACING * channel, code & 0xFF, now_ns)
+        self.write(SPACING * channel + 1, code >> 8, now_ns)
+
+    def refresh(self, channel: int) -> None:
+        """Convert the code, as changed by whatever breaks in front of the converter."""
+        code = self._codes[channel]
+        if self._distortions and channel in self._distortions:
+            code = int(self._distortions[channel](code))
+        self._on_output(channel, self._fractions[code])
+
+    def distort(self, channel: int, distortion: Distortion | None) -> None:
+        """Let the converter see another code than was loaded, from the next `refresh` on."""
+        if distortion is None:
+            self._distortions.pop(channel, None)
+        else:
+            self._distortions[channel] = distortion
+
+    def code(self, channel: int) -> int:
+        """The code that a converter was loaded with."""
+        return self._codes[channel]
+
+
+def plug_in(card: Card, connections: Connections) -> Plugged:
+    """The card in its slot."""
+    registers = DacCard(card.codec.bits, connections.set_output, connections.dac.nonlinearity)
+    device = DacDevice(registers, card.codec.bits, CHANNELS, connections.now)
+    return Plugged(registers, device, registers.distort, registers.refresh)

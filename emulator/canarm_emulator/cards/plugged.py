@@ -1,0 +1,56 @@
+"""A card in its slot: what its analogue side is connected to, and what the rack gets back for plugging it in.
+
+Knows no particular kind: the module of a kind is found by its name.
+"""
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from canarm_protocol.cell.model import Card
+
+from ..node.io_device import IoDevice
+from ..robot.truth import AdcTruth, DacTruth
+from ..signals import Distortion
+from .registers import RegisterCard
+
+Clock = Callable[[], int]
+"""The present, in ns."""
+
+
+@dataclass(frozen=True, slots=True)
+class Connections:
+    """What a card of either direction is connected to; channels count from 0."""
+
+    now: Clock
+    set_output: Callable[[int, float], None]
+    """An output of a channel has changed: I_out/I_ref of a DAC, the two bits of a latch."""
+    sample: Callable[[int], float]
+    """What stands at the pin of an input channel now: V at a converter, rad at a counter."""
+    full_scale_v: float
+    """The reference voltage of a converter."""
+    adc: AdcTruth
+    dac: DacTruth
+
+
+@dataclass(frozen=True, slots=True)
+class Plugged:
+    """A card as registers and as a device, and where faults reach the code of a channel (from 0)."""
+
+    registers: RegisterCard
+    device: IoDevice
+    distort: Callable[[int, Distortion | None], None]
+    """Change the code of a channel, or no longer (None)."""
+    refresh: Callable[[int], None] | None = None
+    """Let an output pass its code on once more; None where there are no outputs."""
+    inputs: frozenset[int] = frozenset()
+    """Indices of the objects that have an input channel under each sub-index; mapping one in a TPDO has it scanned."""
+    scan: Callable[[int, float, int], None] | None = None
+    """Convert a channel, from what stood at its pin at a time (ns): the accesses of a program that scans the inputs."""
+
+
+def plug_in(card: Card, connections: Connections) -> Plugged:
+    """A card of the kind that `card` names."""
+    plugged = importlib.import_module(f".{card.model}", __package__).plug_in(card, connections)
+    assert isinstance(plugged, Plugged)
+    return plugged

@@ -1,0 +1,6 @@
+"""The kinds of cards that a cell may hold: a descriptor each, and the registry of them."""
+
+from .kind import CardKind, Codec, Place, Settings, Wire
+from .registry import KINDS
+
+__all__ = ["KINDS", "CardKind", "Codec", "Place", "Settings", "Wire"]

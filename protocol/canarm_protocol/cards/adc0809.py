@@ -1,0 +1,17 @@
+"""The A/D card with an ADC0809: eight multiplexed channels of eight bits."""
+
+from .analogue import ConversionSettings, codec_of_8_bits, conversion_us, input_place_16
+from .kind import CardKind, Wire
+
+ADC0809 = CardKind(
+    model="adc0809",
+    takes=Wire.VOLTAGE,
+    channels=8,
+    is_output=False,
+    settings=ConversionSettings,
+    codec=codec_of_8_bits,
+    place=input_place_16,
+    channel_us=conversion_us,
+    tap="{card}.channel{number}",
+    tap_about="code of {signal} after the conversion",
+)

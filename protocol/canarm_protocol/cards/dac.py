@@ -1,0 +1,23 @@
+"""A D/A card of any resolution from 8 to 16 bits: four channels, each with its two bytes taken over at once.
+
+It stands for no part of a maker's; its parameters are those that data sheets of such converters have in common.
+"""
+
+from .analogue import ResolutionSettings, codec_of_bits, error_values, output_place
+from .kind import CardKind, Wire
+
+DAC = CardKind(
+    model="dac",
+    takes=Wire.CURRENT_COMMAND,
+    channels=4,
+    is_output=True,
+    settings=ResolutionSettings,
+    codec=codec_of_bits,
+    place=output_place,
+    highest_error_value=lambda settings: codec_of_bits(settings).full_scale,
+    application_values=lambda settings, dictionary, values: error_values(
+        codec_of_bits(settings).bits, dictionary, values
+    ),
+    tap="{joint}.dac.code",
+    tap_about="code behind the DAC's latches",
+)

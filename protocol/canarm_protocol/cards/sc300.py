@@ -1,0 +1,48 @@
+"""The direction latch SC300: eight bits, two a joint, and what these two do to the joint's bridge."""
+
+from collections.abc import Iterator, Mapping
+from enum import IntEnum
+
+from ..canopen.dictionary import (
+    DIGITAL_ERROR_MODE,
+    DIGITAL_ERROR_VALUE,
+    DIGITAL_FILTER_MASK,
+    DIGITAL_OUTPUT,
+    Dictionary,
+)
+from .kind import CardKind, Codec, ObjectValue, Place, Wire
+
+BITS_PER_JOINT = 2
+"""Channel n sits at bits 2n-2 and 2n-1."""
+ALL_BITS = 0xFF
+
+
+class DirectionBits(IntEnum):
+    """What two bits of the latch do to a joint's bridge; counter-clockwise is towards positive angles."""
+
+    OFF = 0b00
+    CLOCKWISE = 0b01
+    COUNTER_CLOCKWISE = 0b10
+    ILLEGAL = 0b11
+
+
+def _application_values(dictionary: Dictionary, error_values: Mapping[int, int]) -> Iterator[ObjectValue]:
+    bits = sum(value << BITS_PER_JOINT * (number - 1) for number, value in error_values.items())
+    yield DIGITAL_ERROR_MODE, 1, ALL_BITS
+    yield DIGITAL_ERROR_VALUE, 1, bits
+    if DIGITAL_FILTER_MASK in dictionary:
+        yield DIGITAL_FILTER_MASK, 1, ALL_BITS
+
+
+SC300 = CardKind(
+    model="sc300",
+    takes=Wire.DIRECTION,
+    channels=4,
+    is_output=True,
+    codec=lambda _: Codec(BITS_PER_JOINT),
+    place=lambda _, number: Place(DIGITAL_OUTPUT, 1, BITS_PER_JOINT * (number - 1)),
+    highest_error_value=lambda _: DirectionBits.COUNTER_CLOCKWISE,
+    application_values=lambda _, dictionary, values: _application_values(dictionary, values),
+    tap="{joint}.latch",
+    tap_about="direction bits behind the latch: 1 clockwise, 2 counter-clockwise",
+)
