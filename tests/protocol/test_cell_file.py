@@ -5,12 +5,14 @@ import os
 
 import pytest
 
+from canarm_protocol.cards import KINDS
 from canarm_protocol.cell.cell_checks import MOST_JOINTS, problems
 from canarm_protocol.cell.cell_file import load_cell, parse_cell, setting_keys, shipped_cells
 from canarm_protocol.cell.robot_checks import joint_problems
 from canarm_protocol.cell.sensing import joint_sensors
 from canarm_protocol.errors import CellError, ProtocolError
 
+MODELS = list(KINDS)
 TEXT = shipped_cells()["konkuk1"]
 LATCH_JOINT3 = '{ number = 2, signal = "joint3.direction" }'
 
@@ -92,7 +94,7 @@ def test_a_cell_is_read_from_a_file(tmp_path) -> None:
         (
             'model = "sc300"',
             'model = "sc30"',
-            "card 'latch'.model = \"sc30\": must be 'dac0808', 'sc300', 'adc0809', 'dac' or 'adc'",
+            f"card 'latch'.model = \"sc30\": must be {', '.join(map(repr, MODELS[:-1]))} or {MODELS[-1]!r}",
         ),
         (
             "joint3.direction",

@@ -26,9 +26,11 @@ class Connections:
     set_output: Callable[[int, float], None]
     """An output of a channel has changed: I_out/I_ref of a DAC, the two bits of a latch."""
     sample: Callable[[int], float]
-    """What stands at the pin of an input channel now: V at a converter, rad at a counter."""
+    """What stands at the pin of an input channel now: V at a converter, rad of the encoder's shaft at a counter."""
     full_scale_v: float
     """The reference voltage of a converter."""
+    lines: Callable[[int], int]
+    """Periods per turn of the encoder at a channel of a counter; 0 where there is none."""
     adc: AdcTruth
     dac: DacTruth
 

@@ -141,7 +141,20 @@ class Rack:
         sample: Callable[[int], float] = lambda channel: 0.0,
     ) -> Connections:
         world, truth = self._world, self._truth
-        return Connections(lambda: world.time_ns, set_output, sample, self._reference_v(card), truth.adc, truth.dac)
+        return Connections(
+            lambda: world.time_ns,
+            set_output,
+            sample,
+            self._reference_v(card),
+            self._lines(card).__getitem__,
+            truth.adc,
+            truth.dac,
+        )
+
+    def _lines(self, card: Card) -> dict[int, int]:
+        """Periods per turn of the encoders at a card's channels (from 0); 0 at those without."""
+        fitted = {channel.number - 1: fitted_sensor(self._cell, card, channel) for channel in card.channel}
+        return {channel: getattr(fitted.get(channel), "lines", 0) for channel in range(card.kind.channels)}
 
     def _reference_v(self, card: Card) -> float:
         """The reference of a card's converter: the full scale of its sensors, which is the same for all."""

@@ -209,6 +209,7 @@ def _wired_signal(wired: WiredSignal, joint: str) -> Signal:
     is_direction = wired.leaf == Command.DIRECTION
     per_unit = 1.0 / DEGREE if wired.quantity is Quantity.POSITION else 1.0
     factor, offset = wired.factor * per_unit, _tidy(wired.offset * per_unit)
+    lowest, highest = sorted(_tidy(factor * raw + offset) for raw in (wired.lowest_raw, wired.highest_raw))
     return Signal(
         f"{joint}_{wired.leaf}",
         wired.start_bit,
@@ -216,8 +217,8 @@ def _wired_signal(wired: WiredSignal, joint: str) -> Signal:
         is_signed=wired.is_signed,
         factor=factor,
         offset=offset,
-        minimum=offset,
-        maximum=_tidy(factor * wired.highest_raw + offset),
+        minimum=lowest,
+        maximum=highest,
         unit="" if is_direction else _UNITS[wired.quantity],
         choices=_words(DirectionBits, "-") if is_direction else {},
     )

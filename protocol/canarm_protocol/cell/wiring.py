@@ -181,7 +181,7 @@ class WiredSignal:
 
     `leaf` is a `Command`, or the kind of a sensor with what it measures in `quantity`.
 
-    Values are in rad, rad/s or A, with raw from 0 to `highest_raw`; a direction is a `DirectionBits`.
+    Values are in rad, rad/s or A, with raw from `lowest_raw` to `highest_raw`; a direction is a `DirectionBits`.
     """
 
     joint: int
@@ -192,6 +192,7 @@ class WiredSignal:
     is_signed: bool
     factor: float
     offset: float
+    lowest_raw: int
     highest_raw: int
 
 
@@ -207,14 +208,14 @@ def wired_signals(cell: Cell, node: CardNode, layout: PdoLayout) -> tuple[WiredS
                 continue
             bit, kind = start_bit + place.start_bit, SENSOR_KINDS.get(leaf)
             if leaf == Command.DIRECTION:
-                signals.append(WiredSignal(joint, leaf, None, bit, codec.bits, False, 1.0, 0.0, codec.full_scale))
+                signals.append(WiredSignal(joint, leaf, None, bit, codec.bits, False, 1.0, 0.0, 0, codec.full_scale))
                 continue
             quantity = None if kind is None else kind.quantity
             if quantity is None:
                 scale = command_scale(cell, joint)
             else:
                 scale = sensor_scale(cell.joints[joint], quantity, codec.bits)
-            factor, highest_raw = scale.step / (1 << codec.shift), codec.value(codec.full_scale)
+            factor, raw = scale.step / (1 << codec.shift), (codec.lowest_value, codec.value(codec.full_scale))
             signed = mapped.is_signed
-            signals.append(WiredSignal(joint, leaf, quantity, bit, mapped.bits, signed, factor, scale(0), highest_raw))
+            signals.append(WiredSignal(joint, leaf, quantity, bit, mapped.bits, signed, factor, scale(0), *raw))
     return tuple(sorted(signals, key=lambda signal: signal.start_bit))
