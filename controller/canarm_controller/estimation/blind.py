@@ -4,6 +4,15 @@ POLE_RAD_S = 12.0
 """Of the observer, threefold: noise of 0.42 LSB leaves 0.03 rad/s; a wrong payload is learned within 0.3 s."""
 
 
+SLOWEST_POLE = 0.3
+"""The pole times the cycle time is never more."""
+
+
+def blind_pole_rad_s(period_s: float) -> float:
+    """The observer's pole for a cycle of `period_s`."""
+    return min(POLE_RAD_S, SLOWEST_POLE / period_s)
+
+
 class BlindObserver:
     """x' = x + T·v + T²/2·(a + b),  v' = v + T·(a + b),  b' = b, corrected by the potentiometer.
 
@@ -13,7 +22,7 @@ class BlindObserver:
     __slots__ = ("_gains", "_period_s", "bias", "position_rad", "velocity_rad_s")
 
     def __init__(self, period_s: float) -> None:
-        omega = POLE_RAD_S
+        omega = blind_pole_rad_s(period_s)
         self._period_s = period_s
         self._gains = 3.0 * omega * period_s, 3.0 * omega**2 * period_s, omega**3 * period_s
         self.start(0.0, 0.0, 0.0)

@@ -74,9 +74,9 @@ class Controller:
         self._ticks = ticks
         self._nodes = nodes
         self._supervisor = Supervisor(cell, nodes)
-        self._watch = ArmWatch(cell, loop.arm, loop.inputs.skew_s, loop.law.following_error_lsb, self._detect_at_joint)
+        self._watch = ArmWatch(cell, loop.arm, loop.law.following_error_lsb, self._detect_at_joint)
         self._log = DetectionLog()
-        self._stop = SafeStop(loop, lambda: [each.bias for each in self._watch.joints])
+        self._stop = SafeStop(loop, self._watch.safe_hold, self._watch.standing_rad_s)
         self._has_measured = False
         channels = [(joint, quantity) for joint in range(len(cell.joints)) for quantity in MEASURED]
         scan_ns = round(max(loop.inputs.skew_s(*channel) for channel in channels) * 1e9)

@@ -10,9 +10,8 @@ from ..cycle import Cycle
 from ..supervision.hold import SafeHold
 from .loop import ControlLoop
 
-STANDSTILL_RAD_S = 0.06
-"""Three steps of the tachometer: below this a joint stands still."""
-STANDSTILL_CYCLES = 20
+STANDSTILL_S, LEAST_STANDSTILL_CYCLES = 0.05, 4
+"""The arm stands still when every joint has for so long."""
 STOPPING_S = 2.0
 """A stop waits at most this long for standstill."""
 FINAL_CYCLES = 2
@@ -27,12 +26,17 @@ class StopStep(NamedTuple):
 
 
 class SafeStop:
-    """The stop of one run. `biases` gives what the witness believes the model's accelerations are off by."""
+    """The stop of one run. `hold` begins to brake and hold the arm from the state of a cycle on; below `standing_rad_s`
+    a joint stands still.
+    """
 
-    def __init__(self, loop: ControlLoop, biases: Callable[[], Sequence[float]]) -> None:
+    def __init__(
+        self, loop: ControlLoop, hold: Callable[[Cycle], SafeHold], standing_rad_s: Sequence[float]
+    ) -> None:
         self.holds = False
         """Whether the arm is held, rather than without torque."""
-        self._loop, self._biases = loop, biases
+        self._loop, self._begin_hold, self._standing_rad_s = loop, hold, standing_rad_s
+        self._standstill_cycles = max(round(STANDSTILL_S / loop.period_s), LEAST_STANDSTILL_CYCLES)
         self._hold: SafeHold | None = None
         self._cycles = self._still_cycles = 0
 
@@ -44,9 +48,9 @@ class SafeStop:
     def step(self, is_planned: bool, has_inputs: bool) -> StopStep:
         """What to do in this cycle of a stop that was planned or not."""
         if has_inputs:
-            self._still_cycles = self._still_cycles + 1 if stands_still(self._loop.cycle) else 0
+            self._still_cycles = self._still_cycles + 1 if stands_still(self._loop.cycle, self._standing_rad_s) else 0
         limit = FINAL_CYCLES if is_planned else int(STOPPING_S / self._loop.period_s)
-        is_over = self._cycles > limit or (not is_planned and self._still_cycles >= STANDSTILL_CYCLES)
+        is_over = self._cycles > limit or (not is_planned and self._still_cycles >= self._standstill_cycles)
         if self.holds and is_over:
             self.holds = False
             self._cycles = int(STOPPING_S / self._loop.period_s) - FINAL_CYCLES
@@ -59,10 +63,10 @@ class SafeStop:
     def _holding_nm(self) -> Sequence[float]:
         loop = self._loop
         if self._hold is None:
-            self._hold = SafeHold(loop.arm, loop.cycle, list(self._biases()), loop.period_s)
+            self._hold = self._begin_hold(loop.cycle)
         return self._hold.torque_nm(loop.cycle)
 
 
-def stands_still(cycle: Cycle) -> bool:
-    """Whether every joint does, as measured."""
-    return all(abs(speed) < STANDSTILL_RAD_S for speed in cycle.velocity_rad_s)
+def stands_still(cycle: Cycle, standing_rad_s: Sequence[float]) -> bool:
+    """Whether every joint does, as measured: slower than its limit."""
+    return all(abs(speed) < limit for speed, limit in zip(cycle.velocity_rad_s, standing_rad_s, strict=True))

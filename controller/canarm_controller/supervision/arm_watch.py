@@ -1,59 +1,78 @@
-"""The whole arm against its nominal model: joins the watches of joints, currents, surprises and the following error.
+"""All joints against their nominal model: joins the watches of joints, currents, surprises and the following error.
 
-Owns the model's accelerations in the cycle. Frames and states of a run must not enter. Everything is judged by
-measurements and commands; the truth is not known here.
+Owns the order of events in a cycle. Frames and states of a run must not enter. Everything is judged by measurements and
+commands; the truth is not known here.
 """
 
+import math
 from collections.abc import Callable, Sequence
 
-from canarm_protocol.cell.model import Cell, Quantity
-from canarm_protocol.cell.wiring import sensor_scale
+from canarm_protocol.cell.model import Cell
 
-from ..dynamics import Arm
+from ..dynamics import Arm, SeveralArms
 from ..laws.base import Cycle
 from .currents import CurrentWatch
 from .detection import Reaction
+from .expectation import ArmExpectation, expectation
 from .following import FollowingWatch
+from .hold import SafeHold
 from .joint_state import Mode
 from .limits import Report
-from .surprise import ArmReport, SurpriseWatch
+from .nominal import joint_nominals
+from .surprise import ArmReport, SurpriseWatch, Witness
+from .tachless import TachlessWitness
+from .thresholds import Thresholds, cell_thresholds
+from .timing import Timing
 from .witness import LONGEST_GAP_S, JointWitness
 
-REFRESH_CYCLES = 4
-"""Gravity, Coriolis, friction and inertia are evaluated every fourth cycle: at 2.5 rad/s the arm turns 1.4° meanwhile,
-and gravity changes by 2.5 %."""
-REST = (0.0, 0.0)
+Accelerate = Callable[[Sequence[float]], Sequence[float]]
+
+FORGOTTEN = 0.01
+"""Share of a change of current that may be left a cycle later without that anybody asks for it."""
 
 
 class ArmWatch:
     """State of all joints' residuals. `step` may put substitutes in place of the cycle's measurements."""
 
-    def __init__(
-        self, cell: Cell, arm: Arm, skew_s: Callable[[int, Quantity], float], following_lsb: float,
-        report: ArmReport,
-    ) -> None:  # fmt: skip
-        self._arm, period_s = arm, cell.bus.cycle_s
-        self._report = report
-        limits = cell.supervision
-        positions_lsb = [sensor_scale(joint, Quantity.POSITION).lsb for joint in cell.joints]
-        speeds_lsb = [sensor_scale(joint, Quantity.VELOCITY).lsb for joint in cell.joints]
-        self.joints: list[JointWitness] = []
-        self.currents: list[CurrentWatch] = []
-        for index, joint in enumerate(cell.joints):
+    def __init__(self, cell: Cell, arm: Arm, following_lsb: float, report: ArmReport) -> None:
+        self._arm, self._report, self._timing = arm, report, Timing.of(cell.bus.cycle_s)
+        parts = arm.parts if isinstance(arm, SeveralArms) else (arm,)
+        timing = self._timing
+        self._nominals = joint_nominals(cell, parts)
+        limits = cell_thresholds(self._nominals, cell.supervision, timing)
+        self.standing_rad_s = [limit.standing for limit in limits]
+        """Below this a joint stands still."""
+        self.joints: list[Witness] = []
+        self.currents: list[CurrentWatch | None] = []
+        for index, (nominal, limit) in enumerate(zip(self._nominals, limits, strict=True)):
             tell = self._teller(index)
-            skew = skew_s(index, Quantity.VELOCITY)
-            self.joints.append(JointWitness(limits, positions_lsb[index], speeds_lsb[index], skew, period_s, tell))
-            skew = skew_s(index, Quantity.CURRENT)
-            self.currents.append(CurrentWatch(joint, limits, skew, speeds_lsb[index], period_s, tell))
-        self._surprise = SurpriseWatch(
-            self.joints, arm.torque_per_ampere, limits.acceleration_mismatch_rad_s2, period_s, report
-        )
+            kind = TachlessWitness if nominal.speed is None else JointWitness
+            self.joints.append(kind(nominal, limit, timing, tell))
+            sense = nominal.current
+            self.currents.append(None if sense is None else CurrentWatch(nominal, sense, limit, timing, tell))
+        self._senses = [(index, current) for index, current in enumerate(self.currents) if current is not None]
+        self._robots: list[_RobotWatch] = []
+        first = 0
+        for part in parts:
+            joints = slice(first, first + part.joint_count)
+            self._robots.append(_RobotWatch(part, joints, self.joints[joints], limits[joints], timing, report))
+            first = joints.stop
+        self._robot_of = [robot for robot in self._robots for _ in range(robot.joints.start, robot.joints.stop)]
+        self._is_surprised = False
+        only = len(self._robots) == 1
+        self._accelerate: Accelerate = self._robots[0].expected.accelerations if only else self._accelerate_all
         self._following = FollowingWatch(
-            cell, following_lsb, positions_lsb, report, lambda index: self.joints[index].is_upset, self._may_saturate
-        )
+            cell.control.natural_frequency_rad_s, following_lsb, limits,
+            [nominal.position.step for nominal in self._nominals], timing, report,
+            lambda index: self.joints[index].is_upset, self._may_saturate,
+        )  # fmt: skip
+        decays = [math.exp(-timing.period_s / nominal.winding_s) for nominal in self._nominals]
+        self._decays = decays if max(decays) > FORGOTTEN else None
         self._refresh_at = 0
         self._cycle = 0
         self._last_nm: Sequence[float] = (0.0,) * len(self.joints)
+        self._flowing_nm: Sequence[float] = self._last_nm
+        """What the currents that flowed at the last SYNC make."""
 
     def start(self, position_rad: Sequence[float]) -> None:
         """The arm rests at this pose; no torque acts yet."""
@@ -65,33 +84,38 @@ class ArmWatch:
         self, cycle: Cycle, angle_codes: Sequence[int], speed_codes: Sequence[int], current_codes: Sequence[int]
     ) -> None:
         """Judge the measurements of one cycle, before the law sees them. `cycle.applied_nm` acts from this SYNC on."""
-        first, second = self.joints
         last_nm = self._last_nm
         applied_nm = self._last_nm = cycle.applied_nm
-        own1, cross, own2 = self._inverse
-        (last1, last2), (still1, still2) = last_nm, self._still_nm
-        left1, left2 = last1 - still1, last2 - still2
+        flowing_nm = last_nm if self._decays is None else self._flow(last_nm, self._decays)
         measured_rad_s = cycle.velocity_rad_s
-        (x1, x2), (v1, v2) = cycle.position_rad, measured_rad_s
-        replaced1 = first.step(x1, v1, own1 * left1 + cross * left2, angle_codes[0], speed_codes[0])
-        replaced2 = second.step(x2, v2, cross * left1 + own2 * left2, angle_codes[1], speed_codes[1])
-        first_a, second_a = self.currents
+        replaced = 0
+        is_agitated = False
+        place = 1
+        for joint, x, v, acceleration, x_code, v_code in zip(
+            self.joints, cycle.position_rad, measured_rad_s, self._accelerate(last_nm), angle_codes, speed_codes,
+            strict=True,
+        ):  # fmt: skip
+            if joint.step(x, v, acceleration, x_code, v_code):
+                replaced |= place
+            if joint.is_agitated:
+                is_agitated = True
+            place <<= 1
         count = self._cycle = self._cycle + 1
-        is_odd = count & 1
-        if (is_odd or first_a.cycles) and (off_a := first_a.differs(current_codes[0], applied_nm[0], last1, v1)):
-            first_a.judge(off_a, v1, first.model_rad_s, first.bias, own1)
-        if (not is_odd or second_a.cycles) and (off_a := second_a.differs(current_codes[1], applied_nm[1], last2, v2)):
-            second_a.judge(off_a, v2, second.model_rad_s, second.bias, own2)
-        if replaced1 or replaced2:
-            self._replace(cycle, replaced1, replaced2)
+        for index, current in self._senses:
+            if ((count + index) & 1 or current.cycles) and (
+                off_a := current.differs(
+                    current_codes[index], applied_nm[index], flowing_nm[index], measured_rad_s[index]
+                )
+            ):
+                joint = self.joints[index]
+                mobility = self._own_mobility(index)
+                current.judge(off_a, measured_rad_s[index], joint.model_rad_s, joint.bias, mobility)
+        if replaced:
+            self._replace(cycle, replaced)
         if count >= self._refresh_at:
-            self._refresh(cycle.position_rad, (first.speed, second.speed))
-        surprise = self._surprise
-        if surprise.is_open:
-            may_stop = count > self._following.forgiven_until
-            surprise.step(count, measured_rad_s, last_nm, self._inertia, self._inverse, may_stop)
-        elif first.is_agitated or second.is_agitated:
-            surprise.open(count, measured_rad_s)
+            self._refresh(cycle.position_rad, [joint.speed for joint in self.joints])
+        if is_agitated or self._is_surprised:
+            self._look_into(count, measured_rad_s, last_nm)
 
     def follow(self, cycle: Cycle) -> None:
         """Judge the following error of one cycle, once its reference is known."""
@@ -99,21 +123,18 @@ class ArmWatch:
 
     def coast(self, cycle: Cycle) -> None:
         """A cycle without measurements: the arm goes on as the model says, and the law is given that."""
-        first, second = self.joints
-        acceleration1, acceleration2 = self._accelerations()
-        self._last_nm = cycle.applied_nm
+        for joint, acceleration in zip(self.joints, self._accelerate(self._last_nm), strict=True):
+            joint.coast(acceleration)
+        self._act(cycle.applied_nm)
         self._cycle += 1
-        first.coast(acceleration1)
-        second.coast(acceleration2)
-        self._surprise.cancel()
-        self._following.gap(self._cycle)
-        self._replace(cycle, True, True)
+        self._gap()
+        self._replace(cycle, -1)
         if self._cycle >= self._refresh_at:
             self._refresh(cycle.position_rad, cycle.velocity_rad_s)
 
     def shift(self, excess_s: float) -> None:
         """More time than a cycle has passed since the last measurement, or less."""
-        for joint, acceleration in zip(self.joints, self._accelerations(), strict=True):
+        for joint, acceleration in zip(self.joints, self._accelerate(self._last_nm), strict=True):
             joint.shift(excess_s, acceleration)
 
     def glimpse(
@@ -126,47 +147,76 @@ class ArmWatch:
         is_gap = is_unclear or not -LONGEST_GAP_S < excess_s < LONGEST_GAP_S
         if not is_gap:
             self.shift(excess_s)
-        accelerations = self._accelerations()
-        self._last_nm = cycle.applied_nm
+        accelerations = self._accelerate(self._last_nm)
+        self._act(cycle.applied_nm)
         self._cycle += 1
         rows = zip(cycle.position_rad, cycle.velocity_rad_s, accelerations, angle_codes, speed_codes, strict=True)
-        replaced = [joint.glimpse(*row, is_gap) for joint, row in zip(self.joints, rows, strict=True)]
-        self._replace(cycle, *replaced)
-        for current in self.currents:
+        replaced = 0
+        for place, (joint, row) in enumerate(zip(self.joints, rows, strict=True)):
+            replaced |= joint.glimpse(*row, is_gap) << place
+        self._replace(cycle, replaced)
+        for _, current in self._senses:
             current.forget()
-        self._surprise.cancel()
-        self._following.gap(self._cycle)
+        self._gap()
         self._refresh(cycle.position_rad, [joint.speed for joint in self.joints])
 
-    def _replace(self, cycle: Cycle, first_is_replaced: bool, second_is_replaced: bool) -> None:
-        first, second = self.joints
-        (x1, x2), (v1, v2) = cycle.position_rad, cycle.velocity_rad_s
-        if first_is_replaced:
-            x1, v1 = first.position_rad, first.velocity_rad_s
-        if second_is_replaced:
-            x2, v2 = second.position_rad, second.velocity_rad_s
-        cycle.position_rad, cycle.velocity_rad_s = (x1, x2), (v1, v2)
+    def safe_hold(self, cycle: Cycle) -> SafeHold:
+        """What brakes the arm and holds it, from its present state on."""
+        fastest = [nominal.fastest_rad_s for nominal in self._nominals]
+        return SafeHold(self._arm, cycle, [joint.bias for joint in self.joints], fastest, self._timing.period_s)
 
-    def _accelerations(self) -> tuple[float, float]:
-        """What the model makes of the last torques, rad/s²."""
-        own1, cross, own2 = self._inverse
-        left1, left2 = self._last_nm[0] - self._still_nm[0], self._last_nm[1] - self._still_nm[1]
-        return own1 * left1 + cross * left2, cross * left1 + own2 * left2
+    def _look_into(self, count: int, speed_rad_s: Sequence[float], acted_nm: Sequence[float]) -> None:
+        """A joint has been agitated, in this cycle or lately."""
+        may_stop = count > self._following.forgiven_until
+        for robot in self._robots:
+            robot.look_into(count, speed_rad_s[robot.joints], acted_nm[robot.joints], may_stop)
+        self._is_surprised = any(robot.surprise.is_open for robot in self._robots)
+
+    def _gap(self) -> None:
+        """The time between two measurements is not known well."""
+        for robot in self._robots:
+            robot.surprise.cancel()
+        self._is_surprised = False
+        self._following.gap(self._cycle)
+
+    def _act(self, applied_nm: Sequence[float]) -> None:
+        """Commands that act from this SYNC on."""
+        if self._decays is not None:
+            self._flow(self._last_nm, self._decays)
+        self._last_nm = applied_nm
+
+    def _flow(self, last_nm: Sequence[float], decays: Sequence[float]) -> Sequence[float]:
+        """What flows at this SYNC: through the windings, after `last_nm` has been asked for during a cycle."""
+        rows = zip(last_nm, self._flowing_nm, decays, strict=True)
+        self._flowing_nm = [last + (flowing - last) * decay for last, flowing, decay in rows]
+        return self._flowing_nm
+
+    def _replace(self, cycle: Cycle, replaced: int) -> None:
+        """Put what is believed in place of what was measured, for the joints whose bits are set."""
+        position_rad, velocity_rad_s = list(cycle.position_rad), list(cycle.velocity_rad_s)
+        for index, joint in enumerate(self.joints):
+            if replaced >> index & 1:
+                position_rad[index], velocity_rad_s[index] = joint.position_rad, joint.velocity_rad_s
+        cycle.position_rad, cycle.velocity_rad_s = tuple(position_rad), tuple(velocity_rad_s)
+
+    def _accelerate_all(self, torque_nm: Sequence[float]) -> Sequence[float]:
+        """What the models of several robots make of torques, rad/s²."""
+        return [each for robot in self._robots for each in robot.expected.accelerations(torque_nm[robot.joints])]
 
     def _refresh(self, position_rad: Sequence[float], speed_rad_s: Sequence[float]) -> None:
-        arm = self._arm
-        self._refresh_at = self._cycle + REFRESH_CYCLES
-        self._still_nm = arm.torque_nm(position_rad, speed_rad_s, REST)
-        (d11, d12), (_, d22) = arm.inertia(position_rad)
-        d11 += arm.rotor_inertia[0]
-        d22 += arm.rotor_inertia[1]
-        determinant = d11 * d22 - d12 * d12
-        self._inertia = d11, d12, d22
-        self._inverse = d22 / determinant, -d12 / determinant, d11 / determinant
+        self._refresh_at = self._cycle + self._timing.refresh
+        for robot in self._robots:
+            robot.expected.refresh(position_rad[robot.joints], speed_rad_s[robot.joints])
+
+    def _own_mobility(self, index: int) -> float:
+        robot = self._robot_of[index]
+        own: int = index - robot.joints.start
+        return robot.expected.mobility[own][own]
 
     def _may_saturate(self, index: int) -> bool:
         """Whether an amplifier at its limit is an excuse: not if something is wrong with sensors or current as well."""
-        return self.joints[index].mode is Mode.SOUND and not self.currents[index].is_given_up
+        current = self.currents[index]
+        return self.joints[index].mode is Mode.SOUND and not (current is not None and current.is_given_up)
 
     def _teller(self, index: int) -> Report:
         def tell(detector: str, detail: str, reaction: Reaction | None) -> bool:
@@ -175,3 +225,26 @@ class ArmWatch:
             return self._report(detector, index, detail, reaction)
 
         return tell
+
+
+class _RobotWatch:
+    """What the joints of one robot have in common. `joints` is their place among all of the cell."""
+
+    def __init__(
+        self, arm: Arm, joints: slice, witnesses: Sequence[Witness], limits: Sequence[Thresholds], timing: Timing,
+        report: ArmReport,
+    ) -> None:  # fmt: skip
+        self.joints, self._witnesses = joints, witnesses
+        self.expected: ArmExpectation = expectation(arm)
+
+        def tell(detector: str, index: int, detail: str, reaction: Reaction | None) -> bool:
+            return report(detector, joints.start + index, detail, reaction)
+
+        self.surprise = SurpriseWatch(witnesses, limits, arm.torque_per_ampere, timing, self.expected, tell)
+
+    def look_into(self, count: int, speed_rad_s: Sequence[float], acted_nm: Sequence[float], may_stop: bool) -> None:
+        """One cycle of accelerations that were not expected."""
+        if self.surprise.is_open:
+            self.surprise.step(count, speed_rad_s, acted_nm, may_stop)
+        elif any(joint.is_agitated for joint in self._witnesses):
+            self.surprise.open(count, speed_rad_s)

@@ -5,24 +5,23 @@ Owns the winding's lag and the vote of the arm's acceleration. Sensors of the mo
 
 import math
 
-from canarm_protocol.cell.model import Joint, Quantity, Supervision
-from canarm_protocol.cell.wiring import sensor_scale
-
 from .detection import Reaction
-from .limits import HIGHEST_CODE, Report
+from .limits import Report
+from .nominal import JointNominal, SensorNominal
+from .thresholds import Thresholds
+from .timing import Timing
 from .vote import Ballot
 
 STEP_FRACTION = 0.2
 """Of a change of command, allowed on top: the time constant is known to about a quarter, e^-0.8 to 0.09, and the code
 of the DAC is rounded."""
-FLUTTER_SHARE, FLUTTER_GAIN = 0.2, 0.25
-"""Of the limit, 15 mA: how much the difference may change from one reading to the next, on average over four. 5 mA
-occur, and no error of offset or gain makes more: then the current does not follow the command."""
-SMALLEST_CYCLES, NOTED_CYCLES, ABRUPT_CYCLES = 2, 8, 24
+FLUTTER_GAIN = 0.25
+"""The difference's changes from one reading to the next are averaged over four."""
+SMALLEST_CYCLES, NOTED_CYCLES = 2, 8
 FLUTTER_NOTED_CYCLES, FLUTTER_CYCLES, CALMING = 3, 16, 0.25
 """A current that does not follow is noted, and if the sense is not found to be the reason, the torque is taken away."""
-DECISIVE_LSB = 4.0
-"""Steps of the tachometer: when the missing torque should have made so much speed, it can be seen whether it did."""
+DECISIVE_GRAINS = 4.0
+"""Of the speed: when the missing torque should have made so much speed, it can be seen whether it did."""
 UNEXPLAINED_SHARE, UNEXPLAINED_CYCLES = 1.2, 16
 """Of the limit: a difference of that size which nobody could blame on the sense for so long takes the torque away; in
 half that time if it flutters by half the limit of that, as no offset and no gain does."""
@@ -41,31 +40,53 @@ class CurrentWatch:
     """
 
     __slots__ = (
-        "_amperes", "_ballot", "_bias", "_code", "_command_a", "_deficit_nm_s", "_emf_v", "_fastest_rad_s",
-        "_flutter_a", "_flutter_cycles", "_flutter_limit_a", "_is_abrupt", "_last_off_a", "_limit_a", "_model",
-        "_ohm", "_period_s", "_report", "_speed", "_speed_lsb", "_step_a", "_supply_v", "_unexplained_cycles",
-        "_weight", "cycles", "is_given_up",
+        "_amperes",
+        "_ballot",
+        "_bias",
+        "_code",
+        "_command_a",
+        "_deficit_nm_s",
+        "_emf_v",
+        "_end_codes",
+        "_fastest_rad_s",
+        "_flutter_a",
+        "_flutter_cycles",
+        "_flutter_limit_a",
+        "_is_abrupt",
+        "_last_off_a",
+        "_limit_a",
+        "_model",
+        "_ohm",
+        "_period_s",
+        "_report",
+        "_speed",
+        "_speed_grain",
+        "_step_a",
+        "_supply_v",
+        "_timing",
+        "_unexplained_cycles",
+        "_weight",
+        "cycles",
+        "is_given_up",
     )  # fmt: skip
 
     def __init__(
-        self, joint: Joint, limits: Supervision, skew_s: float, speed_lsb: float, period_s: float, report: Report
+        self, joint: JointNominal, sense: SensorNominal, limits: Thresholds, timing: Timing, report: Report
     ) -> None:
-        motor = joint.motor
-        self._report = report
-        self._step_a = sensor_scale(joint, Quantity.CURRENT).step
-        self._limit_a = limits.current_mismatch_a
-        self._flutter_limit_a = FLUTTER_SHARE * limits.current_mismatch_a
-        self._weight = math.exp(-skew_s / (motor.winding_mh * 1e-3 / motor.winding_ohm))
-        self._supply_v, self._ohm = joint.drive.supply_v, motor.winding_ohm / SUPPLY_SHARE
-        self._emf_v = motor.back_emf_v_s_rad
+        self._report, self._timing = report, timing
+        self._step_a, self._end_codes = sense.step, sense.end_codes
+        self._limit_a, self._flutter_limit_a = limits.current, limits.flutter
+        self._weight = math.exp(-sense.skew_s / joint.winding_s)
+        self._supply_v, self._ohm = joint.supply_v, joint.winding_ohm / SUPPLY_SHARE
+        self._emf_v = joint.back_emf_v_s_rad
         self._fastest_rad_s = FASTEST_SHARE * joint.fastest_rad_s
-        self._amperes = 1.0 / motor.torque_per_ampere
-        self._period_s, self._speed_lsb = period_s, speed_lsb
+        self._amperes = 1.0 / joint.torque_per_ampere
+        self._period_s, self._speed_grain = timing.period_s, limits.speed_grain
         self.cycles = 0
         """For how long measurement and command have differed."""
         self.is_given_up = False
         """Whether the sense has been found wrong; it is not looked at any more."""
-        self._ballot = Ballot(speed_lsb)
+        self._ballot = Ballot(limits.speed_grain, timing.window)
         self._is_abrupt = False
         self._unexplained_cycles = 0
         self._flutter_cycles = 0.0
@@ -73,10 +94,10 @@ class CurrentWatch:
         self._speed = self._model = self._bias = 0.0
         self._code = 0
 
-    def differs(self, code: int, command_nm: float, last_nm: float, speed_rad_s: float) -> float:
-        """What is measured beyond what should be, A; 0 within the limits. `last_nm` was commanded a cycle earlier."""
+    def differs(self, code: int, command_nm: float, flowing_nm: float, speed_rad_s: float) -> float:
+        """What is measured beyond what should be, A; 0 within the limits. `flowing_nm` is what flowed at SYNC."""
         command_a = command_nm * self._amperes
-        change_a = last_nm * self._amperes - command_a
+        change_a = flowing_nm * self._amperes - command_a
         expected_a = command_a + self._weight * change_a
         if expected_a < 0.0:
             expected_a = -expected_a
@@ -124,7 +145,7 @@ class CurrentWatch:
         elapsed_s = (self.cycles - 1) * self._period_s
         unexplained = speed_rad_s - self._speed - (model_rad_s - self._model) - elapsed_s * self._bias
         detail = f"{off_a:+.2f} A from the {command_a:+.2f} A commanded"
-        if self._is_abrupt and self.cycles <= ABRUPT_CYCLES:
+        if self._is_abrupt and self.cycles <= self._timing.abrupt:
             self._judge_abrupt(off_a, due, unexplained, detail)
         elif self._ballot.cast(due, unexplained):
             if self._ballot.is_for:
@@ -140,7 +161,7 @@ class CurrentWatch:
         self._flutter_cycles = max(self._flutter_cycles + (1.0 if flutters else -CALMING), 0.0)
         if self.cycles == NOTED_CYCLES or self._flutter_cycles == FLUTTER_NOTED_CYCLES:
             self._report("current-mismatch", f"{detail}: amplifier or sense", Reaction.DEGRADED)
-        if self._is_abrupt and self.cycles <= ABRUPT_CYCLES:
+        if self._is_abrupt and self.cycles <= self._timing.abrupt:
             return
         is_large = abs(off_a) > UNEXPLAINED_SHARE * self._limit_a
         weight = 2 if self._flutter_a > 0.5 * self._flutter_limit_a else 1
@@ -150,7 +171,7 @@ class CurrentWatch:
 
     def _judge_abrupt(self, off_a: float, due: float, unexplained: float, detail: str) -> None:
         """It began at once: the speed that it makes tells amplifier and sense apart."""
-        is_clear = abs(due) > DECISIVE_LSB * self._speed_lsb
+        is_clear = abs(due) > DECISIVE_GRAINS * self._speed_grain
         if self.cycles <= SMALLEST_CYCLES or not is_clear:
             return
         if unexplained * due > 0.5 * due * due or (off_a > 0.0 and abs(unexplained) > 0.5 * abs(due)):
@@ -160,7 +181,7 @@ class CurrentWatch:
             self._blame_sense(detail)
 
     def _blame_sense(self, detail: str) -> None:
-        at_end = self._code in (0, HIGHEST_CODE)
+        at_end = self._code in self._end_codes
         name = "current-sense-range" if at_end else "current-sense-mismatch"
         self.is_given_up = self._report(name, f"code {self._code}" if at_end else detail, None)
         self.cycles = 0

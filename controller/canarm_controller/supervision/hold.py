@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from ..dynamics import Arm
 from ..laws.base import Cycle
 
-DECELERATION_RAD_S2 = 20.0
-"""Of the reference: from 2.5 rad/s to rest in 0.13 s. It takes 2.2 N·m at konkuk1's joint 2, a third of what its
-amplifier has; gravity may take another half."""
+STOPPING_S, TORQUE_SHARE = 0.125, 0.4
+"""From the fastest speed to rest, unless that takes more than this share of the amplifier's torque: gravity may take
+another half."""
 STIFFNESS_RAD_S, DAMPING_RATIO = 12.0, 1.0
 SHARE = 0.98
 """Of the amplifier's current: the stop never saturates."""
@@ -22,7 +22,9 @@ class SafeHold:
     `bias_rad_s2` is what the model was known to lack before the failure, such as a payload: it is carried on.
     """
 
-    def __init__(self, arm: Arm, cycle: Cycle, bias_rad_s2: Sequence[float], period_s: float) -> None:
+    def __init__(
+        self, arm: Arm, cycle: Cycle, bias_rad_s2: Sequence[float], fastest_rad_s: Sequence[float], period_s: float
+    ) -> None:
         self._arm, self._period_s = arm, period_s
         self._position = list(cycle.position_rad)
         self._speed = list(cycle.velocity_rad_s)
@@ -31,13 +33,20 @@ class SafeHold:
             SHARE * amperes * limit for amperes, limit in zip(arm.torque_per_ampere, arm.max_current_a, strict=True)
         ]
 
+        torques = zip(arm.torque_per_ampere, arm.max_current_a, arm.effective_inertia, strict=True)
+        self._deceleration = [
+            min(fastest / STOPPING_S, TORQUE_SHARE * per_ampere * amperes / inertia)
+            for fastest, (per_ampere, amperes, inertia) in zip(fastest_rad_s, torques, strict=True)
+        ]
+
     def torque_nm(self, cycle: Cycle) -> list[float]:
         """Torques for one cycle, N·m, within what the amplifiers have."""
         gravity, friction = self._arm.gravity(cycle.position_rad), self._arm.friction(self._speed)
         torques = []
         for joint, inertia in enumerate(self._arm.effective_inertia):
             speed = self._speed[joint]
-            change = max(-DECELERATION_RAD_S2, min(DECELERATION_RAD_S2, -speed / self._period_s))
+            fastest = self._deceleration[joint]
+            change = max(-fastest, min(fastest, -speed / self._period_s))
             error = self._position[joint] - cycle.position_rad[joint]
             rate = speed - cycle.velocity_rad_s[joint]
             aimed = change + 2.0 * DAMPING_RATIO * STIFFNESS_RAD_S * rate + STIFFNESS_RAD_S**2 * error

@@ -5,21 +5,15 @@ Owns the state that every verdict works on, and how it goes on in time. Verdicts
 
 from enum import Enum
 
-from canarm_protocol.cell.model import Supervision
-
 from .limits import JointLimits, Report
+from .nominal import JointNominal
+from .thresholds import DRIFT_S, Thresholds, observer_bandwidth_rad_s
+from .timing import Timing
 
-BANDWIDTH_RAD_S = 30.0
-"""Of the observer of speed and acceleration bias: fast enough for gravity of a wrong payload along a swing (10 rad/s³
-leave 10/30² rad/s = 0.6 LSB), slow enough that a step of either shows in full."""
-DRIFT_S = 6.0
-"""In which the tachometer's offset is learned from the potentiometer; shorter at first."""
-CALM_CYCLES = 100
-"""After the start, or after the arm has changed, the payload's weight is not known: wider limits of the speed."""
-BLURRED_CYCLES = 40
-"""After a measurement whose time is known badly, limits are the wide ones."""
-DOUBT_CYCLES = 400
-"""A second."""
+NO_END = 1 << 40
+"""Above the codes of any converter."""
+FIRST_READINGS = 20
+"""Base and offset of the tachometer are learned from the first on as if so many had gone before."""
 
 
 class Mode(Enum):
@@ -38,22 +32,57 @@ class JointState:
     """State of one joint, in rad, rad/s and rad/s²."""
 
     __slots__ = (
-        "_accel_gain", "_astray_cycles", "_base", "_base_gain", "_blurred_until", "_calm_at", "_code", "_code_cycles",
-        "_half_s", "_last_off", "_last_rad_s", "_learn_from", "_learning_cycles", "_limits", "_mismatch", "_offset",
-        "_offset_gain", "_period_s", "_position_lsb", "_report", "_speed_gain", "_speed_lsb", "_swing", "_travel",
-        "_upset_at", "bias", "cycles", "is_agitated", "mode", "model_rad_s", "position_rad", "speed", "velocity_rad_s",
+        "_accel_gain",
+        "_angle_ends",
+        "_astray_cycles",
+        "_base",
+        "_base_gain",
+        "_blurred_until",
+        "_calm_at",
+        "_code",
+        "_code_cycles",
+        "_half_s",
+        "_highest_speed_code",
+        "_last_off",
+        "_last_rad_s",
+        "_learn_from",
+        "_learning_cycles",
+        "_limits",
+        "_mismatch",
+        "_offset",
+        "_offset_gain",
+        "_period_s",
+        "_position_lsb",
+        "_report",
+        "_speed_gain",
+        "_speed_lsb",
+        "_swing",
+        "_thresholds",
+        "_timing",
+        "_travel",
+        "_upset_at",
+        "bias",
+        "cycles",
+        "is_agitated",
+        "mode",
+        "model_rad_s",
+        "position_rad",
+        "speed",
+        "velocity_rad_s",
     )  # fmt: skip
 
-    def __init__(
-        self, limits: Supervision, position_lsb: float, speed_lsb: float, tachometer_skew_s: float, period_s: float,
-        report: Report,
-    ) -> None:  # fmt: skip
-        self._report = report
-        self._limits = JointLimits(limits, position_lsb, speed_lsb)
-        self._position_lsb, self._speed_lsb, self._period_s = position_lsb, speed_lsb, period_s
-        self._half_s = 0.5 * period_s - tachometer_skew_s
-        self._speed_gain = 2.0 * BANDWIDTH_RAD_S * period_s
-        self._accel_gain = BANDWIDTH_RAD_S**2 * period_s
+    def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
+        position, speed = nominal.position, nominal.speed
+        period_s = timing.period_s
+        self._report, self._thresholds, self._timing, self._period_s = report, thresholds, timing, period_s
+        self._limits = JointLimits(thresholds)
+        self._position_lsb, self._angle_ends = position.step, position.end_codes
+        self._speed_lsb = speed.step if speed else thresholds.speed_grain
+        self._highest_speed_code = speed.end_codes[1] if speed and speed.end_codes else NO_END
+        self._half_s = 0.5 * period_s - (speed.skew_s if speed else 0.0)
+        bandwidth_rad_s = observer_bandwidth_rad_s(period_s)
+        self._speed_gain = 2.0 * bandwidth_rad_s * period_s
+        self._accel_gain = bandwidth_rad_s**2 * period_s
         self._learning_cycles = round(DRIFT_S / period_s)
 
     def start(self, position_rad: float) -> None:
@@ -66,7 +95,7 @@ class JointState:
         self._base = position_rad
         self._code = -1
         self._code_cycles = self._astray_cycles = 0
-        self._calm_at = CALM_CYCLES
+        self._calm_at = self._timing.calm
         self._blurred_until = -1
         self._upset_at = 0
         self._set_rate()
@@ -78,14 +107,14 @@ class JointState:
     @property
     def is_upset(self) -> bool:
         """Whether its speed has surprised within the last second, the start apart."""
-        return self._upset_at > CALM_CYCLES and self.cycles < self._upset_at + DOUBT_CYCLES
+        return self._upset_at > self._timing.calm and self.cycles < self._upset_at + self._timing.doubt
 
     def coast(self, acceleration: float) -> None:
         """A cycle without a measurement."""
         self.cycles += 1
         self.model_rad_s += self._period_s * acceleration
         predicted = self.speed + self._period_s * (acceleration + self.bias)
-        self._blurred_until = self.cycles + BLURRED_CYCLES
+        self._blurred_until = self.cycles + self._timing.blurred
         self._advance(predicted, predicted)
         self._substitute(self._angle(predicted), predicted)
 
@@ -101,7 +130,7 @@ class JointState:
     def _set_rate(self) -> None:
         """How fast base and offset of the tachometer are learned, critically damped; faster at first."""
         cycles = self.cycles - self._learn_from
-        rate = 2.0 / (DRIFT_S if cycles > self._learning_cycles else (cycles + 20) * self._period_s)
+        rate = 2.0 / (DRIFT_S if cycles > self._learning_cycles else (cycles + FIRST_READINGS) * self._period_s)
         self._base_gain = 2.0 * rate * self._period_s
         self._offset_gain = rate**2 * self._period_s
 

@@ -3,11 +3,12 @@
 Owns the substitutes. How a sensor is found to have failed must not enter.
 """
 
-from canarm_protocol.cell.model import Supervision
-
 from ..estimation.blind import BlindObserver
-from .joint_state import CALM_CYCLES, JointState, Mode
+from .joint_state import JointState, Mode
 from .limits import Report
+from .nominal import JointNominal
+from .thresholds import Thresholds
+from .timing import Timing
 
 PERSISTENT_CYCLES = 4
 """For so long a residual must be beyond a limit that one reading can pass."""
@@ -15,11 +16,9 @@ EARLY_FACTOR = 2.3
 """Of the angle's limit, while its base is not known well."""
 STUCK_SURE_CYCLES = 24
 """A code that has not changed for so long agrees with nothing."""
-AGREE_CYCLES = 100
-"""A noisy potentiometer is believed again after it has agreed with the tachometer for so long."""
-AGREE_AGAIN_CYCLES, AGREE_FACTOR, TOLD_SPEED_LSB = 400, 1.5, 25.0
-"""A tachometer is believed again after a second of agreement in which the joint turned both ways: one that lags, or
-reads too little, agrees as well while the speed is right by chance."""
+AGREE_FACTOR = 1.5
+"""Of the speed's limit: within it a tachometer agrees. It is believed again after a second of agreement in which the
+joint turned both ways: one that lags, or reads too little, agrees as well while the speed is right by chance."""
 BLIND_FACTOR = 2.0
 """With a sensor less, the limits of the other are wider."""
 
@@ -27,15 +26,11 @@ BLIND_FACTOR = 2.0
 class SensorLess(JointState):
     """State of a joint that may have lost its tachometer, its potentiometer or both."""
 
-    __slots__ = ("_agreed", "_blind", "_fastest", "_stepped", "_told_speed")
+    __slots__ = ("_agreed", "_blind", "_fastest", "_stepped")
 
-    def __init__(
-        self, limits: Supervision, position_lsb: float, speed_lsb: float, tachometer_skew_s: float, period_s: float,
-        report: Report,
-    ) -> None:  # fmt: skip
-        super().__init__(limits, position_lsb, speed_lsb, tachometer_skew_s, period_s, report)
-        self._told_speed = TOLD_SPEED_LSB * speed_lsb
-        self._blind = BlindObserver(period_s)
+    def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
+        super().__init__(nominal, thresholds, timing, report)
+        self._blind = BlindObserver(timing.period_s)
 
     def start(self, position_rad: float) -> None:
         """At rest at a measured angle, with all sensors."""
@@ -78,7 +73,8 @@ class SensorLess(JointState):
         else:
             low, high = self._fastest
             self._agreed, self._fastest = self._agreed + 1, (min(low, self.speed), max(high, self.speed))
-            if self._agreed >= AGREE_AGAIN_CYCLES and low < -self._told_speed and high > self._told_speed:
+            told = self._thresholds.told_speed
+            if self._agreed >= self._timing.agree_again and low < -told and high > told:
                 self._believe_tachometer(x, v)
         return self._substitute(x, blind.velocity_rad_s)
 
@@ -88,7 +84,7 @@ class SensorLess(JointState):
         self._base = x - self._travel - self._half_s * v
         self._learn_from = self.cycles
         self._set_rate()
-        self._calm_at = self.cycles + CALM_CYCLES
+        self._calm_at = self.cycles + self._timing.calm
 
     def _without_potentiometer(self, x: float, v: float, predicted: float) -> bool:
         """Angle from the integrated tachometer; a noisy potentiometer may still lead it, slowly."""
@@ -118,5 +114,5 @@ class SensorLess(JointState):
             "potentiometer-mismatch", self._angle_detail(self._mismatch), None
         ):
             self.mode = Mode.NO_POTENTIOMETER
-        elif self._agreed >= AGREE_CYCLES:
+        elif self._agreed >= self._timing.agree:
             self.mode, self._mismatch = Mode.SOUND, 0.0

@@ -4,22 +4,20 @@ Had the arm stepped, the angle would go with it. Owns the least squares of angle
 elsewhere.
 """
 
-JUDGED_CYCLES = 9
-"""After a step of the speed, so long at most until it is decided: 22.5 ms."""
-SMALLEST_LEAD_LSB, ARM_SHARE = 0.5, 0.65
-"""A step that would have moved the angle by less than half a step of the potentiometer is taken for the tachometer's;
-of others, this share must be seen there. With 0.42 LSB of noise a step of 1 rad/s is judged to 0.15."""
-EARLY_LSB2, EARLY_SHARES = 5.0, (0.3, 0.7)
+SMALLEST_LEAD, ARM_SHARE = 0.5, 0.65
+"""A step that would have moved the angle by less than half a grain is taken for the tachometer's; of others, this share
+must be seen there. With 0.42 grains of noise a step of 1 rad/s of konkuk1 is judged to 0.15."""
+EARLY, EARLY_SHARES = 5.0, (0.3, 0.7)
 """A large step is judged as soon as the sum of squares tells the share to 0.42/sqrt(5) = 0.19."""
 
 
 class StepTrial:
     """One step of the speed, from its beginning to the verdict. Angles in rad, speeds in rad/s."""
 
-    __slots__ = ("_followed_rad2", "_led_rad2", "_period_s", "_position_lsb", "cycles", "led_rad", "step_rad_s")
+    __slots__ = ("_followed_rad2", "_grain_rad", "_judged", "_led_rad2", "_period_s", "cycles", "led_rad", "step_rad_s")
 
-    def __init__(self, position_lsb: float, period_s: float) -> None:
-        self._position_lsb, self._period_s = position_lsb, period_s
+    def __init__(self, grain_rad: float, period_s: float, judged: int) -> None:
+        self._grain_rad, self._period_s, self._judged = grain_rad, period_s, judged
         self.begin(0.0)
 
     def begin(self, step_rad_s: float) -> None:
@@ -39,14 +37,14 @@ class StepTrial:
     @property
     def is_ready(self) -> bool:
         """Whether enough is known."""
-        if self.cycles >= JUDGED_CYCLES:
+        if self.cycles >= self._judged:
             return True
-        if self._led_rad2 < EARLY_LSB2 * self._position_lsb**2:
+        if self._led_rad2 < EARLY * self._grain_rad**2:
             return False
         return not EARLY_SHARES[0] < self._followed_rad2 / self._led_rad2 < EARLY_SHARES[1]
 
     @property
     def is_arm(self) -> bool:
         """Whether the arm went along."""
-        is_telling = abs(self.led_rad) > SMALLEST_LEAD_LSB * self._position_lsb
+        is_telling = abs(self.led_rad) > SMALLEST_LEAD * self._grain_rad
         return is_telling and self._followed_rad2 > ARM_SHARE * self._led_rad2

@@ -12,10 +12,13 @@ import numpy as np
 
 from canarm_protocol.canopen.frames import Cob, Emergency, ErrorCode, Frame, NmtState, parse_time
 from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.sensing import joint_sensors
 from canarm_protocol.cell.wiring import CardNode
 from canarm_protocol.errors import FrameError
 
 from ..laws.failure import shown
+from .nominal import sensor_nominal
+from .thresholds import longest_step_rad, missing_cycles, range_rad
 
 FOREIGN_MASTER = "foreign-master"
 TIME_STEP_NS = 1_000_000
@@ -61,13 +64,13 @@ class Supervisor:
         self._last_heartbeat = dict.fromkeys(self._cards, 0)
         self._started: set[int] = set()
         """Cards that have been seen in OPERATIONAL."""
-        margin = limits.range_margin_deg
-        self._range_rad = [
-            (math.radians(joint.limits_deg[0] - margin), math.radians(joint.limits_deg[1] + margin))
-            for joint in cell.joints
+        positions = [sensor_nominal(sensors.position) for sensors in joint_sensors(cell)]
+        joints = list(zip(cell.joints, positions, strict=True))
+        self._range_rad = [range_rad(joint, position, limits) for joint, position in joints]
+        self._max_step_rad = [
+            longest_step_rad(position, joint.fastest_rad_s, limits, bus.cycle_s) for joint, position in joints
         ]
-        self._max_step_rad = math.radians(limits.max_position_step_deg)
-        self._missing_limit = limits.missing_cycles
+        self._missing_limit = missing_cycles(limits, bus.cycle_s)
         self._missing = 0
         self._last_position: Sequence[float] | None = None
         self._cycle_ns = bus.cycle_ns
@@ -177,13 +180,14 @@ class Supervisor:
 
         After cycles without a measurement it may have moved on in all of them, as in `left_out` cycles without SYNC.
         """
-        max_step_rad = self._max_step_rad * (1 + self._missing + left_out)
+        factor = 1 + self._missing + left_out
         self._missing = 0
         last = self._last_position
         self._last_position = position_rad
         if last is not None:
-            for (low, high), position, before in zip(self._range_rad, position_rad, last, strict=True):
-                if not (low <= position <= high and -max_step_rad <= position - before <= max_step_rad):
+            rows = zip(self._range_rad, self._max_step_rad, position_rad, last, strict=True)
+            for (low, high), longest_rad, position, before in rows:
+                if not (low <= position <= high and abs(position - before) <= longest_rad * factor):
                     break
             else:
                 return None
@@ -196,11 +200,12 @@ class Supervisor:
                     f"its range is {math.degrees(low):.0f} to {math.degrees(high):.0f} deg",
                     self._names[joint],
                 )
-            if last is not None and abs(position - last[joint]) > max_step_rad:
+            longest_rad = self._max_step_rad[joint] * factor
+            if last is not None and abs(position - last[joint]) > longest_rad:
                 return Verdict(
                     "impossible-motion",
                     f"{self._names[joint]} measured {math.degrees(last[joint]):.1f} deg, then "
-                    f"{math.degrees(position):.1f} deg; at most {math.degrees(max_step_rad):.0f} deg is possible",
+                    f"{math.degrees(position):.1f} deg; at most {math.degrees(longest_rad):.0f} deg is possible",
                     self._names[joint],
                 )
         return None

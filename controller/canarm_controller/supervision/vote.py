@@ -5,10 +5,8 @@ Owns the arithmetic only: which torque, and what follows, is decided elsewhere.
 
 from collections.abc import Sequence
 
-WINDOW_CYCLES = 24
-"""60 ms: short enough that what the model lacks otherwise (a payload that turns) is a straight line in it."""
-DECISIVE_LSB2 = 12.0
-"""Sum of squares, in steps of the tachometer: with 0.42 LSB of noise the share is then known to 0.15."""
+DECISIVE = 12.0
+"""Sum of squares in grains of the speed: with 0.42 grains of noise the share is then known to 0.15."""
 FOR_SHARE = 0.5
 
 
@@ -18,10 +16,10 @@ class Ballot:
     In every window a constant and a straight line are taken off both: they look like another payload.
     """
 
-    __slots__ = ("_due", "_due2", "_limit", "_product", "_unexplained")
+    __slots__ = ("_due", "_due2", "_limit", "_product", "_unexplained", "_window")
 
-    def __init__(self, speed_lsb: float) -> None:
-        self._limit = DECISIVE_LSB2 * speed_lsb**2
+    def __init__(self, speed_grain: float, window_cycles: int) -> None:
+        self._limit, self._window = DECISIVE * speed_grain**2, window_cycles
         self.clear()
 
     def clear(self) -> None:
@@ -38,7 +36,7 @@ class Ballot:
         """Take one cycle. True once it is decided."""
         self._due.append(due)
         self._unexplained.append(unexplained)
-        if len(self._due) < WINDOW_CYCLES:
+        if len(self._due) < self._window:
             return False
         due_part, unexplained_part = _without_line(self._due), _without_line(self._unexplained)
         self.open_window()

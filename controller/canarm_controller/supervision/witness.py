@@ -4,38 +4,33 @@ Owns the residuals of a joint and which sensor is to blame. Plain floats: `step`
 Names of joints and cards, and how the robot is stopped, must not enter.
 """
 
-from canarm_protocol.cell.model import Supervision
-
-from .joint_state import BLURRED_CYCLES, CALM_CYCLES, DOUBT_CYCLES, Mode
-from .limits import HIGHEST_CODE, NOISE_MASK, Report
-from .noisiness import SPIKE_CYCLES, SPIKES, TURNS, SpikeCount, TurnCount
+from .joint_state import Mode
+from .limits import NOISE_MASK, Report
+from .noisiness import SPIKES, TURNS, SpikeCount, TurnCount
+from .nominal import JointNominal
 from .sensor_less import BLIND_FACTOR, EARLY_FACTOR, PERSISTENT_CYCLES, STUCK_SURE_CYCLES, SensorLess
 from .step_trial import StepTrial
+from .thresholds import Thresholds
+from .timing import Timing
 
 MISMATCH_GAIN = 1.0 / 16.0
-"""White noise of 0.42 LSB leaves 0.42/sqrt(31) = 0.075 LSB; a step of 3 LSB passes 0.65 LSB in the fourth cycle."""
-EARLY_CYCLES = 800
-"""Two seconds in which base and offset of the tachometer are learned, and a wire takes up what the arm carries."""
+"""White noise of 0.42 grains leaves 0.42/sqrt(31) = 0.075; a step of 3 grains passes 0.65 in the fourth cycle."""
 UNREST_FACTOR = 2.5
 """Of the speed's limits, while the payload's weight is not known or after a time that was known badly."""
-SWINGING_CYCLES = 200
-"""Half a second in which an arm that has left its support swings on elastic wires: turns of its speed are no noise."""
 LONGEST_GAP_S = 0.1
 """After a longer gap residuals begin anew."""
 GAP_FACTOR = 6.0
 """Of the limit of the speed: over 50 ms friction may have turned its sign, and payload 12 rad/s² too little."""
-STUCK_SPEED_LSB, STUCK_CYCLES, STUCK_HASTE = 4.5, 8, 1.45
-"""The model's speed must have changed by this while the tachometer's code has not; by more if not for long."""
-STUCK_TRAVEL_LSB, STUCK_SUSPECT_LSB, STUCK_SOON_CYCLES = 1.25, 0.5, 6
-"""The tachometer must have turned this far while the potentiometer's code has not changed; if it has turned some of the
-way and will soon have turned the rest, the verdict waits."""
+STUCK_CYCLES, STUCK_HASTE = 8, 1.45
+"""The model's speed must have changed while the tachometer's code has not; by more if not for long."""
+STUCK_SOON_CYCLES = 6
+"""If the tachometer has turned some of the way while the position's code has not changed, and will soon have turned the
+rest, the verdict waits."""
 SLOW_SHARE = 0.35
 """Of a mismatch that was there 16 to 32 cycles ago: then it grows by less than 0.1 rad/s."""
 RANGE_CYCLES = 2
 STEP_SHARE = 0.75
 """Of the limit, that a speed must change by from one cycle to the next to have stepped; else the arm accelerates."""
-UNSETTLED_CYCLES = 80
-"""If motor and joint part company so soon after an unexpected acceleration, it is what joins them that has broken."""
 LEARNING_MASK = 15
 """The rate of learning changes every 16 cycles."""
 
@@ -49,8 +44,9 @@ class JointWitness(SensorLess):
     Angle       e = potentiometer - ∫tachometer - base; base and its rate, the tachometer's offset, are learned in 6 s
 
     a is the nominal model's acceleration under the commanded current, b what it lacks: another payload, friction.
-    Noise of 0.3 LSB and rounding leave 0.42 LSB in one reading of either sensor. Measured in fault-free runs of all
-    laws with a payload of -50..+50 %: |ν| <= 2.5 LSB, filtered 1.3; |e| <= 1.9 LSB, filtered 0.5.
+    Limits are multiples of grains, see `thresholds`. A right robot leaves 0.42 grains in one reading of either sensor.
+    Measured in fault-free runs of all laws with a payload of -50..+50 %: |ν| <= 2.5 grains, filtered 1.3; |e| <= 1.9,
+    filtered 0.5.
     """
 
     __slots__ = (
@@ -58,25 +54,25 @@ class JointWitness(SensorLess):
         "_settled_at", "_spikes", "_stepped_until", "_stuck_limit", "_trial", "_turns", "_x_code", "_x_travel",
     )  # fmt: skip
 
-    def __init__(
-        self, limits: Supervision, position_lsb: float, speed_lsb: float, tachometer_skew_s: float, period_s: float,
-        report: Report,
-    ) -> None:  # fmt: skip
-        super().__init__(limits, position_lsb, speed_lsb, tachometer_skew_s, period_s, report)
-        self._stuck_limit = STUCK_SPEED_LSB * speed_lsb
-        self._trial = StepTrial(position_lsb, period_s)
+    def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
+        super().__init__(nominal, thresholds, timing, report)
+        self._stuck_limit = thresholds.stuck_speed
+        self._trial = StepTrial(thresholds.position_grain, timing.period_s, timing.step)
         self.start(0.0)
 
     def start(self, position_rad: float) -> None:
         """At rest at a measured angle."""
         super().start(position_rad)
-        self._spikes, self._turns = {"potentiometer": SpikeCount(), "tachometer": SpikeCount()}, TurnCount()
+        self._spikes, self._turns = (
+            {sensor: SpikeCount(self._timing.spike) for sensor in ("potentiometer", "tachometer")},
+            TurnCount(self._timing.turn),
+        )
         self._old_mismatch = self._new_mismatch = 0.0
         self._x_code, self._code_at = -1, 0
         self._code_model = self._code_bias = self._x_travel = 0.0
         self._doubt_until = self._stepped_until = -1
-        self._settled_at = -UNSETTLED_CYCLES
-        self._gap_at = -DOUBT_CYCLES
+        self._settled_at = -self._timing.unsettled
+        self._gap_at = -self._timing.doubt
 
     def step(self, x: float, v: float, acceleration: float, x_code: int, v_code: int) -> bool:
         """Take one cycle: angle, speed, and the model's acceleration since the last one (rad, rad/s, rad/s²).
@@ -117,7 +113,7 @@ class JointWitness(SensorLess):
             or not -doubt < off < doubt
             or not -swing_limit < swing < swing_limit
             or self._astray_cycles
-            or not 0 < v_code < HIGHEST_CODE
+            or not 0 < v_code < self._highest_speed_code
         ) and self._examine(x, predicted, off, astray, mismatch, swing, is_stuck):
             return True
         if not count & NOISE_MASK:
@@ -141,7 +137,7 @@ class JointWitness(SensorLess):
 
         `is_gap`: so badly that the residuals begin anew.
         """
-        self._blurred_until = self.cycles + BLURRED_CYCLES
+        self._blurred_until = self.cycles + self._timing.blurred
         if self.mode is Mode.STEP:
             self.mode = _SOUND  # a verdict needs cycles in a row
         if self.mode is not _SOUND or (v_code == self._code and not is_gap and self._code_cycles >= STUCK_CYCLES):
@@ -173,19 +169,19 @@ class JointWitness(SensorLess):
         """The acceleration that the model lacked has been looked into."""
         self.bias += bias_rad_s2
         self._swing = 0.0
-        self._calm_at = self.cycles + CALM_CYCLES
+        self._calm_at = self.cycles + self._timing.calm
         self._settled_at = self._upset_at = self.cycles
 
     def _examine(
         self, x: float, predicted: float, off: float, astray: float, mismatch: float, swing: float, is_stuck: bool
     ) -> bool:
         """Something is unusual. True if this cycle's measurement must not be learned from."""
-        limits, count = self._limits, self.cycles
+        limits, count, timing = self._limits, self.cycles, self._timing
         if self._judge_angle(x, predicted, off, astray):
             return True
-        if self._code in (0, HIGHEST_CODE) and (
+        if self._code in (0, self._highest_speed_code) and (
             abs(off) < limits.step * UNREST_FACTOR
-            or count < self._gap_at + BLURRED_CYCLES  # in which the current stayed what it was
+            or count < self._gap_at + timing.blurred  # in which the current stayed what it was
         ):
             # As fast as that, and perhaps faster: nothing can be told from it.
             self._base = x - self._travel - self._half_s * predicted - self._mismatch
@@ -195,10 +191,10 @@ class JointWitness(SensorLess):
         if is_stuck and self._report("tachometer-stuck", self._stuck_detail(), None):
             return self._lose_tachometer(x, predicted)
         is_doubtful = not -limits.doubt < off < limits.doubt
-        turns = is_doubtful and count > SWINGING_CYCLES and self._turns.is_too_many(count, off)
+        turns = is_doubtful and count > timing.swinging and self._turns.is_too_many(count, off)
         if turns and self._report("sensor-noise", f"tachometer: {TURNS} turns", None):
             return self._lose_tachometer(x, predicted)
-        is_calm = count >= max(self._calm_at, self._blurred_until, self._gap_at + DOUBT_CYCLES)
+        is_calm = count >= max(self._calm_at, self._blurred_until, self._gap_at + timing.doubt)
         factor = 1.0 if is_calm else UNREST_FACTOR
         step = limits.step * factor
         if not -step < off < step:
@@ -209,11 +205,11 @@ class JointWitness(SensorLess):
                 self._advance(predicted, predicted)
                 return self._substitute(x, predicted)
         if is_doubtful:
-            self._doubt_until = count + DOUBT_CYCLES
+            self._doubt_until = count + timing.doubt
         if not -limits.swing * factor < swing < limits.swing * factor:
             self.is_agitated = True
         is_wide = count < max(self._stepped_until, self._blurred_until)
-        drift = limits.drift * (EARLY_FACTOR if is_wide or count < self._learn_from + EARLY_CYCLES else 1.0)
+        drift = limits.drift * (EARLY_FACTOR if is_wide or count < self._learn_from + timing.early else 1.0)
         return not -drift < mismatch < drift and self._judge_mismatch(x, predicted, mismatch)
 
     def _judge_angle(self, x: float, predicted: float, off: float, astray: float) -> bool:
@@ -225,7 +221,7 @@ class JointWitness(SensorLess):
             return False
         self._astray_cycles += 1
         if self._astray_cycles >= PERSISTENT_CYCLES:
-            at_end = self._x_code in (0, HIGHEST_CODE)
+            at_end = self._x_code in self._angle_ends
             name = "potentiometer-range" if at_end else "potentiometer-jump"
             if self._report(name, f"code {self._x_code}" if at_end else self._angle_detail(astray), None):
                 self.mode = Mode.NO_POTENTIOMETER
@@ -236,17 +232,17 @@ class JointWitness(SensorLess):
     def _judge_mismatch(self, x: float, predicted: float, mismatch: float) -> bool:
         """Potentiometer and integrated tachometer have drifted apart."""
         detail = self._angle_detail(mismatch)
-        lsb = self._position_lsb
+        lsb, thresholds = self._position_lsb, self._thresholds
         turned = abs(self._travel - self._x_travel)
         soon = turned + STUCK_SOON_CYCLES * self._period_s * abs(predicted)
-        if self.cycles < self._settled_at + UNSETTLED_CYCLES:
+        if self.cycles < self._settled_at + self._timing.unsettled:
             name = "drive-broken"
         elif self.cycles < self._stepped_until:
             name = "tachometer-mismatch"
-        elif turned > STUCK_TRAVEL_LSB * lsb:
+        elif turned > thresholds.stuck_travel:
             detail = f"code {self._x_code} while the tachometer turned {turned / lsb:.1f} LSB"
             name = "potentiometer-stuck"
-        elif turned > STUCK_SUSPECT_LSB * lsb and soon > STUCK_TRAVEL_LSB * lsb:
+        elif turned > thresholds.stuck_suspect and soon > thresholds.stuck_travel:
             return False
         elif self.cycles < self._doubt_until or self._code_cycles >= STUCK_CYCLES:
             name = "tachometer-mismatch"
@@ -284,8 +280,8 @@ class JointWitness(SensorLess):
                 return self._lose_tachometer(x, predicted)
         elif off * step < 0.0 and self._report("sensor-noise", "tachometer: one way, then the other", None):
             return self._lose_tachometer(x, predicted)
-        elif v_code in (0, HIGHEST_CODE) and trial.cycles >= RANGE_CYCLES - 1:
-            if self.cycles < self._settled_at + UNSETTLED_CYCLES:
+        elif v_code in (0, self._highest_speed_code) and trial.cycles >= RANGE_CYCLES - 1:
+            if self.cycles < self._settled_at + self._timing.unsettled:
                 self._report("overspeed", f"tachometer at code {v_code}", None)
                 return self._believe_step(v)
             if self._report("tachometer-range", f"code {v_code}", None):
@@ -310,10 +306,10 @@ class JointWitness(SensorLess):
         self._travel += self._trial.led_rad
         self._swing = 0.0
         self.speed = self._last_rad_s = v
-        self._stepped_until = self.cycles + DOUBT_CYCLES
+        self._stepped_until = self.cycles + self._timing.doubt
         self._upset_at = self.cycles
         self.is_agitated = True
-        self._calm_at = self.cycles + CALM_CYCLES
+        self._calm_at = self.cycles + self._timing.calm
         return False
 
     def _spike(self, sensor: str) -> bool:
@@ -322,7 +318,9 @@ class JointWitness(SensorLess):
         if not self._spikes[sensor].is_too_many(self.cycles):
             self._report(f"{sensor}-spike", "one reading rejected", None)
             return True
-        if not self._report("sensor-noise", f"{sensor}: {SPIKES} readings rejected within {SPIKE_CYCLES} cycles", None):
+        if not self._report(
+            "sensor-noise", f"{sensor}: {SPIKES} readings rejected within {self._timing.spike} cycles", None
+        ):
             return True
         if sensor == "potentiometer":
             self.mode, self._agreed = Mode.NOISY_POTENTIOMETER, 0

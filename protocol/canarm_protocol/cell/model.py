@@ -208,17 +208,19 @@ class Control(Table):
 
 
 class Supervision(Table):
-    """Limits beyond which the controller stops the robot."""
+    """Limits beyond which the controller reacts. What is left out is derived from the cell, for each joint of its own;
+    `canarm check --detectors` shows it.
+    """
 
-    missing_cycles: Annotated[int, Field(ge=1, le=1000)]
-    range_margin_deg: NonNegative
-    max_position_step_deg: Positive
-    position_jump_lsb: Positive = 4.5
-    position_drift_lsb: Positive = 0.65
-    speed_jump_lsb: Positive = 5.0
-    speed_drift_lsb: Positive = 2.2
-    current_mismatch_a: Positive = 0.075
-    acceleration_mismatch_rad_s2: Positive = 4.0
+    missing_cycles: Annotated[int, Field(ge=1, le=1000)] | None = None
+    range_margin_deg: NonNegative | None = None
+    max_position_step_deg: Positive | None = None
+    position_jump_lsb: Positive | None = None
+    position_drift_lsb: Positive | None = None
+    speed_jump_lsb: Positive | None = None
+    speed_drift_lsb: Positive | None = None
+    current_mismatch_a: Positive | None = None
+    acceleration_mismatch_rad_s2: Positive | None = None
 
 
 class Cell(Table):
@@ -233,7 +235,7 @@ class Cell(Table):
         tuple[Annotated[SerializeAsAny[Card], WrapValidator(_of_its_kind)], ...], Field(min_length=1, max_length=49)
     ]
     control: Control
-    supervision: Supervision
+    supervision: Supervision = Supervision()
 
     @property
     def joints(self) -> tuple[Joint, ...]:

@@ -1,0 +1,135 @@
+"""What a cell says of one joint, as far as detectors need it: its sensors' noise, its mobility, its weight, its drive.
+
+Owns the way from cell and nominal arm to plain numbers. Which limit follows from them, `thresholds.py` says.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from canarm_protocol.cell.model import Cell, Joint
+from canarm_protocol.cell.sensing import JointSensors, WiredSensor, joint_sensors
+from canarm_protocol.cell.sensors import AnalogueSensor
+
+from ..dynamics import Arm
+
+ROUNDING_LSB = 1.0 / math.sqrt(12.0)
+"""Standard deviation of what rounding to a whole code leaves."""
+POSES = 96
+"""Drawn evenly within the joints' ranges; extremes of gravity and inertia are then known to a few percent."""
+PLASTIC = 1.2207440846
+"""x**4 = x + 1: steps of its inverse powers, modulo 1, fill a box evenly (the R sequence of Roberts)."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensorNominal:
+    """One sensor: `step` of its code and noise of one reading (standard deviation, rounding included), in its unit.
+
+    `skew_s` is how long after SYNC it is sampled. A counter has no ends, `end_codes` is empty.
+    """
+
+    title: str
+    step: float
+    noise: float
+    end_codes: tuple[int, ...]
+    skew_s: float
+
+    @property
+    def noise_lsb(self) -> float:
+        """Noise of one reading in steps of the code."""
+        return self.noise / self.step
+
+
+@dataclass(frozen=True, slots=True)
+class JointNominal:
+    """One joint. Mobility is what 1 N·m of its drive makes, the other drives' torques unchanged, least and most."""
+
+    name: str
+    position: SensorNominal
+    speed: SensorNominal | None
+    current: SensorNominal | None
+    mobility_per_kg_m2: tuple[float, float]
+    falling_rad_s2: float
+    """The most that the arm's own weight accelerates the joint by with all torque off."""
+    weight_nm: float
+    """The most that the joint must hold."""
+    coulomb_nm: float
+    rotor_kg_m2: float
+    wire_stiffness_nm_rad: float
+    torque_per_ampere: float
+    max_current_a: float
+    fastest_rad_s: float
+    """Where its tachometer ends, or the supply against the back-EMF."""
+    winding_s: float
+    """L/R."""
+    winding_ohm: float
+    supply_v: float
+    back_emf_v_s_rad: float
+
+
+def joint_nominals(cell: Cell, arms: Sequence[Arm]) -> tuple[JointNominal, ...]:
+    """All joints of `cell`; `arms` are its robots' in the same order."""
+    nominals: list[JointNominal] = []
+    sensors = iter(joint_sensors(cell))
+    for robot, arm in zip(cell.robot, arms, strict=True):
+        loads = _loads(arm, [joint.limits_deg for joint in robot.joint])
+        for joint, load in zip(robot.joint, loads, strict=True):
+            nominals.append(_nominal(cell.joint_names[len(nominals)], joint, load, next(sensors)))
+    return tuple(nominals)
+
+
+@dataclass(frozen=True, slots=True)
+class _Load:
+    mobility: tuple[float, float]
+    falling_rad_s2: float
+    weight_nm: float
+
+
+def _loads(arm: Arm, limits_deg: Sequence[tuple[float, float]]) -> list[_Load]:
+    """Extremes over poses within the limits, a joint each."""
+    low, high = np.radians(limits_deg).T
+    count = arm.joint_count
+    steps = np.array([PLASTIC ** -(axis + 1) for axis in range(count)])
+    mobility, falling, weight = [], [], []
+    for number in range(1, POSES + 1):
+        pose = (low + (high - low) * ((0.5 + number * steps) % 1.0)).tolist()
+        inverse = np.linalg.inv(np.array(arm.inertia(pose)) + np.diag(arm.rotor_inertia))
+        gravity = np.array(arm.gravity(pose))
+        mobility.append(np.diag(inverse))
+        falling.append(np.abs(inverse @ gravity))
+        weight.append(np.abs(gravity))
+    least, most = np.min(mobility, axis=0), np.max(mobility, axis=0)
+    rows = zip(least.tolist(), most.tolist(), np.max(falling, 0).tolist(), np.max(weight, 0).tolist(), strict=True)
+    return [_Load((low, high), fall, heavy) for low, high, fall, heavy in rows]
+
+
+def _nominal(name: str, joint: Joint, load: _Load, sensors: JointSensors) -> JointNominal:
+    motor, drive = joint.motor, joint.drive
+    return JointNominal(
+        name=name,
+        position=sensor_nominal(sensors.position),
+        speed=sensor_nominal(sensors.velocity) if sensors.velocity else None,
+        current=sensor_nominal(sensors.current) if sensors.current else None,
+        mobility_per_kg_m2=load.mobility,
+        falling_rad_s2=load.falling_rad_s2,
+        weight_nm=load.weight_nm,
+        coulomb_nm=motor.coulomb_friction_nm,
+        rotor_kg_m2=motor.reflected_inertia_kg_m2,
+        wire_stiffness_nm_rad=motor.wire_stiffness_nm_rad,
+        torque_per_ampere=motor.torque_per_ampere,
+        max_current_a=drive.max_current_a,
+        fastest_rad_s=joint.fastest_rad_s,
+        winding_s=motor.winding_mh * 1e-3 / motor.winding_ohm,
+        winding_ohm=motor.winding_ohm,
+        supply_v=drive.supply_v,
+        back_emf_v_s_rad=motor.back_emf_v_s_rad,
+    )
+
+
+def sensor_nominal(wired: WiredSensor) -> SensorNominal:
+    """What the detectors need of a sensor; a counter has no noise but its rounding."""
+    sensor, step = wired.sensor, wired.scale.lsb
+    noise_lsb, ends = (sensor.noise_lsb, (0, wired.highest_code)) if isinstance(sensor, AnalogueSensor) else (0.0, ())
+    return SensorNominal(sensor.title, step, step * math.hypot(noise_lsb, ROUNDING_LSB), ends, wired.skew_s)

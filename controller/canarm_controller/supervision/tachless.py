@@ -1,0 +1,111 @@
+"""A joint that has no tachometer: its speed comes from position sensor and model, and the two judge each other.
+
+Owns what can be judged with two witnesses. With a tachometer there are three, see `witness`.
+"""
+
+from .detection import Reaction
+from .joint_state import Mode
+from .limits import Report
+from .nominal import JointNominal
+from .sensor_less import BLIND_FACTOR, PERSISTENT_CYCLES, SensorLess
+from .thresholds import Thresholds, unmodelled_rad_s2
+from .timing import Timing
+
+STUCK_FACTOR, STUCK_CYCLES = 1.6, 6
+"""Of the way that a code may stand still; and a code that has not changed for less is none that sticks."""
+
+
+class TachlessWitness(SensorLess):
+    """Residual of one joint: the angle off the observer's, which follows it at 12 rad/s.
+
+    A code that does not change is judged by the way that the model goes meanwhile, from the speed and with the
+    acceleration bias that were believed when it changed last.
+    """
+
+    __slots__ = ("_gone_bias", "_gone_rad", "_gone_rad_s", "_lasting_cycles", "_stood_cycles", "_unmodelled", "_x_code")
+
+    def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
+        super().__init__(nominal, thresholds, timing, report)
+        self._unmodelled = unmodelled_rad_s2(nominal)
+        self.start(0.0)
+
+    def start(self, position_rad: float) -> None:
+        """At rest at a measured angle."""
+        super().start(position_rad)
+        self.mode = Mode.NO_TACHOMETER
+        self._blind.start(position_rad, 0.0, 0.0)
+        self._gone_rad = self._gone_rad_s = self._gone_bias = 0.0
+        self._x_code, self._stood_cycles, self._lasting_cycles = -1, 0, 0
+
+    def step(self, x: float, v: float, acceleration: float, x_code: int, v_code: int) -> bool:
+        """Take one cycle: angle (rad) and the model's acceleration since the last one (rad/s²); no speed is measured.
+
+        Returns True: `velocity_rad_s` is to be taken in any case, and `position_rad`.
+        """
+        self.cycles += 1
+        self.model_rad_s += self._period_s * acceleration
+        blind = self._blind
+        blind.predict(acceleration)
+        if self.mode is Mode.BLIND or self._is_astray(x, x_code):
+            x = blind.position_rad
+        else:
+            blind.correct(x)
+        self.speed, self.bias = blind.velocity_rad_s, blind.bias
+        self._judge_code(x_code, acceleration)
+        self._judge_bias()
+        return self._substitute(x, self.speed)
+
+    def glimpse(self, x: float, v: float, acceleration: float, x_code: int, v_code: int, is_gap: bool) -> bool:
+        """As `step`, but when this was measured is known badly."""
+        self._stood_cycles = self._lasting_cycles = 0
+        self._x_code = -1
+        if is_gap and self.mode is not Mode.BLIND:
+            self._blind.start(x, self.speed, self.bias)
+        self._calm_at = max(self._calm_at, self.cycles + self._timing.blurred)
+        return self.step(x, v, acceleration, x_code, v_code)
+
+    def settle(self, bias_rad_s2: float) -> None:
+        """Nothing to settle: the observer learns by itself what the model lacks."""
+
+    def _is_astray(self, x: float, x_code: int) -> bool:
+        off = x - self._blind.position_rad
+        factor = BLIND_FACTOR if self.cycles >= self._calm_at else 2.0 * BLIND_FACTOR
+        if abs(off) <= factor * self._limits.jump:
+            if self._astray_cycles:
+                self._report("potentiometer-spike", "one reading rejected", None)
+            self._astray_cycles = 0
+            return False
+        self._astray_cycles += 1
+        if self._astray_cycles >= PERSISTENT_CYCLES:
+            at_end = x_code in self._angle_ends
+            name = "potentiometer-range" if at_end else "potentiometer-jump"
+            detail = f"{off / self._position_lsb:+.1f} LSB from the model, and no tachometer"
+            if self._report(name, detail, Reaction.OFF):
+                self.mode = Mode.BLIND
+        return True
+
+    def _judge_code(self, x_code: int, acceleration: float) -> None:
+        """Whether the model goes on while the code does not."""
+        if x_code != self._x_code or self._stood_cycles > self._timing.agree:
+            self._x_code, self._stood_cycles = x_code, 0
+            self._gone_rad, self._gone_rad_s, self._gone_bias = 0.0, self.speed, self.bias
+            return
+        self._stood_cycles += 1
+        self._gone_rad_s += self._period_s * (acceleration + self._gone_bias)
+        self._gone_rad += self._period_s * self._gone_rad_s
+        if self._stood_cycles < STUCK_CYCLES or self.cycles < self._calm_at or self.mode is Mode.BLIND:
+            return
+        stood_s = self._stood_cycles * self._period_s
+        limit = STUCK_FACTOR * self._thresholds.stuck_travel + 0.5 * self._unmodelled * stood_s**2
+        if abs(self._gone_rad) > limit:
+            detail = f"code {x_code} while the model turned {self._gone_rad / self._position_lsb:.1f} LSB"
+            if self._report("potentiometer-stuck", detail, Reaction.OFF):
+                self.mode = Mode.BLIND
+
+    def _judge_bias(self) -> None:
+        """Whether the arm does what no payload makes it do: a jam, a drive that brakes."""
+        beyond = abs(self.bias) > self._thresholds.lasting and self.cycles > 2 * self._timing.calm
+        self._lasting_cycles = self._lasting_cycles + 1 if beyond else 0
+        if self._lasting_cycles > self._timing.lasting:
+            detail = f"{self.bias:+.0f} rad/s2 beyond the model, more than any payload, and lasting"
+            self._report("acceleration-mismatch", detail, Reaction.OFF)

@@ -1,0 +1,258 @@
+"""The limits of one joint's detectors, derived from what the cell says of it, and how each comes about in words.
+
+Owns the arithmetic. Limits are multiples of a *grain*: what can just not be told, of angle or of speed. It is the noise
+of a reading, or what a right model is off by, whichever is more. Multiples were measured at 0.3 LSB of noise, where a
+grain is a step of the code; `[supervision]` of the cell overrides some of them. What is compared with a limit must not
+enter.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from canarm_protocol.cell.model import Joint, Supervision
+
+from ..estimation.blind import blind_pole_rad_s
+from .nominal import ROUNDING_LSB, JointNominal, SensorNominal
+from .timing import Timing
+
+REFERENCE_NOISE = math.hypot(0.3, ROUNDING_LSB)
+"""Noise of one reading over the grain, at which the multiples below were measured: 0.42."""
+BANDWIDTH_RAD_S = 30.0
+"""Of the observer of speed and acceleration bias: fast enough for gravity of a wrong payload along a swing (10 rad/s³
+leave 10/30² rad/s), slow enough that a step of either shows in full."""
+SLOWEST_POLE = 0.5
+"""The bandwidth times the cycle time is never more: an observer has to be slower than its cycle."""
+DRIFT_S = 6.0
+"""In which the tachometer's offset is learned from the position; shorter at first."""
+PAYLOAD_SHARE = 0.5
+"""By which the payload may be off: of what the arm's own weight accelerates a joint by."""
+USUAL_SPEED_SHARE = 0.5
+"""Of the fastest speed: how fast a joint turns while its payload is off."""
+KICK_SHARE = 0.4
+"""Of the speed that Coulomb friction makes when it turns its sign between two evaluations of the model; it leaves 2.5
+grains, half of the limit of a jump."""
+BLIND_NOISE = 1.32
+"""Of an observer with three equal poles p on white noise: sqrt(7)/2, its speed's deviation over that of p·sqrt(pT) readings."""
+INTEGRAL_GRAINS = 5.0
+"""Grains over the error of the integrated tachometer: a drift of 0.65 grains is then three of its deviations."""
+ROUNDING_BIAS = 1.0 / math.pi
+"""Of a step, times exp(-2 (pi sigma)^2): the mean error that rounding leaves of a value with sigma steps of noise."""
+
+POSITION_JUMP, POSITION_DRIFT, SPEED_JUMP, SPEED_DRIFT = 4.5, 0.65, 5.0, 2.2
+"""Grains: one residual of the angle (1.9 occur), filtered over 16 readings (0.48); of the speed (2.5), over 8 (1.3)."""
+DOUBT, STUCK_SPEED, STUCK_TRAVEL, STUCK_SUSPECT = 2.7, 4.5, 1.25, 0.5
+"""Grains: a speed that is no fault, but remembered (a payload of ±50 % leaves 2.2); what the model's speed or the
+tachometer's way must change by while a code does not; and the way from which a verdict waits for the rest."""
+STANDING, TOLD, TOLD_SHARE = 3.06, 25.0, 0.2
+"""Grains of speed: below, a joint stands; above, both ways, a tachometer has shown itself again, or a fifth of its
+range if that is less."""
+ACCELERATION_SIGMAS, FRICTION_REVERSALS = 3.5, 2.0
+"""Of two readings `assessed` cycles apart, and of Coulomb friction: what an unexpected acceleration must pass."""
+START_FACTOR, WIRE_OVERSHOOT = 4.0, 2.0
+"""While the arm leaves its support the payload is not known; and an elastic wire that takes up the weight lets the
+motor swing by itself, up to twice what the weight makes of the rotor."""
+LASTING_SHARE_OF_FALL, LASTING_FACTOR = 0.9, 3.0
+"""Of what the arm's whole weight makes of any of its joints: no payload that is taken or lost makes so much; never less
+than so many times what is unexpected."""
+CURRENT_SHARE, CURRENT_SIGMAS = 0.05, 8.0
+"""Of the amplifier's full scale, half of what is a fault; never below the noise of the sense."""
+FLUTTER_SHARE, FLUTTER_SIGMAS = 0.2, 5.0
+"""Of that limit, 15 of konkuk1's 75 mA, and of the noise: 5 mA occur, and no error of offset or gain makes more. Then
+the current does not follow the command."""
+TOLD_CURRENT_SHARE, TOLD_CURRENT_SIGMAS, SUDDEN_FACTOR = 0.08 / 1.5, 2.4, 1.5
+"""Of full scale, and of the acceleration's noise in current: the share of a torque that is missing is told above it."""
+SAG_SHARE = 0.115
+"""Of what half the weight turns a joint by in a loop of 12 rad/s: the unit of a law's normal following error."""
+JUDGED_AT_RAD_S = 12.0
+"""Natural frequency at which laws state their normal following error."""
+MARGIN_RAD, MARGIN_SIGMAS = math.radians(1.0), 4.54
+"""Beyond the stops: their own give, and the noise of a reading."""
+MISSING_S, LEAST_MISSING = 0.04, 4
+"""An arm runs on under its last currents for so long at most, and a single frame that is lost stops nothing."""
+STEP_SPEEDS, STEP_SIGMAS = 4.0, 15.0
+"""Of the fastest motion in a cycle, and of the noise: what no joint can have turned by."""
+
+
+@dataclass(frozen=True, slots=True)
+class Thresholds:
+    """Limits of one joint in rad, rad/s, rad/s² and A. Speed limits of a joint without tachometer are its model's."""
+
+    position_grain: float
+    speed_grain: float
+    jump: float
+    drift: float
+    step: float
+    swing: float
+    doubt: float
+    stuck_speed: float
+    stuck_travel: float
+    stuck_suspect: float
+    standing: float
+    told_speed: float
+    acceleration: float
+    start_acceleration: float
+    lasting: float
+    current: float
+    told_current: float
+    sudden_current: float
+    flutter: float
+    following_unit: float
+
+
+def thresholds(joint: JointNominal, limits: Supervision, timing: Timing, falling_rad_s2: float) -> Thresholds:
+    """Limits of `joint`; `falling_rad_s2` is the most that the arm's weight makes of any of its joints."""
+    position, speed = joint.position, joint.speed
+    position_grain, speed_grain = position_grain_rad(joint, timing), speed_grain_rad_s(joint, timing)
+    position_step, speed_step = position.step, speed.step if speed else speed_grain
+    step = _chosen(limits.speed_jump_lsb, speed_step, SPEED_JUMP * speed_grain)
+    sigma = acceleration_noise_rad_s2(joint, timing)
+    acceleration = limits.acceleration_mismatch_rad_s2 or max(
+        ACCELERATION_SIGMAS * sigma, FRICTION_REVERSALS * joint.coulomb_nm * joint.mobility_per_kg_m2[1]
+    )
+    told_a = max(
+        TOLD_CURRENT_SHARE * joint.max_current_a,
+        TOLD_CURRENT_SIGMAS * sigma / (joint.torque_per_ampere * joint.mobility_per_kg_m2[0]),
+    )
+    current_a = limits.current_mismatch_a or current_limit_a(joint)
+    return Thresholds(
+        position_grain=position_grain,
+        speed_grain=speed_grain,
+        jump=_chosen(limits.position_jump_lsb, position_step, POSITION_JUMP * position_grain),
+        drift=_chosen(limits.position_drift_lsb, position_step, POSITION_DRIFT * position_grain),
+        step=step,
+        swing=_chosen(limits.speed_drift_lsb, speed_step, SPEED_DRIFT * speed_grain),
+        doubt=min(DOUBT * speed_grain, step),
+        stuck_speed=STUCK_SPEED * speed_grain,
+        stuck_travel=STUCK_TRAVEL * position_grain,
+        stuck_suspect=STUCK_SUSPECT * position_grain,
+        standing=STANDING * speed_grain,
+        told_speed=min(TOLD * speed_grain, TOLD_SHARE * joint.fastest_rad_s),
+        acceleration=acceleration,
+        start_acceleration=max(START_FACTOR * acceleration, wire_swing_rad_s2(joint)),
+        lasting=max(LASTING_SHARE_OF_FALL * falling_rad_s2, LASTING_FACTOR * acceleration),
+        current=current_a,
+        told_current=told_a,
+        sudden_current=SUDDEN_FACTOR * told_a,
+        flutter=flutter_limit_a(joint, current_a),
+        following_unit=following_unit_rad(joint, position_grain),
+    )
+
+
+def cell_thresholds(joints: Sequence[JointNominal], limits: Supervision, timing: Timing) -> tuple[Thresholds, ...]:
+    """Limits of all joints of a cell."""
+    falling_rad_s2 = max(joint.falling_rad_s2 for joint in joints)
+    return tuple(thresholds(joint, limits, timing, falling_rad_s2) for joint in joints)
+
+
+def observer_bandwidth_rad_s(period_s: float) -> float:
+    """Of the observer of a joint's speed and of the acceleration that its model lacks."""
+    return min(BANDWIDTH_RAD_S, SLOWEST_POLE / period_s)
+
+
+def position_grain_rad(joint: JointNominal, timing: Timing) -> float:
+    """What of an angle can just not be told: noise of the sensor, or the error of the integrated tachometer."""
+    grain = joint.position.noise / REFERENCE_NOISE
+    return max(grain, INTEGRAL_GRAINS * integral_error_rad(joint, timing))
+
+
+def integral_error_rad(joint: JointNominal, timing: Timing) -> float:
+    """Standard deviation of the integrated tachometer while its offset is learned: a random walk, and rounding."""
+    speed = joint.speed
+    if speed is None:
+        return 0.0
+    rate = 2.0 / DRIFT_S
+    walk = speed.noise * math.sqrt(timing.period_s / (4.0 * rate))
+    analogue_lsb2 = max(speed.noise_lsb**2 - ROUNDING_LSB**2, 0.0)
+    bias = speed.step * ROUNDING_BIAS * math.exp(-2.0 * math.pi**2 * analogue_lsb2)
+    return math.hypot(walk, bias / (2.0 * rate))
+
+
+def speed_grain_rad_s(joint: JointNominal, timing: Timing) -> float:
+    """What of a speed can just not be told: noise of the tachometer, a payload that turns, friction that turns."""
+    noise = speed_noise_rad_s(joint, timing) / REFERENCE_NOISE
+    return max(noise, payload_speed_rad_s(joint, timing), friction_speed_rad_s(joint, timing))
+
+
+def speed_noise_rad_s(joint: JointNominal, timing: Timing) -> float:
+    """Standard deviation of one speed: of the tachometer's reading, or of what the observer makes of the angle's."""
+    if joint.speed:
+        return joint.speed.noise
+    pole = blind_pole_rad_s(timing.period_s)
+    return BLIND_NOISE * pole * math.sqrt(pole * timing.period_s) * joint.position.noise
+
+
+def payload_speed_rad_s(joint: JointNominal, timing: Timing) -> float:
+    """What a payload that is off leaves of the observer's speed while it turns with the arm."""
+    turning = PAYLOAD_SHARE * joint.falling_rad_s2 * USUAL_SPEED_SHARE * joint.fastest_rad_s
+    bandwidth = observer_bandwidth_rad_s(timing.period_s) if joint.speed else blind_pole_rad_s(timing.period_s)
+    return turning / bandwidth**2
+
+
+def friction_speed_rad_s(joint: JointNominal, timing: Timing) -> float:
+    """What Coulomb friction leaves that turns its sign before the model is evaluated again."""
+    reversal_rad_s2 = 2.0 * joint.coulomb_nm * joint.mobility_per_kg_m2[1]
+    return KICK_SHARE * reversal_rad_s2 * timing.refresh * timing.period_s
+
+
+def acceleration_noise_rad_s2(joint: JointNominal, timing: Timing) -> float:
+    """Standard deviation of an acceleration told from two readings of the tachometer."""
+    return math.sqrt(2.0) * speed_noise_rad_s(joint, timing) / timing.assessed_s
+
+
+def wire_swing_rad_s2(joint: JointNominal) -> float:
+    """How the motor may swing while the wire takes up the arm's weight."""
+    return WIRE_OVERSHOOT * joint.weight_nm / joint.rotor_kg_m2
+
+
+def current_limit_a(joint: JointNominal) -> float:
+    """How far measured and commanded current may be apart."""
+    noise = CURRENT_SIGMAS * joint.current.noise if joint.current else 0.0
+    return max(CURRENT_SHARE * joint.max_current_a, noise)
+
+
+def flutter_limit_a(joint: JointNominal, current_a: float) -> float:
+    """How much the difference of the currents may change from one reading to the next, on average over four."""
+    noise = FLUTTER_SIGMAS * joint.current.noise if joint.current else 0.0
+    return max(FLUTTER_SHARE * current_a, noise)
+
+
+def following_unit_rad(joint: JointNominal, position_grain: float) -> float:
+    """The unit of laws' normal following errors: a grain, or a part of what half the arm's weight makes of a loop."""
+    sag = PAYLOAD_SHARE * joint.falling_rad_s2 / JUDGED_AT_RAD_S**2
+    return max(position_grain, 2.0 * SAG_SHARE * sag)
+
+
+def _chosen(override_lsb: float | None, step: float, derived: float) -> float:
+    return derived if override_lsb is None else override_lsb * step
+
+
+def unmodelled_rad_s2(joint: JointNominal) -> float:
+    """What a right model may be off by: half the payload, and Coulomb friction of the wrong sign."""
+    return PAYLOAD_SHARE * joint.falling_rad_s2 + 2.0 * joint.coulomb_nm * joint.mobility_per_kg_m2[1]
+
+
+def range_margin_rad(position: SensorNominal, limits: Supervision) -> float:
+    """How far beyond its stops a joint may be measured."""
+    if limits.range_margin_deg is not None:
+        return math.radians(limits.range_margin_deg)
+    return MARGIN_RAD + MARGIN_SIGMAS * position.noise
+
+
+def range_rad(joint: Joint, position: SensorNominal, limits: Supervision) -> tuple[float, float]:
+    """Where a joint may be measured: between its stops and a little beyond. Also where a run may begin."""
+    margin = range_margin_rad(position, limits)
+    low, high = joint.limits_deg
+    return math.radians(low) - margin, math.radians(high) + margin
+
+
+def longest_step_rad(position: SensorNominal, fastest: float, limits: Supervision, period_s: float) -> float:
+    """What a joint that turns at most at `fastest` rad/s cannot have turned by in a cycle."""
+    if limits.max_position_step_deg is not None:
+        return math.radians(limits.max_position_step_deg)
+    return STEP_SPEEDS * fastest * period_s + STEP_SIGMAS * position.noise
+
+
+def missing_cycles(limits: Supervision, period_s: float) -> int:
+    """After so many cycles in a row without all inputs the run stops."""
+    return limits.missing_cycles or max(round(MISSING_S / period_s), LEAST_MISSING)
