@@ -6,6 +6,7 @@ from cyclopts import Parameter
 
 from canarm_controller.dynamics import NominalArm
 from canarm_controller.errors import ControllerError
+from canarm_controller.supervision.derivation import detector_lines
 from canarm_emulator.robot.truth import truth_keys
 from canarm_protocol.cell.cell_file import setting_keys
 from canarm_protocol.cell.model import Cell
@@ -20,11 +21,17 @@ def check(
     *,
     cell: CellOptions = CellOptions(),
     keys: Annotated[Flag, Parameter(help="List every key of --truth and --set with unit and nominal value.")] = False,
+    detectors: Annotated[
+        Flag, Parameter(help="What watches each joint, from which limit on, and where the limit comes from.")
+    ] = False,
 ) -> int:
     """Validate a cell file and show what it describes."""
     nominal = cell.load()
     if keys:
         _print_keys(nominal)
+        return 0
+    if detectors:
+        print("\n".join(detector_lines(nominal)))
         return 0
     _print_cell(nominal)
     verdict = cell_verdict(nominal)

@@ -33,7 +33,7 @@ KICK_SHARE = 0.4
 """Of the speed that Coulomb friction makes when it turns its sign between two evaluations of the model; it leaves 2.5
 grains, half of the limit of a jump."""
 BLIND_NOISE = 1.32
-"""Of an observer with three equal poles p on white noise: sqrt(7)/2, its speed's deviation over that of p·sqrt(pT) readings."""
+"""sqrt(7)/2: an observer with three equal poles p makes of noise σ a speed's of this times σ·p·sqrt(pT)."""
 INTEGRAL_GRAINS = 5.0
 """Grains over the error of the integrated tachometer: a drift of 0.65 grains is then three of its deviations."""
 ROUNDING_BIAS = 1.0 / math.pi

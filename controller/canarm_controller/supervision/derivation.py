@@ -1,0 +1,199 @@
+"""What watches a cell, in words: each joint's detectors with limit, unit and where the limit comes from.
+
+Owns the text. The arithmetic is in `thresholds`, the meaning of a detector in `detection`.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from canarm_protocol.cell.model import Cell, Supervision
+from canarm_protocol.cell.sensing import joint_sensors
+
+from ..dynamics import Arm, SeveralArms, cell_arm
+from . import thresholds as limit
+from .detection import DETECTORS
+from .following import NORMAL_FACTOR
+from .nominal import JointNominal, joint_nominals, sensor_nominal
+from .sensor_less import BLIND_FACTOR, PERSISTENT_CYCLES
+from .tachless import STUCK_FACTOR
+from .thresholds import Thresholds, cell_thresholds
+from .timing import Timing
+
+NAME_WIDTH, LIMIT_WIDTH = 24, 26
+NO_TACHOMETER, NO_SENSE = "no tachometer", "no current sense"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One detector at one joint; `limit` is empty where it does not apply, and `why` says why not."""
+
+    detector: str
+    limit: str
+    why: str
+
+    def __str__(self) -> str:
+        return f"  {self.detector:<{NAME_WIDTH}} {self.limit or 'does not apply':<{LIMIT_WIDTH}} {self.why}"
+
+
+def detector_lines(cell: Cell) -> Iterator[str]:
+    """What `canarm check --detectors` prints. Raises `DynamicsError` for an arm that has no model."""
+    timing, limits = Timing.of(cell.bus.cycle_s), cell.supervision
+    arm = cell_arm(cell.robot, cell.joint_names)
+    parts: tuple[Arm, ...] = tuple(arm.parts) if isinstance(arm, SeveralArms) else (arm,)
+    nominals = joint_nominals(cell, parts)
+    missing = limit.missing_cycles(limits, timing.period_s)
+    yield f"cycle {1e3 * timing.period_s:g} ms; {missing} cycles without inputs in a row stop the run"
+    rows = zip(nominals, cell_thresholds(nominals, limits, timing), cell.joints, joint_sensors(cell), strict=True)
+    for nominal, derived, joint, sensors in rows:
+        yield ""
+        yield from _grain_lines(nominal, derived, timing)
+        position = sensor_nominal(sensors.position)
+        margin = limit.range_margin_rad(position, limits)
+        step = limit.longest_step_rad(position, joint.fastest_rad_s, limits, timing.period_s)
+        for row in (*_range_rows(margin, step, limits), *joint_rows(nominal, derived, limits, timing)):
+            yield str(row)
+    yield ""
+    named = {row.detector for row in joint_rows(nominals[0], derived, limits, timing)}
+    others = [name for name in DETECTORS if name not in named and not name.startswith("impossible")]
+    yield f"without a limit of a joint: {', '.join(others)}"
+
+
+def joint_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision, timing: Timing) -> list[Row]:
+    """The detectors of one joint that have a limit."""
+    return [
+        *_position_rows(nominal, derived, limits),
+        *_speed_rows(nominal, derived, limits),
+        *_current_rows(nominal, derived, limits),
+        *_arm_rows(nominal, derived, limits, timing),
+    ]
+
+
+def _grain_lines(nominal: JointNominal, derived: Thresholds, timing: Timing) -> Iterator[str]:
+    position, speed = nominal.position, nominal.speed
+    yield f"{nominal.name}:"
+    integral = limit.INTEGRAL_GRAINS * limit.integral_error_rad(nominal, timing)
+    yield (
+        f"  grain of angle {_deg(derived.position_grain)}: {position.title} {position.noise_lsb:.2f} LSB of "
+        f"{_deg(position.step)} makes {_deg(position.noise / limit.REFERENCE_NOISE)}, "
+        f"the integrated tachometer {_deg(integral)}"
+    )
+    noise = limit.speed_noise_rad_s(nominal, timing)
+    source = f"{speed.title} {speed.noise_lsb:.2f} LSB of {speed.step:.3g} rad/s" if speed else "observer of the angle"
+    yield (
+        f"  grain of speed {derived.speed_grain:.3g} rad/s: {source} makes {noise / limit.REFERENCE_NOISE:.3g}, half the "
+        f"weight that turns {limit.payload_speed_rad_s(nominal, timing):.3g}, "
+        f"friction that turns {limit.friction_speed_rad_s(nominal, timing):.3g}"
+    )
+
+
+def _range_rows(margin: float, step: float, limits: Supervision) -> Iterator[Row]:
+    sigmas, speeds = limit.MARGIN_SIGMAS, limit.STEP_SPEEDS
+    why = f"{_deg(limit.MARGIN_RAD)} and {sigmas:g} deviations of a reading, beyond the stops"
+    yield Row("impossible-position", _deg(margin), _source("range_margin_deg", limits.range_margin_deg, why))
+    why = f"{speeds:g} times the fastest motion of a cycle and {limit.STEP_SIGMAS:g} deviations of a reading"
+    yield Row("impossible-motion", _deg(step), _source("max_position_step_deg", limits.max_position_step_deg, why))
+
+
+def _position_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision) -> Iterator[Row]:
+    has_tachometer = nominal.speed is not None
+    factor = 1.0 if has_tachometer else BLIND_FACTOR
+    against = "the integrated tachometer" if has_tachometer else f"the model, {factor:g} times the limit"
+    jump = _source("position_jump_lsb", limits.position_jump_lsb, f"{limit.POSITION_JUMP:g} grains, from {against}")
+    shown = f"{_deg(factor * derived.jump)}, {PERSISTENT_CYCLES} cycles"
+    yield Row("potentiometer-jump", shown, jump)
+    if nominal.position.end_codes:
+        yield Row("potentiometer-range", shown, f"the same, at code {_ends(nominal.position.end_codes)}")
+    else:
+        yield Row("potentiometer-range", "", f"{nominal.position.title}: its codes have no end")
+    yield Row("potentiometer-spike", _deg(factor * derived.jump), "the same, for fewer cycles")
+    stuck = f"{limit.STUCK_TRAVEL:g} grains that the tachometer turns while the code stands"
+    if not has_tachometer:
+        stuck = f"{STUCK_FACTOR:g} x {limit.STUCK_TRAVEL:g} grains that the model turns while the code stands, and "
+        stuck += f"{limit.unmodelled_rad_s2(nominal):.3g} rad/s2 that it may lack"
+    travel = derived.stuck_travel if has_tachometer else STUCK_FACTOR * derived.stuck_travel
+    yield Row("potentiometer-stuck", _deg(travel), stuck)
+    drift = f"{limit.POSITION_DRIFT:g} grains, filtered over 16 readings"
+    drift = _source("position_drift_lsb", limits.position_drift_lsb, drift)
+    for name in ("potentiometer-mismatch", "tachometer-mismatch", "drive-broken"):
+        yield Row(name, _deg(derived.drift), drift) if has_tachometer else Row(name, "", NO_TACHOMETER)
+        drift = f"the same, after {'a doubtful speed' if 'pot' in name else 'an unexpected acceleration'}"
+
+
+def _speed_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision) -> Iterator[Row]:
+    speed = nominal.speed
+    if speed is None:
+        for name in ("jump", "range", "spike", "stuck"):
+            yield Row(f"tachometer-{name}", "", NO_TACHOMETER)
+        for name in ("sensor-noise", "overspeed", "both-sensors"):
+            yield Row(name, "", NO_TACHOMETER)
+        return
+    jump = _source("speed_jump_lsb", limits.speed_jump_lsb, f"{limit.SPEED_JUMP:g} grains from the model")
+    yield Row("tachometer-jump", _rad_s(derived.step), f"{jump}, and the angle does not follow")
+    yield Row("tachometer-spike", _rad_s(derived.step), "the same, and gone before that is decided")
+    if speed.end_codes:
+        yield Row("tachometer-range", _rad_s(derived.step), f"the same, at code {_ends(speed.end_codes)}")
+        yield Row("overspeed", f"{nominal.fastest_rad_s:.3g} rad/s", "its end, after an unexpected acceleration")
+    stuck = f"{limit.STUCK_SPEED:g} grains that the model's speed changes while the code stands"
+    yield Row("tachometer-stuck", _rad_s(derived.stuck_speed), stuck)
+    yield Row("sensor-noise", _rad_s(derived.doubt), "off one way, then the other; or three spikes")
+    yield Row("both-sensors", _deg(BLIND_FACTOR * derived.jump), f"{BLIND_FACTOR:g} times the limit of a jump")
+
+
+def _current_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision) -> Iterator[Row]:
+    names = "current-mismatch", "current-sense-mismatch", "current-sense-range"
+    if nominal.current is None:
+        yield from (Row(name, "", NO_SENSE) for name in names)
+        return
+    why = (
+        f"{100 * limit.CURRENT_SHARE:g} % of {nominal.max_current_a:g} A, at least {limit.CURRENT_SIGMAS:g} deviations"
+    )
+    why = _source("current_mismatch_a", limits.current_mismatch_a, why)
+    for name in names:
+        yield Row(name, _ampere(derived.current), why)
+        why = "the same, and the arm does not care"
+
+
+def _arm_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision, timing: Timing) -> Iterator[Row]:
+    if nominal.speed is None:
+        why = f"{limit.LASTING_SHARE_OF_FALL:g} of what the arm's whole weight makes: lasting alone, {NO_TACHOMETER}"
+        yield Row("acceleration-mismatch", _rad_s2(derived.lasting), why)
+        yield Row("wrong-direction", "", NO_TACHOMETER)
+    else:
+        noise = limit.ACCELERATION_SIGMAS * limit.acceleration_noise_rad_s2(nominal, timing)
+        friction = limit.FRICTION_REVERSALS * nominal.coulomb_nm * nominal.mobility_per_kg_m2[1]
+        why = f"noise over {1e3 * timing.assessed_s:g} ms {noise:.3g}, friction that turns {friction:.3g}; "
+        why = _source("acceleration_mismatch_rad_s2", limits.acceleration_mismatch_rad_s2, why)
+        start = f"at the start {derived.start_acceleration:.3g}; lasting, more than any payload: {derived.lasting:.3g}"
+        yield Row("acceleration-mismatch", _rad_s2(derived.acceleration), f"{why.rstrip('; ')}; {start}")
+        told = f"commanded at least, of which 1.5 to 2.6 times are missing; sudden {_ampere(derived.sudden_current)}"
+        yield Row("wrong-direction", _ampere(derived.told_current), told)
+    unit = f"{NORMAL_FACTOR:g} x what the law says, in units of {_deg(derived.following_unit)}"
+    yield Row("following-error", f"{_deg(NORMAL_FACTOR * derived.following_unit)} x law", unit)
+    yield Row(
+        "saturation", f"{1e3 * timing.saturated * timing.period_s:g} ms", "at the amplifier's limit, with that error"
+    )
+
+
+def _source(key: str, value: float | None, derived: str) -> str:
+    return derived if value is None else f"{key} = {value:g} of the cell; else {derived}"
+
+
+def _ends(codes: tuple[int, ...]) -> str:
+    return " or ".join(map(str, codes))
+
+
+def _deg(angle_rad: float) -> str:
+    return f"{math.degrees(angle_rad):.3g} deg"
+
+
+def _rad_s(speed_rad_s: float) -> str:
+    return f"{speed_rad_s:.3g} rad/s"
+
+
+def _rad_s2(acceleration_rad_s2: float) -> str:
+    return f"{acceleration_rad_s2:.3g} rad/s2"
+
+
+def _ampere(current_a: float) -> str:
+    return f"{1e3 * current_a:.3g} mA"
