@@ -81,8 +81,8 @@ def _grain_lines(nominal: JointNominal, derived: Thresholds, timing: Timing) -> 
     noise = limit.speed_noise_rad_s(nominal, timing)
     source = f"{speed.title} {speed.noise_lsb:.2f} LSB of {speed.step:.3g} rad/s" if speed else "observer of the angle"
     yield (
-        f"  grain of speed {derived.speed_grain:.3g} rad/s: {source} makes {noise / limit.REFERENCE_NOISE:.3g}, half the "
-        f"weight that turns {limit.payload_speed_rad_s(nominal, timing):.3g}, "
+        f"  grain of speed {derived.speed_grain:.3g} rad/s: {source} makes {noise / limit.REFERENCE_NOISE:.3g}, "
+        f"half the weight that turns {limit.payload_speed_rad_s(nominal, timing):.3g}, "
         f"friction that turns {limit.friction_speed_rad_s(nominal, timing):.3g}"
     )
 

@@ -38,22 +38,21 @@ class TachlessWitness(SensorLess):
         self._x_code, self._stood_cycles, self._lasting_cycles = -1, 0, 0
 
     def step(self, x: float, v: float, acceleration: float, x_code: int, v_code: int) -> bool:
-        """Take one cycle: angle (rad) and the model's acceleration since the last one (rad/s²); no speed is measured.
+        """Take one cycle: angle, the speed that the loop's observer gives, the model's acceleration since the last.
 
-        Returns True: `velocity_rad_s` is to be taken in any case, and `position_rad`.
+        Returns True where `position_rad` and `velocity_rad_s` are to be taken instead.
         """
         self.cycles += 1
         self.model_rad_s += self._period_s * acceleration
         blind = self._blind
         blind.predict(acceleration)
-        if self.mode is Mode.BLIND or self._is_astray(x, x_code):
-            x = blind.position_rad
-        else:
+        is_astray = self.mode is Mode.BLIND or self._is_astray(x, x_code)
+        if not is_astray:
             blind.correct(x)
         self.speed, self.bias = blind.velocity_rad_s, blind.bias
         self._judge_code(x_code, acceleration)
         self._judge_bias()
-        return self._substitute(x, self.speed)
+        return is_astray and self._substitute(blind.position_rad, self.speed)
 
     def glimpse(self, x: float, v: float, acceleration: float, x_code: int, v_code: int, is_gap: bool) -> bool:
         """As `step`, but when this was measured is known badly."""
