@@ -14,8 +14,6 @@ PERSISTENT_CYCLES = 4
 """For so long a residual must be beyond a limit that one reading can pass."""
 EARLY_FACTOR = 2.3
 """Of the angle's limit, while its base is not known well."""
-STUCK_SURE_CYCLES = 24
-"""A code that has not changed for so long agrees with nothing."""
 AGREE_FACTOR = 1.5
 """Of the speed's limit: within it a tachometer agrees. It is believed again after a second of agreement in which the
 joint turned both ways: one that lags, or reads too little, agrees as well while the speed is right by chance."""
@@ -68,7 +66,7 @@ class SensorLess(JointState):
             self._astray_cycles = 0
             blind.correct(x)
         self.speed, self.bias = blind.velocity_rad_s, blind.bias
-        if abs(v - self.speed) > AGREE_FACTOR * self._limits.step or self._code_cycles > STUCK_SURE_CYCLES:
+        if abs(v - self.speed) > AGREE_FACTOR * self._limits.step or self._code_cycles > self._timing.stuck_sure:
             self._agreed, self._fastest = 0, (0.0, 0.0)
         else:
             low, high = self._fastest

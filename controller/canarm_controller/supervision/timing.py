@@ -25,6 +25,10 @@ UNSETTLED_S = 0.2
 """If motor and joint part company so soon after an unexpected acceleration, it is what joins them that has broken."""
 LASTING_S = 0.025
 """What is beyond any payload and has not gone by then, as a blow has, is a jam or a drive that brakes."""
+STUCK_S, STUCK_CYCLES = 0.02, (3, 8)
+"""A code that has not changed for so long may stick, between so few and so many readings: noise changes it sooner."""
+STUCK_SURE_S, STUCK_SURE_CYCLES = 0.06, (8, 24)
+"""A code that has not changed for so long agrees with nothing."""
 STEP_S, SHORTEST_STEP_CYCLES = 0.0225, 4
 """After a step of the speed, so long at most until it is decided; over four readings at least."""
 ABRUPT_S, SHORTEST_ABRUPT_CYCLES = 0.06, 12
@@ -53,6 +57,8 @@ class Timing:
     swinging: int
     unsettled: int
     lasting: int
+    stuck: int
+    stuck_sure: int
     step: int
     abrupt: int
     window: int
@@ -83,6 +89,8 @@ class Timing:
             swinging=cycles(SWINGING_S),
             unsettled=cycles(UNSETTLED_S),
             lasting=cycles(LASTING_S, 2),
+            stuck=min(cycles(STUCK_S, STUCK_CYCLES[0]), STUCK_CYCLES[1]),
+            stuck_sure=min(cycles(STUCK_SURE_S, STUCK_SURE_CYCLES[0]), STUCK_SURE_CYCLES[1]),
             step=cycles(STEP_S, SHORTEST_STEP_CYCLES),
             abrupt=cycles(ABRUPT_S, SHORTEST_ABRUPT_CYCLES),
             window=cycles(WINDOW_S, SHORTEST_WINDOW_CYCLES),

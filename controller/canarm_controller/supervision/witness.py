@@ -8,7 +8,7 @@ from .joint_state import Mode
 from .limits import NOISE_MASK, Report
 from .noisiness import SPIKES, TURNS, SpikeCount, TurnCount
 from .nominal import JointNominal
-from .sensor_less import BLIND_FACTOR, EARLY_FACTOR, PERSISTENT_CYCLES, STUCK_SURE_CYCLES, SensorLess
+from .sensor_less import BLIND_FACTOR, EARLY_FACTOR, PERSISTENT_CYCLES, SensorLess
 from .step_trial import StepTrial
 from .thresholds import Thresholds
 from .timing import Timing
@@ -21,7 +21,7 @@ LONGEST_GAP_S = 0.1
 """After a longer gap residuals begin anew."""
 GAP_FACTOR = 6.0
 """Of the limit of the speed: over 50 ms friction may have turned its sign, and payload 12 rad/s² too little."""
-STUCK_CYCLES, STUCK_HASTE = 8, 1.45
+STUCK_HASTE = 1.45
 """The model's speed must have changed while the tachometer's code has not; by more if not for long."""
 STUCK_SOON_CYCLES = 6
 """If the tachometer has turned some of the way while the position's code has not changed, and will soon have turned the
@@ -51,12 +51,13 @@ class JointWitness(SensorLess):
 
     __slots__ = (
         "_code_at", "_code_bias", "_code_model", "_doubt_until", "_gap_at", "_new_mismatch", "_old_mismatch",
-        "_settled_at", "_spikes", "_stepped_until", "_stuck_limit", "_trial", "_turns", "_x_code", "_x_travel",
+        "_settled_at", "_spikes", "_stepped_until", "_stuck_cycles", "_stuck_limit", "_trial", "_turns", "_x_code",
+        "_x_travel",
     )  # fmt: skip
 
     def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
         super().__init__(nominal, thresholds, timing, report)
-        self._stuck_limit = thresholds.stuck_speed
+        self._stuck_limit, self._stuck_cycles = thresholds.stuck_speed, timing.stuck
         self._trial = StepTrial(thresholds.position_grain, timing.period_s, timing.step)
         self.start(0.0)
 
@@ -91,9 +92,9 @@ class JointWitness(SensorLess):
             self._code_at = count
         else:
             cycles = self._code_cycles = self._code_cycles + 1
-            if cycles >= STUCK_CYCLES and count >= self._calm_at:
+            if cycles >= self._stuck_cycles and count >= self._calm_at:
                 moved = model - self._code_model + (count - self._code_at) * period_s * self._code_bias
-                limit = self._stuck_limit if cycles >= STUCK_SURE_CYCLES else STUCK_HASTE * self._stuck_limit
+                limit = self._stuck_limit if cycles >= self._timing.stuck_sure else STUCK_HASTE * self._stuck_limit
                 is_stuck = not -limit < moved < limit
         if x_code != self._x_code:
             self._x_code, self._x_travel = x_code, travel
@@ -140,7 +141,7 @@ class JointWitness(SensorLess):
         self._blurred_until = self.cycles + self._timing.blurred
         if self.mode is Mode.STEP:
             self.mode = _SOUND  # a verdict needs cycles in a row
-        if self.mode is not _SOUND or (v_code == self._code and not is_gap and self._code_cycles >= STUCK_CYCLES):
+        if self.mode is not _SOUND or (v_code == self._code and not is_gap and self._code_cycles >= self._stuck_cycles):
             return self.step(x, v, acceleration, x_code, v_code)
         predicted = self.speed + self._period_s * (acceleration + self.bias)
         off, limit = v - predicted, GAP_FACTOR * self._limits.step
@@ -244,7 +245,7 @@ class JointWitness(SensorLess):
             name = "potentiometer-stuck"
         elif turned > thresholds.stuck_suspect and soon > thresholds.stuck_travel:
             return False
-        elif self.cycles < self._doubt_until or self._code_cycles >= STUCK_CYCLES:
+        elif self.cycles < self._doubt_until or self._code_cycles >= self._stuck_cycles:
             name = "tachometer-mismatch"
         else:
             name = "potentiometer-mismatch"
@@ -289,7 +290,7 @@ class JointWitness(SensorLess):
         elif off * step > 0.0 and trial.cycles >= 2 and abs(off) > 1.6 * abs(step) + limits.doubt:
             return self._believe_step(v)
         elif trial.is_ready:
-            is_stuck = self._code_cycles >= STUCK_CYCLES - 1
+            is_stuck = self._code_cycles >= self._stuck_cycles - 1
             if trial.is_arm and not is_stuck:
                 return self._believe_step(v)
             name = "tachometer-stuck" if is_stuck else "tachometer-jump"
