@@ -181,11 +181,11 @@ class JointWitness(SensorLess):
         if self._judge_angle(x, predicted, off, astray):
             return True
         if self._code in (0, self._highest_speed_code) and (
-            abs(off) < limits.step * UNREST_FACTOR
+            (off if predicted + off > 0.0 else -off) < limits.step * UNREST_FACTOR
             or count < self._gap_at + timing.blurred  # in which the current stayed what it was
         ):
             # As fast as that, and perhaps faster: nothing can be told from it.
-            self._base = x - self._travel - self._half_s * predicted - self._mismatch
+            self._base += MISMATCH_GAIN * (x - self._angle(predicted) - self._mismatch)
             self._last_off = self._swing = 0.0
             self._advance(predicted, predicted)
             return self._substitute(x, predicted)
