@@ -302,7 +302,7 @@ class Controller:
         loop.measure(self._inputs.codes, self.tick)
         if not self._has_measured:
             self._has_measured = True
-            if not stands_still(loop.cycle):  # it still falls from the last run
+            if not stands_still(loop.cycle, watch.standing_rad_s):  # it still falls from the last run
                 self._times.mistrust()
         sample = self._times.take()
         if sample.shift_s:

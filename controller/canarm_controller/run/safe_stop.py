@@ -30,9 +30,7 @@ class SafeStop:
     a joint stands still.
     """
 
-    def __init__(
-        self, loop: ControlLoop, hold: Callable[[Cycle], SafeHold], standing_rad_s: Sequence[float]
-    ) -> None:
+    def __init__(self, loop: ControlLoop, hold: Callable[[Cycle], SafeHold], standing_rad_s: Sequence[float]) -> None:
         self.holds = False
         """Whether the arm is held, rather than without torque."""
         self._loop, self._begin_hold, self._standing_rad_s = loop, hold, standing_rad_s
