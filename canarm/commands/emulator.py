@@ -18,7 +18,8 @@ from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.serving.hub import Hub
 from canarm_emulator.serving.recording import Recorder
 from canarm_emulator.serving.runner import EmulatorRunner
-from canarm_emulator.serving.slcan_port import SOCKET_URL, SlcanPort, SlcanSocket, SlcanTerminal
+from canarm_emulator.serving.slcan_port import SOCKET_URL, SlcanPort, SlcanSocket
+from canarm_emulator.serving.slcan_terminal import SlcanTerminal
 from canarm_emulator.wire.bus_trouble import BusTrouble
 from canarm_emulator.wire.wire import Wire as WireModel
 from canarm_protocol.cell.model import Cell

@@ -18,7 +18,8 @@ import pytest
 
 from canarm_emulator.serving.hub import Hub
 from canarm_emulator.serving.slcan import SlcanAdapter
-from canarm_emulator.serving.slcan_port import SlcanPort, SlcanSocket, SlcanTerminal
+from canarm_emulator.serving.slcan_port import SlcanPort, SlcanSocket
+from canarm_emulator.serving.slcan_terminal import SlcanTerminal
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.transport.socketcand import ClientParser
 from canarm_protocol.transport.socketcand_server import Bad, Command, Send, ServerParser

@@ -58,8 +58,8 @@ def stock_driver() -> tuple[slcanBus, FakeSerial]:
     [  # the manual's own examples, pages 6 and 7, and the shortest and longest frames
         (b"t10021133\r", Frame(0x100, b"\x11\x33"), b"z\r"),
         (b"T0000010021133\r", Frame(0x100, b"\x11\x33", is_extended=True), b"Z\r"),
-        (b"r1002\r", Frame(0x100, is_remote=True), b"z\r"),
-        (b"R000001002\r", Frame(0x100, is_extended=True, is_remote=True), b"Z\r"),
+        (b"r1002\r", Frame(0x100, bytes(2), is_remote=True), b"z\r"),
+        (b"R000001002\r", Frame(0x100, bytes(2), is_extended=True, is_remote=True), b"Z\r"),
         (b"t0800\r", Frame(0x080), b"z\r"),
         (b"T1fffffff8FfFfFfFfFfFfFfFf\r", Frame(0x1FFFFFFF, b"\xff" * 8, is_extended=True), b"Z\r"),
     ],
@@ -75,6 +75,7 @@ def test_a_frame_is_taken_and_acknowledged(adapter, line, frame, answer):
         (Frame(0x100, b"\x11\x33", is_extended=True), b"T0000010021133\r"),
         (Frame(0x080), b"t0800\r"),
         (Frame(0x191, is_remote=True), b"r1910\r"),
+        (Frame(0x191, bytes(8), is_remote=True), b"r1918\r"),
         (Frame(0x1ABCDEF0, is_extended=True, is_remote=True), b"R1ABCDEF00\r"),
     ],
 )
@@ -161,7 +162,7 @@ def test_lines_may_end_with_cr_lf_and_come_in_any_pieces(adapter):
         some_frames, some_answers = adapter.feed(bytes((byte,)))
         frames += some_frames
         answers += some_answers
-    assert frames == [Frame(0x100, b"\x11\x33"), Frame(0x100, is_remote=True)]
+    assert frames == [Frame(0x100, b"\x11\x33"), Frame(0x100, bytes(2), is_remote=True)]
     assert answers == b"z\rz\r"
 
 
@@ -183,7 +184,10 @@ def test_reset_forgets_half_a_line_and_closes(adapter):
     st.integers(0, 0x1FFFFFFF), st.binary(max_size=8), st.booleans(), st.booleans(), st.sampled_from([b"Z0\r", b"Z1\r"])
 )
 def test_python_cans_driver_and_the_adapter_read_what_the_other_writes(number, data, is_extended, is_remote, stamps):
-    frame = Frame(number if is_extended else number & 0x7FF, b"" if is_remote else data, is_extended, is_remote)
+    length = len(data)
+    frame = Frame(
+        number if is_extended else number & 0x7FF, bytes(length) if is_remote else data, is_extended, is_remote
+    )
     adapter = SlcanAdapter()
     adapter.feed(stamps + b"O\r")
     bus, serial = stock_driver()
@@ -195,7 +199,8 @@ def test_python_cans_driver_and_the_adapter_read_what_the_other_writes(number, d
         is_extended,
         is_remote,
     )
-    assert bytes(message.data) == frame.data
+    assert message.dlc == length  # which a remote frame asks for
+    assert is_remote or bytes(message.data) == frame.data
     bus.send(message)
     bus.shutdown()
     assert adapter.feed(serial.written)[0] == [frame]

@@ -5,9 +5,12 @@ Both kinds go through the same tests; what only a terminal or only a socket has 
 
 import contextlib
 import errno
+import fcntl
 import os
 import socket
 import stat
+import struct
+import termios
 import threading
 import time
 import tty
@@ -19,7 +22,8 @@ import pytest
 
 from canarm_emulator.serving.hub import Hub, HubError
 from canarm_emulator.serving.hub_events import Ready
-from canarm_emulator.serving.slcan_port import SlcanError, SlcanPort, SlcanSocket, SlcanTerminal, default_link
+from canarm_emulator.serving.slcan_port import SlcanError, SlcanPort, SlcanSocket
+from canarm_emulator.serving.slcan_terminal import SlcanTerminal, default_link
 from canarm_protocol.canopen.frames import Frame
 
 DEADLINE_S = 30.0
@@ -393,3 +397,71 @@ def test_a_port_in_use_names_the_option():
         assert isinstance(caught.value.__cause__, OSError)
         assert caught.value.__cause__.errno == errno.EADDRINUSE
         assert str(caught.value).endswith("choose another --slcan socket://HOST:PORT")
+
+
+def lock(fd: int) -> None:
+    fcntl.ioctl(fd, termios.TIOCEXCL)
+
+
+def forbid(fd: int) -> None:
+    os.fchmod(fd, 0)
+
+
+def discipline(number: int) -> Callable[[int], None]:
+    return lambda fd: fcntl.ioctl(fd, termios.TIOCSETD, struct.pack("i", number)) and None
+
+
+@pytest.mark.parametrize(
+    "mischief",
+    [lock, forbid, discipline(27), discipline(17), discipline(3), discipline(1)],
+    ids=["exclusive", "mode 0", "N_NULL", "slcand", "PPP", "SLIP"],
+)
+def test_whatever_a_serial_client_does_to_its_end_the_next_one_finds_an_adapter(tmp_path, mischief):
+    # linux/tty.h numbers the line disciplines; slcand sets 17 and leaves it behind when a signal ends it.
+    offered = Offered("terminal", tmp_path)
+    client = offered.opened()
+    try:
+        mischief(client._fd)
+    except OSError as error:
+        pytest.skip(f"this kernel: {error}")
+    client.vanish()
+    offered.until_left()
+    following = offered.opened()
+    following.say(b"t08011A\r")
+    offered.received(1)
+    offered.port.close()
+    assert not os.path.lexists(tmp_path / "can0")
+
+
+def test_a_terminal_that_cannot_be_put_right_is_replaced_under_its_name(tmp_path, monkeypatch):
+    offered = Offered("terminal", tmp_path)
+
+    def refuse(*arguments: object) -> None:
+        monkeypatch.undo()  # the new terminal is as good as any
+        raise termios.error(5, "Input/output error")
+
+    client = offered.opened()
+    monkeypatch.setattr(tty, "setraw", refuse)
+    client.vanish()
+    offered.until_left()
+    assert offered.port.replaced == 1
+    following = offered.opened()
+    following.say(b"t08011A\r")
+    assert offered.received(1) == [Frame(0x080, b"\x1a")]
+    assert (tmp_path / "can0").exists()
+    offered.port.close()
+
+
+def test_without_another_terminal_the_rest_of_the_bench_goes_on(tmp_path, monkeypatch, caplog):
+    offered = Offered("terminal", tmp_path)
+    client = offered.opened()
+
+    def refuse(*arguments: object) -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(tty, "setraw", refuse)
+    client.vanish()
+    offered.until_left()
+    assert offered.port.receive(0) == []
+    assert "there is no other: [Errno 24] Too many open files" in caplog.text
+    offered.port.close()

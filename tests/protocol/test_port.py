@@ -1,17 +1,22 @@
 """Opening a bus by python-can's flags: the same promises on a `canarm` bus and on any other, one error class."""
 
 import contextlib
+import errno
 import os
 import socket
 import threading
+import time
+import tty
 import uuid
 from collections.abc import Callable, Iterator
 
 import can
 import pytest
+from can.interfaces.udp_multicast.utils import pack_message
 
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.errors import BusError
+from canarm_protocol.transport import python_can_port
 from canarm_protocol.transport.port import BusPort, Discarded, open_port, parse_bus_options
 
 DEADLINE_S = 10.0
@@ -112,9 +117,137 @@ def test_everything_that_has_arrived_is_received_at_once_with_its_time(port, pee
     assert port.receive(0.0) == []
 
 
-def test_remote_frames_pass_without_data(port, peer):
+def test_remote_frames_pass_with_the_length_that_they_ask_for(port, peer):
     peer.send(can.Message(arbitration_id=0x701, is_remote_frame=True, dlc=1, is_extended_id=False, timestamp=1.0))
-    assert port.receive(DEADLINE_S) == [(1_000_000_000, Frame(0x701, is_remote=True))]
+    assert port.receive(DEADLINE_S) == [(1_000_000_000, Frame(0x701, bytes(1), is_remote=True))]
+    port.send([Frame(0x294, bytes(8), is_remote=True)])
+    message = peer.recv(DEADLINE_S)
+    assert (message.dlc, message.is_remote_frame) == (8, True)
+
+
+class Stumbling:
+    """A driver that raises what it is given, one after the other, and then has a frame."""
+
+    def __init__(self, errors: list[Exception], descriptor: int | None = None) -> None:
+        self._errors, self._descriptor = errors, descriptor
+        self._frames = [can.Message(arbitration_id=1, is_extended_id=False, timestamp=1.0)]
+
+    def recv(self, timeout: float | None) -> can.Message | None:
+        if self._errors:
+            raise self._errors.pop(0)
+        return self._frames.pop() if self._frames else None
+
+    def shutdown(self) -> None:
+        pass
+
+    def fileno(self) -> int:
+        if self._descriptor is None:
+            raise NotImplementedError
+        return self._descriptor
+
+
+def undecodable() -> can.CanOperationError:
+    error = can.CanOperationError("could not unpack received message")  # udp_multicast, of an empty datagram
+    error.__cause__ = ValueError("Unpack failed: incomplete input")
+    return error
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        undecodable(),
+        ValueError("invalid literal for int()"),
+        IndexError("string index"),
+        UnicodeDecodeError("a", b"\xff", 0, 1, ""),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_what_a_driver_cannot_read_is_counted_and_is_no_lost_bus(port, error):
+    port._bus = Stumbling([error, error])
+    assert port.receive(0.0) == [(1_000_000_000, Frame(1))]
+    assert port.discarded == Discarded(malformed=2)
+
+
+def lost_line() -> can.CanOperationError:
+    error = can.CanOperationError("Failed to wait for IP/UDP socket\nTraceback (most recent call last):\n  File x")
+    error.__cause__ = OSError(errno.ENETDOWN, "Network is down")
+    return error
+
+
+def test_a_bus_that_is_lost_is_told_in_one_line_without_a_traceback(port):
+    port._bus = Stumbling([lost_line()])
+    with pytest.raises(BusError) as caught:
+        port.receive(0.0)
+    assert str(caught.value).endswith("lost: Failed to wait for IP/UDP socket")
+
+
+def test_a_driver_that_never_reads_anything_again_is_a_lost_bus(port):
+    port._bus = Stumbling([ValueError("x")] * 5000)
+    with pytest.raises(BusError, match="lost: x"):  # noqa: PT012  which call it is does not matter
+        for _ in range(10):
+            port.receive(0.0)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"t1239112233445566778899",
+        b"T1FFFFFFF9",
+        b"r1239",
+        b"tFFF0",
+        b"t1",
+        b"t12381122",
+        b"r",
+        b"\xff\xfe",
+        b"t-123",
+        b"TFFFFFFFF0",
+    ],
+)
+@pytest.mark.skipif(os.name != "posix", reason="this system has no pseudo-terminals")
+def test_what_a_serial_adapter_says_wrong_is_counted_and_the_next_frame_is_read(line):
+    ours, theirs = os.openpty()
+    try:
+        tty.setraw(theirs)
+        with open_port("slcan", os.ttyname(theirs), sleep_after_open=0) as port:
+            os.write(ours, line + b"\rt08011A\r")
+            frames: list[Frame] = []
+            limit_s = time.monotonic() + DEADLINE_S
+            while not frames and time.monotonic() < limit_s:
+                frames += [frame for _, frame in port.receive(0.1)]
+            assert frames == [Frame(0x080, b"\x1a")]
+            assert port.discarded.malformed == 1
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def multicast(**options: object) -> BusPort:
+    try:
+        return open_port("udp_multicast", "239.74.163.2", port=43_999, **options)
+    except BusError as error:
+        pytest.skip(f"no multicast here: {error}")
+
+
+def test_a_stranger_on_the_network_reaches_no_multicast_bus_unless_that_is_meant(monkeypatch):
+    """The sender's address is what tells a stranger: one that no socket of this machine can be bound to."""
+    monkeypatch.setattr(python_can_port, "_is_own_address", lambda host, sender: False)
+    message = can.Message(arbitration_id=0x213, is_extended_id=False, data=b"\x01")
+    for options, expected in (({}, []), ({"allow_remote": True}, [0x213])):
+        with (
+            multicast(**options) as port,
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger,
+        ):
+            stranger.sendto(b"", ("127.0.0.1", 43_999))
+            stranger.sendto(pack_message(message), ("127.0.0.1", 43_999))
+            frames = [frame for _ in range(3) for _, frame in port.receive(0.2)]
+            assert [frame.can_id for frame in frames] == expected
+            assert (port.discarded.foreign, port.discarded.malformed) == ((2, 0) if not options else (0, 1))
+
+
+def test_own_addresses_are_told_from_others():
+    assert python_can_port._is_own_address("127.0.0.1", ("127.0.0.1", 1))
+    assert python_can_port._is_own_address("::1", ("::1", 1, 0, 0))
+    assert not python_can_port._is_own_address("192.0.2.1", ("192.0.2.1", 1))  # RFC 5737: nobody's
 
 
 def test_error_frames_are_counted_and_left_out(port, peer):

@@ -37,6 +37,7 @@ EXTENDED_FRAMES = st.builds(Frame, st.integers(0, (1 << 29) - 1), st.binary(max_
         (1_234_567_890_123_456_789, Frame(0x712, b"\x7f"), "(1234567890.123456) can0 712#7F\n"),
         (0, Frame(0x123, b"\xab", is_extended=True), "(0000000000.000000) can0 00000123#AB\n"),
         (0, Frame(0x612, is_remote=True), "(0000000000.000000) can0 612#R\n"),
+        (0, Frame(0x612, bytes(8), is_remote=True), "(0000000000.000000) can0 612#R8\n"),
     ],
 )
 def test_a_line_is_written_as_candump_writes_it(time_ns: int, frame: Frame, line: str) -> None:

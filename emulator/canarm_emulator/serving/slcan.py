@@ -72,7 +72,8 @@ class SlcanAdapter:
         kind = ("r" if is_remote else "t", "R" if is_remote else "T")[is_extended]
         identifier = f"{can_id:08X}" if is_extended else f"{can_id:03X}"
         stamp = f"{time_ns // 1_000_000 % STAMP_RANGE_MS:04X}" if self.has_stamps else ""
-        return f"{kind}{identifier}{len(data)}{data.hex().upper()}{stamp}\r".encode()
+        payload = "" if is_remote else data.hex().upper()
+        return f"{kind}{identifier}{len(data)}{payload}{stamp}\r".encode()
 
     def _obey(self, line: bytes, frames: list[Frame]) -> bytes:
         """The answer to one line without its end."""
@@ -124,7 +125,7 @@ def _is_hex(text: bytes, size: int) -> bool:
 
 
 def _read_frame(line: bytes) -> Frame | None:
-    """The frame of `t123211F1`, `T…`, `r…` or `R…`; a remote frame's length is read and has no place in a `Frame`."""
+    """The frame of `t123211F1`, `T…`, `r…` or `R…`; None for what is none, of nine bytes for example."""
     is_extended, is_remote = line[0] in b"TR", line[0] in b"rR"
     digits, highest = (8, 0x1FFF_FFFF) if is_extended else (3, 0x7FF)
     identifier, length_digit, data = line[1 : 1 + digits], line[1 + digits : 2 + digits], line[2 + digits :]
@@ -134,4 +135,4 @@ def _read_frame(line: bytes) -> Frame | None:
     can_id = int(identifier, 16)
     if can_id > highest:
         return None
-    return Frame(can_id, bytes.fromhex(data.decode()), is_extended, is_remote)
+    return Frame(can_id, bytes(length) if is_remote else bytes.fromhex(data.decode()), is_extended, is_remote)

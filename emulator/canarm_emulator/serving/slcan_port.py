@@ -1,19 +1,15 @@
-"""slcan adapters as attachments of a bus: on a pseudo-terminal, or on a TCP port for pyserial's `socket://`.
+"""slcan adapters as attachments of a bus: what they have in common, and the one on a TCP port for pyserial's `socket://`.
 
-Owns terminals, sockets, the link that names a terminal, and one bounded output queue. It knows no CANopen, and the one
-clock it reads tells when a frame came. Whatever a client does costs nobody but itself.
+Owns sockets and one bounded output queue; the adapter on a pseudo-terminal is `slcan_terminal`'s. It knows no CANopen,
+and the one clock it reads tells when a frame came. Whatever a client does costs nobody but itself.
 """
 
 import contextlib
-import os
 import selectors
-import shlex
 import socket
-import tempfile
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Protocol
 
 from canarm_protocol.canopen.frames import Frame
@@ -229,96 +225,6 @@ class SlcanSocket(SlcanPort):
             self._connection = None
 
 
-class SlcanTerminal(SlcanPort):
-    """An slcan adapter on a pseudo-terminal, which a symbolic link gives a name that stays.
-
-    While nobody has the terminal open, this side holds it open itself: a pseudo-terminal without a user reports its
-    end for ever. With the first word of a client it lets go, so that the end of that client is seen.
-    """
-
-    def __init__(self, link: Path | None = None, *, queue_bytes: int = QUEUE_BYTES) -> None:
-        """Make the terminal, and `link` (default: `default_link()`) to it.
-
-        Raises `SlcanError`: no pseudo-terminals here, or something else has that name.
-        """
-        try:
-            import pty
-        except ImportError:
-            raise SlcanError(
-                f"--slcan: this system has no pseudo-terminals; take --slcan {SOCKET_URL}127.0.0.1:0"
-            ) from None
-        try:
-            master, self._held = pty.openpty()
-        except OSError as error:
-            raise SlcanError(f"--slcan: no pseudo-terminal to be had: {error.strerror or error}") from error
-        super().__init__(queue_bytes)
-        self._link = (default_link() if link is None else link).absolute()
-        self._terminal = _TerminalLine(master)
-        self._name = os.ttyname(self._held)
-        os.set_blocking(master, False)
-        self._prepare()
-        try:
-            _make_link(self._link, self._name)
-        except SlcanError:
-            self.close()
-            raise
-        self.description = f"-i slcan -c {shlex.quote(str(self._link))}"
-        self._attach(self._terminal)
-
-    def close(self) -> None:
-        """Give the terminal back and remove the link, unless it leads elsewhere by now. May be called again."""
-        super().close()
-        self._hear()
-        if self._terminal.master >= 0:
-            os.close(self._terminal.master)
-            self._terminal.master = -1
-        with contextlib.suppress(OSError):
-            if self._name and str(self._link.readlink()) == self._name:
-                self._link.unlink()
-        self._name = ""
-
-    def _prepare(self) -> None:
-        """Raw, and without what the last client left unread, half a line perhaps."""
-        import termios
-        import tty
-
-        tty.setraw(self._held)
-        termios.tcflush(self._held, termios.TCIOFLUSH)
-
-    def _hear(self) -> None:
-        if self._held >= 0:
-            os.close(self._held)
-            self._held = -1
-
-    def _release(self) -> None:
-        if self._held < 0:
-            self._held = os.open(self._name, os.O_RDWR | os.O_NOCTTY)
-        self._prepare()
-        self._attach(self._terminal)
-
-
-def default_link() -> Path:
-    """The name of a terminal unless another is wanted: in the user's runtime folder, or the one for temporary files."""
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    if runtime and Path(runtime).is_dir():
-        return Path(runtime, "canarm-can0")
-    return Path(tempfile.gettempdir(), f"canarm-{os.getuid()}-can0")
-
-
-def _make_link(link: Path, terminal: str) -> None:
-    try:
-        # A killed emulator leaves its link. It leads nowhere, or to a terminal of the same name, which is ours now.
-        if link.is_symlink() and (not link.exists() or str(link.readlink()) == terminal):
-            link.unlink()
-        link.symlink_to(terminal)
-    except FileExistsError as error:
-        raise SlcanError(
-            f"--slcan {link}: that name is taken; if no other emulator uses it, remove it, or choose another PATH"
-        ) from error
-    except OSError as error:
-        raise SlcanError(f"--slcan {link}: {error.strerror or error}; choose another PATH") from error
-
-
 class _SocketLine:
     def __init__(self, connection: socket.socket) -> None:
         self.socket = connection
@@ -334,17 +240,3 @@ class _SocketLine:
 
     def write(self, data: bytearray) -> int:
         return self.socket.send(data)
-
-
-class _TerminalLine:
-    def __init__(self, master: int) -> None:
-        self.master = master
-
-    def fileno(self) -> int:
-        return self.master
-
-    def read(self, size: int) -> bytes:
-        return os.read(self.master, size)
-
-    def write(self, data: bytearray) -> int:
-        return os.write(self.master, data)

@@ -21,6 +21,8 @@ HIGHEST_NODE_ID = 0x7F
 class Frame(NamedTuple):
     """A classical CAN frame. `can_id` has 11 bits, or 29 when `is_extended`.
 
+    A remote frame carries no data: of its `data` the length alone counts, which is the one that it asks for (DLC).
+
     An error frame is told of as Linux does: `ERROR_FLAG` and the classes of the error in `can_id`, 8 bytes of details.
     """
 

@@ -170,7 +170,9 @@ def candump_line(time_ns: int, channel: str, frame: Frame) -> str:
     microseconds = time_ns // 1000
     stamp = f"({microseconds // 1_000_000:010d}.{microseconds % 1_000_000:06d})"
     identifier = f"{frame.can_id:08X}" if frame.is_extended else f"{frame.can_id:03X}"
-    return f"{stamp} {channel} {identifier}#{'R' if frame.is_remote else frame.data.hex().upper()}\n"
+    # candump writes the length that a remote frame asks for behind R, unless it is 0 (can-utils, lib.c).
+    payload = f"R{len(frame.data) or ''}" if frame.is_remote else frame.data.hex().upper()
+    return f"{stamp} {channel} {identifier}#{payload}\n"
 
 
 class CanLog(_LineFile):

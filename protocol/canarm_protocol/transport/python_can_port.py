@@ -1,0 +1,296 @@
+"""Any bus that python-can knows, as a `BusPort`: frames go through `can.Message`.
+
+Owns what python-can's drivers do wrong: exceptions of every kind, frames that classical CAN does not have, own frames
+that come back. What cannot be read is counted, and is no lost bus.
+"""
+
+import errno
+import ipaddress
+import logging
+import select
+import socket
+import struct
+import time
+import uuid
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import can
+
+from ..canopen.frames import Frame
+from ..errors import BusError
+from .port import BusPort, Discarded, bus_flags
+
+MAX_FRAMES_PER_RECEIVE = 4096
+"""Bound on one `receive`, so that a bus that never falls silent cannot hold its reader."""
+UNREADABLE = (ValueError, TypeError, LookupError, ArithmeticError, struct.error)
+"""What a driver raises that stumbles over what it has received."""
+MOST_SENDERS = 256
+MOST_UNREADABLE = 1000
+"""Bound on what cannot be read, one after the other, on a bus that cannot say whether it still is there."""
+SEND_TIMEOUT_S = 1.0
+LONGEST_REASON = 200
+"""Characters of what a driver says that are passed on."""
+ALLOW_REMOTE = "allow_remote"
+"""Our own option of udp_multicast."""
+_HIGHEST_ID, _HIGHEST_EXTENDED_ID, _MOST_BYTES = 0x7FF, 0x1FFF_FFFF, 8
+Receive = Callable[[float], can.Message | None]
+_log = logging.getLogger(__name__)
+
+
+def open_python_can_port(interface: str, channel: str | None, options: dict[str, Any]) -> BusPort:
+    """Open a bus of python-can's. Raises `BusError`."""
+    special = {"slcan": SlcanPort, "udp_multicast": MulticastPort}
+    return special.get(interface, PythonCanPort)(interface, channel, options)
+
+
+class PythonCanPort(BusPort):
+    """The long way: any bus that python-can knows, its own configuration files and environment included."""
+
+    def __init__(self, interface: str, channel: str | None, options: dict[str, Any]) -> None:
+        self.discarded = Discarded()
+        self._unreadable = 0
+        """What could not be read since the last message that could."""
+        self.description = bus_flags(interface, channel, options)
+        if interface not in can.VALID_INTERFACES:
+            known = ", ".join(sorted(can.VALID_INTERFACES))
+            raise BusError(f"{self.description}: python-can knows no such interface; it knows {known}")
+        # Own frames cannot be told from others': SocketCAN marks whatever this host sent as not received.
+        if options.get("receive_own_messages"):
+            raise BusError(f"{self.description}: leave receive_own_messages out; own frames must not come back")
+        try:
+            self._bus: can.BusABC = self._open(interface, channel, options)
+        # Drivers raise whatever they like, from ImportError to ctypes' own.
+        except Exception as error:
+            raise BusError(f"{self.description}: {_explain(error, interface, channel)}") from error
+
+    def _open(self, interface: str, channel: str | None, options: dict[str, Any]) -> can.BusABC:
+        return can.Bus(interface=interface, channel=channel, **options)
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Send `frames` in order. Raises `BusError`."""
+        try:
+            for frame in frames:
+                self._bus.send(self._message(frame), timeout=SEND_TIMEOUT_S)
+        except Exception as error:
+            raise self._lost("cannot send", error) from error
+
+    def receive(self, timeout_s: float) -> list[tuple[int, Frame]]:
+        """As `BusPort.receive`; what cannot be read is counted and left out. Raises `BusError` when the bus is lost."""
+        deadline_s = time.monotonic() + timeout_s
+        frames: list[tuple[int, Frame]] = []
+        while not frames and self._take(self._receive_one, timeout_s, frames):
+            remaining = MAX_FRAMES_PER_RECEIVE
+            while remaining and self._take(self._receive_at_once, 0.0, frames):
+                remaining -= 1
+            timeout_s = deadline_s - time.monotonic()
+            if timeout_s <= 0:
+                break
+        return frames
+
+    def _take(self, receive: Receive, timeout_s: float, frames: list[tuple[int, Frame]]) -> bool:
+        """Receive one message; what is a frame for this port goes to `frames`. Whether there was anything at all."""
+        try:
+            message = receive(timeout_s)
+        # Drivers raise whatever they like.
+        except Exception as error:
+            if not self._goes_on(error):
+                raise self._lost("lost", error) from error
+            return True
+        if message is None:
+            return False
+        self._unreadable = 0
+        if self._is_own(message):
+            pass
+        elif message.is_error_frame:
+            self.discarded.error_frames += 1
+        elif message.is_fd:
+            self.discarded.fd_frames += 1
+        elif (stamped := _stamped_frame(message)) is None:
+            self.discarded.malformed += 1
+        else:
+            frames.append(stamped)
+        return True
+
+    def _goes_on(self, error: Exception) -> bool:
+        """Whether the bus is there yet, and only what came over it could not be read."""
+        cause = error.__cause__ if isinstance(error, can.CanError) else error
+        if not isinstance(cause, UNREADABLE) and not (isinstance(error, can.CanOperationError) and _is_decoding(cause)):
+            return False
+        self._unreadable += 1
+        if self.fileno() is None and self._unreadable > MOST_UNREADABLE:
+            return False
+        self.discarded.malformed += 1
+        self._forget_unreadable()
+        return True
+
+    def _forget_unreadable(self) -> None:
+        """Put right what a driver leaves behind when it cannot read something."""
+
+    def _lost(self, what: str, error: Exception) -> BusError:
+        _log.debug("%s: %s", self.description, what, exc_info=error)
+        return BusError(f"{self.description}: {what}: {first_line(error)}")
+
+    def _receive_one(self, timeout_s: float) -> can.Message | None:
+        return self._bus.recv(timeout_s)
+
+    def _receive_at_once(self, timeout_s: float) -> can.Message | None:
+        return self._bus.recv(0)
+
+    def _message(self, frame: Frame) -> can.Message:
+        return _message(frame)
+
+    def _is_own(self, message: can.Message) -> bool:
+        """Whether `message` was sent through this port and came back. Drivers keep such to themselves, as a rule."""
+        return False
+
+    def fileno(self) -> int | None:
+        """File descriptor, where the driver has one and is open."""
+        try:
+            descriptor = self._bus.fileno()
+        except (NotImplementedError, OSError, ValueError):
+            return None
+        return descriptor if descriptor >= 0 else None
+
+    def close(self) -> None:
+        """Give the bus back. Raises `BusError`."""
+        try:
+            self._bus.shutdown()
+        except Exception as error:
+            raise self._lost("cannot close", error) from error
+
+
+class SlcanPort(PythonCanPort):
+    """python-can's slcan driver keeps nothing back, so the serial line itself tells whether there is more.
+
+    Its `recv(0)` waits 1 ms where there is nothing, and returns `None` for an acknowledgement with frames behind it.
+    """
+
+    def _receive_at_once(self, timeout_s: float) -> can.Message | None:
+        descriptor = self.fileno()
+        if descriptor is None:  # Windows
+            return self._bus.recv(0)
+        for _ in range(MAX_FRAMES_PER_RECEIVE):
+            if not select.select((descriptor,), (), (), 0)[0]:
+                break
+            if (message := self._bus.recv(0)) is not None:
+                return message
+        return None
+
+    def _forget_unreadable(self) -> None:
+        # The driver keeps a line that is no ASCII, and would stumble over it for ever.
+        if isinstance(buffer := getattr(self._bus, "_buffer", None), bytearray):
+            buffer.clear()
+
+
+class MulticastPort(PythonCanPort):
+    """python-can's udp_multicast returns what it has sent, and carries the channel's name with every frame.
+
+    A name of its own tells this port's frames from those of others; nobody else looks at it. python-can listens on all
+    addresses: without `allow_remote` frames stay on this machine, and a datagram of another one is counted and dropped.
+    """
+
+    def __init__(self, interface: str, channel: str | None, options: dict[str, Any]) -> None:
+        self._allows_remote = bool(options.get(ALLOW_REMOTE, False))
+        self._local: dict[str, bool] = {}
+        super().__init__(interface, channel, options)
+        self._name = uuid.uuid4().hex[:12]
+
+    def _open(self, interface: str, channel: str | None, options: dict[str, Any]) -> can.BusABC:
+        options = {key: value for key, value in options.items() if key != ALLOW_REMOTE}
+        if self._allows_remote:
+            return super()._open(interface, channel, options)
+        bus = super()._open(interface, channel, {**options, "hop_limit": 0})
+        multicast = bus._multicast  # type: ignore[attr-defined]
+        receive = multicast.recv
+
+        def receive_local(timeout: float | None = None) -> Any:
+            got = receive(timeout)
+            if got is None or self._is_local(got[1]):
+                return got
+            self.discarded.foreign += 1
+            return None
+
+        multicast.recv = receive_local
+        return bus
+
+    def _is_local(self, sender: Sequence[Any]) -> bool:
+        """Whether a datagram came from an address of this machine: one that a socket can be bound to."""
+        host = str(sender[0])
+        if host not in self._local:
+            if len(self._local) >= MOST_SENDERS:
+                self._local.clear()
+            self._local[host] = _is_own_address(host, sender)
+        return self._local[host]
+
+    def _message(self, frame: Frame) -> can.Message:
+        message = _message(frame)
+        message.channel = self._name
+        return message
+
+    def _is_own(self, message: can.Message) -> bool:
+        return message.channel == self._name
+
+
+def _is_own_address(host: str, sender: Sequence[Any]) -> bool:
+    address = ipaddress.ip_address(host.partition("%")[0])
+    if address.is_loopback:
+        return True
+    family = socket.AF_INET if address.version == 4 else socket.AF_INET6
+    try:
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.bind((host, 0, *sender[2:]))
+    except OSError:
+        return False
+    return True
+
+
+def _message(frame: Frame) -> can.Message:
+    return can.Message(
+        arbitration_id=frame.can_id,
+        data=None if frame.is_remote else frame.data,
+        dlc=len(frame.data),
+        is_extended_id=frame.is_extended,
+        is_remote_frame=frame.is_remote,
+        is_rx=False,
+    )
+
+
+def _stamped_frame(message: can.Message) -> tuple[int, Frame] | None:
+    """Time and frame; None for what classical CAN does not have. Drivers pass on what an adapter says."""
+    can_id, is_extended, length = message.arbitration_id, message.is_extended_id, message.dlc
+    data = bytes(length) if message.is_remote_frame and 0 <= length <= _MOST_BYTES else bytes(message.data)
+    if not 0 <= can_id <= (_HIGHEST_EXTENDED_ID if is_extended else _HIGHEST_ID):
+        return None
+    if len(data) != length or length > _MOST_BYTES:
+        return None
+    # A float has no more than microseconds of a time since 1970; rounding gives back the driver's number.
+    time_ns = round(message.timestamp * 1e6) * 1000
+    return time_ns, Frame(can_id, data, is_extended, message.is_remote_frame)
+
+
+def _is_decoding(cause: BaseException | None) -> bool:
+    """Whether an error of a driver has a cause, and that is not the system's."""
+    return cause is not None and not isinstance(cause, OSError | can.CanError)
+
+
+def first_line(error: BaseException) -> str:
+    """What an error of a library says, in a line: some bring a traceback along."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return lines[0][:LONGEST_REASON] if lines else type(error).__name__
+
+
+def _explain(error: BaseException, interface: str, channel: str | None) -> str:
+    """What went wrong at opening, and what to do where that is known."""
+    text = first_line(error)
+    if isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
+        return f"its driver cannot be loaded: {text}; install that, or take another interface, such as canarm"
+    if interface == "socketcan" and isinstance(error, OSError):
+        name = channel or "vcan0"
+        if error.errno == errno.ENODEV:
+            return f"there is no such network interface; as root: ip link add {name} type vcan; ip link set {name} up"
+        if error.errno == errno.EAFNOSUPPORT:
+            return "this kernel has no SocketCAN; take another interface, such as canarm"
+    if isinstance(error, TypeError | ValueError | KeyError):
+        return f"wrong or missing options: {text}"
+    return text
