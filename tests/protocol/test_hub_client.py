@@ -148,9 +148,13 @@ def test_error_frames_are_counted_when_only_frames_are_asked_for(server, bus):
     ],
     ids=["remote", "error", "fd"],
 )
-def test_what_socketcand_cannot_carry_is_refused(bus, message):
-    with pytest.raises(can.CanOperationError, match="classical data frames only"):
-        bus.send(message)
+def test_what_socketcand_cannot_carry_is_counted_and_ends_no_player_or_bridge(server, bus, message, caplog):
+    bus.send(message)
+    bus.send(message)
+    bus.send(can.Message(arbitration_id=0x123, is_extended_id=False))
+    assert server.hear(len(b"< send 123 0 >")) == b"< send 123 0 >"
+    assert bus.unsent == 2
+    assert caplog.text.count("classical data frames only") == 1
     with pytest.raises(can.CanOperationError, match="data frames"):
         bus.send_frames([Frame(1, is_remote=True)])
 
@@ -267,8 +271,18 @@ def test_failed_handshake_says_why(replies, reason):
         ({"channel": "x" * 17}, "name of 1 to 16"),
         ({"port": 99999}, "1 to 65535"),
         ({"fd": True}, "classical CAN"),
+        ({"receive_own_messages": True}, "leave receive_own_messages out"),
+        ({"prot": 29536}, "no option 'prot'; did you mean port"),
+        ({"zzz": 1}, "no option 'zzz'; there are host, port"),
     ],
 )
 def test_wrong_options_are_refused_before_connecting(options, reason):
     with pytest.raises(can.CanInitializationError, match=reason):
         HubClientBus(**options)
+
+
+def test_options_of_a_wire_that_python_cans_tools_give_mean_nothing_here():
+    server = ScriptedServer([b"< hi >", b"< ok >", b"< ok >"])
+    options = {"bitrate": 1_000_000, "fd": False, "receive_own_messages": False, "tcp_tune": True}
+    can.Bus(interface="canarm", channel="can0", port=server.port, ignore_config=True, **options).shutdown()
+    server.close()

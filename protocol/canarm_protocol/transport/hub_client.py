@@ -5,6 +5,8 @@ Beside python-can's API it has `send_frames` and `receive_frames`, which work wi
 """
 
 import contextlib
+import difflib
+import logging
 import os
 import select
 import socket
@@ -23,7 +25,23 @@ from .socketcand import DEFAULT_PORT, ClientParser, ErrorFrame, format_send
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_CHANNEL = "can0"
 
+OPTIONS = ("host", "port", "connect_timeout", "send_timeout", "can_filters")
+WITHOUT_MEANING = (
+    "bitrate",
+    "data_bitrate",
+    "f_clock",
+    "ignore_config",
+    "local_loopback",
+    "receive_own_messages",
+    "sample_point",
+    "single_handle",
+    "tcp_tune",
+    "timing",
+)
+"""python-can's options of a wire or an adapter, which its tools and configuration files give whatever the interface."""
+
 _READ_SIZE = 1 << 16
+_log = logging.getLogger(__name__)
 _CLOSED = "the server closed the connection; was the emulator stopped?"
 _SELECT_LIMIT = 1024  # FD_SETSIZE where file descriptors are small integers (POSIX)
 
@@ -49,19 +67,23 @@ class HubClientBus(can.BusABC):
     ) -> None:
         """Connect and open `channel`; both together take at most `connect_timeout` seconds.
 
-        `send_timeout` (s) bounds every send. Other keywords (`bitrate` and the like) mean nothing here and are ignored.
-        Raises `can.CanInitializationError` when nobody listens, the server is no socketcand or has no such channel.
+        `send_timeout` (s) bounds every send. Keywords of the wire (`WITHOUT_MEANING`) are taken and mean nothing here;
+        what nobody knows is refused, and so is `receive_own_messages`. Raises `can.CanInitializationError` then, and
+        when nobody listens, the server is no socketcand or has no such channel.
         """
         self.channel = str(channel)
         self.flags = f"-i canarm -c {self.channel} --bus-kwargs host={host} port={port}"
         self.channel_info = f"canarm {self.channel} on {host}:{port}"
         self.error_frames = 0
+        self.unsent = 0
+        """Remote, error and FD frames that were to be sent: socketcand has none of them."""
         self._send_timeout_s = send_timeout
         self._send_lock = threading.Lock()
         self._parser = ClientParser()
         self._messages: deque[can.Message] = deque()
         self._byte_is_held = False
         self._lost: str | None = None
+        self._check_options(kwargs)
         if fd:
             raise can.CanInitializationError(f"{self.flags}: a canarm bus is classical CAN; leave out fd")
         if not 0 < len(self.channel) <= 16 or set(self.channel) & set("<> \t\r\n"):
@@ -69,7 +91,7 @@ class HubClientBus(can.BusABC):
         if not 0 < int(port) < 65536:
             raise can.CanInitializationError(f"{self.flags}: a port is a number from 1 to 65535")
         self._socket = self._connect(str(host), int(port), connect_timeout)
-        super().__init__(channel=self.channel, can_filters=can_filters, **kwargs)
+        super().__init__(channel=self.channel, can_filters=can_filters)
 
     def send_frames(self, frames: Sequence[Frame]) -> None:
         """Send `frames` in one piece. Raises `can.CanOperationError`, also for remote frames and over 8 bytes."""
@@ -101,13 +123,15 @@ class HubClientBus(can.BusABC):
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a classical data frame within `timeout` seconds (default: `send_timeout`).
 
-        Raises `can.CanOperationError`, and `can.CanTimeoutError` when the server takes nothing for that long.
+        Any other frame is dropped and counted in `unsent`, so that it does not end a bridge or a player. Raises
+        `can.CanOperationError`, and `can.CanTimeoutError` when the server takes nothing for that long.
         """
         if msg.is_fd or msg.is_error_frame or msg.is_remote_frame:
-            kind = "an FD" if msg.is_fd else "a remote" if msg.is_remote_frame else "an error"
-            raise can.CanOperationError(
-                f"{self.flags}: cannot send {kind} frame; socketcand has classical data frames only"
-            )
+            kind = "FD" if msg.is_fd else "remote" if msg.is_remote_frame else "error"
+            level = logging.DEBUG if self.unsent else logging.WARNING
+            _log.log(level, "%s: socketcand has classical data frames only; %s frames are dropped", self.flags, kind)
+            self.unsent += 1
+            return
         frame = Frame(msg.arbitration_id, bytes(msg.data), msg.is_extended_id)
         self._write(format_send(frame), timeout or self._send_timeout_s)
 
@@ -132,6 +156,18 @@ class HubClientBus(can.BusABC):
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
+
+    def _check_options(self, given: dict[str, Any]) -> None:
+        for name, value in given.items():
+            if name == "receive_own_messages" and value:
+                reason = "leave receive_own_messages out; the server sends nobody his own frames"
+            elif name in WITHOUT_MEANING:
+                continue
+            else:
+                close = difflib.get_close_matches(name, (*OPTIONS, *WITHOUT_MEANING), n=1)
+                hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(OPTIONS)}"
+                reason = f"no option {name!r}; {hint}"
+            raise can.CanInitializationError(f"{self.flags}: {reason}")
 
     def _connect(self, host: str, port: int, timeout_s: float) -> socket.socket:
         """A non-blocking socket in raw mode, of which nothing after the handshake has been read."""
