@@ -3,7 +3,7 @@
 import difflib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -23,6 +23,8 @@ DEFAULT_ADDRESS = f"{DEFAULT_HOST}:{DEFAULT_PORT}"
 ROBOT_BUS, BENCH_BUS = "can0", "bench"
 LOSSY = "udp_multicast"
 """python-can's interface that may lose frames."""
+ALLOW_REMOTE = "allow_remote"
+"""Our own option of that interface: without it frames stay on this machine, and come from it."""
 
 SERIAL = "slcan"
 
@@ -307,6 +309,15 @@ class NamedBus:
     interface: str
     channel: str | None
     options: Mapping[str, Any]
+
+    @property
+    def reaches_network(self) -> bool:
+        """Whether other machines can send to it."""
+        return self.interface == LOSSY and bool(self.options.get(ALLOW_REMOTE))
+
+    def allowing_remote(self) -> "NamedBus":
+        """The same bus, open to other machines where that has to be said."""
+        return replace(self, options={**self.options, ALLOW_REMOTE: True}) if self.interface == LOSSY else self
 
     def open(self) -> BusPort:
         """Open it. Raises `UsageError` for options that its driver does not take, `BusError` for other failures."""

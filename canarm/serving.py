@@ -7,6 +7,8 @@ import ipaddress
 import socket
 from collections.abc import Mapping
 
+from canarm_protocol.transport.port import bus_flags
+
 from .options import BENCH_BUS, LOSSY, ROBOT_BUS, NamedBus
 
 EVERY_ADDRESS = ("0.0.0.0", "::")
@@ -17,7 +19,7 @@ WHAT_IS_OPEN = {ROBOT_BUS: "drive the robot and read its bus", BENCH_BUS: "set f
 
 def attach_flags(bus: str, host: str, port: int) -> str:
     """The flags with which python-can's tools, and ours, attach to a virtual bus."""
-    return f"-i canarm -c {bus} --bus-kwargs host={reachable_host(host)} port={port}"
+    return bus_flags("canarm", bus, {"host": reachable_host(host), "port": port})
 
 
 def reachable_host(host: str) -> str:
@@ -51,9 +53,9 @@ def exposure_lines(
             f"{WHAT_IS_OPEN[ROBOT_BUS]}"
         )
     for bus, named in buses.items():
-        if named is not None and named.interface == LOSSY and named.options.get("hop_limit") != 0:
+        if named is not None and named.reaches_network:
             lines.append(
-                f"-i {LOSSY} carries {bus} to the network: whoever is in the group can {WHAT_IS_OPEN[bus]}; "
-                "hop_limit=0 keeps it on this machine"
+                f"-i {LOSSY} carries {bus} to the network: whoever reaches this machine or the group can "
+                f"{WHAT_IS_OPEN[bus]}"
             )
     return lines

@@ -111,6 +111,8 @@ def emulator(
     """
     nominal = cell.load()
     buses = {ROBOT_BUS: bus.named(bus_options), BENCH_BUS: bench_bus.named()}
+    if allow_remote:
+        buses = {name: None if named is None else named.allowing_remote() for name, named in buses.items()}
     check_clock(world.clock, *buses.values())
     host, port = parse_address("--serve", serve, any_port=True)
     settings = parse_settings("--truth", world.truth)
@@ -156,6 +158,8 @@ def emulator(
             "faults_never_begun": [] if script is None else bench.faults.never_begun,
             **_figures(bench, runner),
             "malformed_commands": hub.malformed + (0 if adapter is None else adapter.refused),
+            "malformed_frames": sum(port.discarded.malformed for group in ports.values() for port in group),
+            "foreign_frames": sum(port.discarded.foreign for group in ports.values() for port in group),
             "dropped_frames": sum(hub.dropped.values()) + (0 if adapter is None else adapter.dropped),
             "out": None if output.out is None else str(output.out),
         }

@@ -200,7 +200,7 @@ class BusRig(FaultControl):
 
 def port_of(emulator: Child) -> int:
     """The port on which an emulator offers its buses. Ends it and raises `UsageError` or `BusError` if it does not."""
-    found = emulator.wait_for(r"^bench .*port=(\d+)$", START_S)
+    found = emulator.wait_for(r"^bench .*port=(\d+)\b", START_S)
     if found is not None:
         return int(found.group(1))
     emulator.end()

@@ -164,7 +164,7 @@ class Commands:
     def emulator(self, clock: str, *arguments: str) -> Process:
         """An emulator that offers its buses; its port is in `port`."""
         process = self("emulator", "--serve", "127.0.0.1:0", *self.for_clock(clock), *arguments)
-        process.port = int(process.wait_for(r"^bench .*port=(\d+)$").group(1))  # type: ignore[attr-defined]
+        process.port = int(process.wait_for(r"^bench .*port=(\d+)\b").group(1))  # type: ignore[attr-defined]
         return process
 
     def controller(self, emulator: Process, clock: str, *arguments: str) -> Process:

@@ -101,7 +101,7 @@ def test_a_demo_serves_where_it_is_asked_to_and_says_it_before_the_dashboard(can
     assert "a demo is for this machine; canarm emulator has --allow-remote" in refused.complaint
     demo = canarm("demo", *canarm.for_clock("sync"), "--serve", "localhost:0", "--seconds", "0.1", "--out", "run")
     assert demo.wait() == 0, demo
-    assert re.search(r"to attach to bench: -i canarm -c bench --bus-kwargs host=localhost port=\d+", demo.complaint)
+    assert re.search(r"to attach to bench: --bus-kwargs host=localhost port=\d+ -i canarm -c bench", demo.complaint)
 
 
 def test_an_emulator_that_cannot_start_is_explained(canarm):
@@ -129,7 +129,7 @@ def test_on_a_terminal_it_shows_the_dashboard_and_then_the_summary(canarm):
     terminal = canarm.run(
         "script", "--quiet", "--return", "--command", demo, "/dev/null", env={"TERM": "xterm-256color"}
     )
-    terminal.wait_for("to attach to bench: -i canarm -c bench")
+    terminal.wait_for(r"to attach to bench: --bus-kwargs host=\S+ port=\d+ -i canarm -c bench")
     terminal.wait_for("recorded in run")
     assert terminal.wait() == 0, terminal
     assert any("joint3" in line and "\x1b[" in line for line in terminal.stdout)

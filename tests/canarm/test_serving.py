@@ -32,14 +32,15 @@ def test_each_address_that_others_reach_is_named_with_what_it_opens():
     assert only.startswith("192.0.2.7:7001 (slcan)")
 
 
-def test_multicast_is_said_to_reach_the_network_unless_it_does_not():
-    group = NamedBus("udp_multicast", "239.74.163.2", {})
+def test_multicast_is_said_to_reach_the_network_where_it_was_allowed_to():
+    group = NamedBus("udp_multicast", "239.74.163.2", {}).allowing_remote()
     (line,) = serving.exposure_lines(LOCAL, None, {"can0": group, "bench": None})
     assert "carries can0 to the network" in line
     assert "drive the robot" in line
     (line,) = serving.exposure_lines(LOCAL, None, {"can0": None, "bench": group})
     assert "set faults" in line
-    assert serving.exposure_lines(LOCAL, None, {"can0": NamedBus("udp_multicast", None, {"hop_limit": 0})}) == []
+    assert serving.exposure_lines(LOCAL, None, {"can0": NamedBus("udp_multicast", None, {"hop_limit": 1})}) == []
+    assert NamedBus("socketcan", "vcan0", {}).allowing_remote() == NamedBus("socketcan", "vcan0", {})
 
 
 def test_attach_flags_name_an_address_that_a_client_can_use():

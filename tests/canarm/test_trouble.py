@@ -121,7 +121,7 @@ def test_a_missing_card_is_named(canarm):
 def test_a_card_of_another_identity_is_named_with_what_was_found_and_expected(canarm):
     cell = canarm.write_cell("swapped.toml", SWAPPED)
     emulator = canarm("emulator", "--serve", "127.0.0.1:0", "--clock", "sync", "--cell", cell)
-    emulator.port = int(emulator.wait_for(r"^bench .*port=(\d+)$").group(1))
+    emulator.port = int(emulator.wait_for(r"^bench .*port=(\d+)\b").group(1))
     controller = canarm.controller(emulator, "sync", "--seconds", "1")
     assert controller.wait() == 1, controller
     assert "card 'dac' (node 0x12) is another device" in controller.complaint
@@ -177,7 +177,7 @@ def test_a_disk_that_fills_up_ends_the_run_and_what_was_written_can_be_read(cana
         *("emulator", "--serve", "127.0.0.1:0", "--clock", "sync", "--out", "robot"),
         **(limited if who == "emulator" else {}),
     )
-    emulator.port = int(emulator.wait_for(r"^bench .*port=(\d+)$").group(1))
+    emulator.port = int(emulator.wait_for(r"^bench .*port=(\d+)\b").group(1))
     controller = canarm(
         *("controller", "--connect", f"127.0.0.1:{emulator.port}", "--clock", "sync", "--json", "--out", "control"),
         **(limited if who == "controller" else {}),

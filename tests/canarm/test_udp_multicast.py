@@ -32,7 +32,7 @@ def test_the_loop_closes_over_multicast_on_the_wall_clock(canarm):
         pytest.skip(reason)
     buses = ["-i", "udp_multicast", "-c", GROUP, "--bus-kwargs", f"port={port}", "hop_limit=0"]
     emulator = canarm.emulator("wall", *buses)
-    emulator.wait_for(rf"^can0 +-i udp_multicast -c {GROUP} --bus-kwargs port={port} hop_limit=0$")
+    emulator.wait_for(rf"^can0 +--bus-kwargs port={port} hop_limit=0 -i udp_multicast -c {GROUP}$")
     with can.Bus(interface="udp_multicast", channel=GROUP, port=port, hop_limit=0) as listener:
         arguments = [*canarm.for_clock("wall"), "--seconds", "1", "--json"]
         controller = canarm("controller", *buses, *arguments)

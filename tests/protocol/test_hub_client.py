@@ -244,7 +244,7 @@ def test_nobody_listening_is_said_at_once():
         port = listener.getsockname()[1]
     with pytest.raises(can.CanInitializationError) as caught:
         can.Bus(interface="canarm", channel="can0", host="127.0.0.1", port=port)
-    flags = f"-i canarm -c can0 --bus-kwargs host=127.0.0.1 port={port}"
+    flags = f"--bus-kwargs host=127.0.0.1 port={port} -i canarm -c can0"
     assert str(caught.value) == f"{flags}: nobody listens there; start one with: canarm emulator"
 
 

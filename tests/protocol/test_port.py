@@ -69,7 +69,7 @@ def serve() -> Iterator[Callable[[], tuple[int, socket.socket]]]:
 def test_canarm_bus_carries_frames_both_ways(serve):
     port, connection = serve()
     number = connection.getsockname()[1]
-    assert port.description == f"-i canarm -c bench --bus-kwargs host=127.0.0.1 port={number}"
+    assert port.description == f"--bus-kwargs host=127.0.0.1 port={number} -i canarm -c bench"
     port.send([Frame(0x123, b"\x0a"), Frame(0x124)])
     assert connection.recv(256) == b"< send 123 1 a >< send 124 0 >"
     connection.sendall(b"< error 004 1.0 >< frame 123 23.424242 1A220344 >")
@@ -82,7 +82,7 @@ def test_losing_a_canarm_bus_is_a_bus_error_that_names_it(serve):
     port, connection = serve()
     connection.close()
     for call in (lambda: port.receive(DEADLINE_S), lambda: port.send([Frame(1)])):
-        with pytest.raises(BusError, match=r"^-i canarm -c bench --bus-kwargs \S+ port=\d+: the server closed"):
+        with pytest.raises(BusError, match=r"^--bus-kwargs \S+ port=\d+ -i canarm -c bench: the server closed"):
             call()
 
 
@@ -307,8 +307,8 @@ def test_missing_driver_library_is_a_bus_error(monkeypatch):
     [
         ("socketcand", "can0", {}, "-i socketcand -c can0: wrong or missing options: .*'host' and 'port'"),
         ("slcan", "/dev/no-such-adapter", {}, "-i slcan -c /dev/no-such-adapter: .*could not open port"),
-        ("canarm", "can0", {"port": "x"}, "-i canarm -c can0 --bus-kwargs port=x: "),
-        ("canarm", "can0", {"port": 0}, r"-i canarm -c can0 --bus-kwargs \S+ port=0: a port is a number from 1"),
+        ("canarm", "can0", {"port": "x"}, "--bus-kwargs port=x -i canarm -c can0: "),
+        ("canarm", "can0", {"port": 0}, r"--bus-kwargs \S+ port=0 -i canarm -c can0: a port is a number from 1"),
     ],
 )
 def test_a_bus_that_cannot_be_opened_is_a_bus_error_with_its_flags(interface, channel, options, message):

@@ -60,7 +60,7 @@ def test_both_rates_are_shown_where_they_differ():
 @pytest.mark.parametrize(
     ("where", "shown"),
     [
-        ("-i canarm -c bench --bus-kwargs host=127.0.0.1 port=29536", "127.0.0.1:29536"),  # as --connect takes it
+        ("--bus-kwargs host=127.0.0.1 port=29536 -i canarm -c bench", "127.0.0.1:29536"),  # as --connect takes it
         (
             "-i udp_multicast -c 239.74.163.2 --bus-kwargs port=43113 hop_limit=1",
             "-i udp_multicast -c 239.74.163.2 --bus…",

@@ -72,7 +72,7 @@ class HubClientBus(can.BusABC):
         when nobody listens, the server is no socketcand or has no such channel.
         """
         self.channel = str(channel)
-        self.flags = f"-i canarm -c {self.channel} --bus-kwargs host={host} port={port}"
+        self.flags = f"--bus-kwargs host={host} port={port} -i canarm -c {self.channel}"
         self.channel_info = f"canarm {self.channel} on {host}:{port}"
         self.error_frames = 0
         self.unsent = 0

@@ -141,7 +141,10 @@ class _HubPort(BusPort):
 
 
 def bus_flags(interface: str, channel: str | None, options: dict[str, Any]) -> str:
-    """The flags that open a bus, as python-can's tools and ours take them."""
+    """The flags that open a bus, as python-can's tools and ours take them.
+
+    `--bus-kwargs` takes all that follows up to the next flag, so it stands first: `can_player` has a file at the end.
+    """
     named_channel = [] if channel is None else [f"-c {channel}"]
     words = [f"{key}={value}" for key, value in options.items()]
-    return " ".join([f"-i {interface}", *named_channel, *(["--bus-kwargs", *words] if words else [])])
+    return " ".join([*(["--bus-kwargs", *words] if words else []), f"-i {interface}", *named_channel])
