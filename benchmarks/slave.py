@@ -24,6 +24,12 @@ CYCLES = 5000
 BLOCKS = 21
 
 
+class _PowerOn:
+    """A clock that stands at power-on."""
+
+    time_ns = 0
+
+
 class _Nowhere:
     """A bus that takes messages and does nothing with them."""
 
@@ -33,7 +39,7 @@ class _Nowhere:
 
 def _ours() -> Callable[[int], None]:
     sent: list[Frame] = []
-    device = AdcDevice(lambda pin: Adc0809Card(pin, 5.0, 100_000), lambda channel: 1.0, 8, 8, lambda: 0)
+    device = AdcDevice(Adc0809Card(lambda channel: 1.0, 5.0, 100_000), lambda channel: 1.0, 8, 8, _PowerOn())
     dictionary = load_dictionary("adc0809", NODE_ID)
     slave = Slave("adc", NODE_ID, dictionary, device, lambda _, frame: sent.append(frame), 1)
     slave.boot(0)

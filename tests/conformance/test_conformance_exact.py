@@ -129,7 +129,7 @@ def test_a_type_252_tpdo_carries_what_the_last_sync_sampled_and_253_what_is_ther
     sampled = adc.sdo[0x6401][1].raw
     wiggle(exact, lambda time_ns: 5.0)
     device = exact.bench.rack.devices[ADC]
-    device.scan(0, 2.0, exact.bench.time_ns)
+    device.scan(exact.bench.time_ns, ((0, 0, 0),), [2.0])
     exact.send(TPDO2, remote=True)
     exact.nmt(PRE_OPERATIONAL, ADC)
     adc.sdo[0x1801][2].raw = 253

@@ -11,6 +11,7 @@ from canarm_emulator.cards.dac0808 import Dac0808Card
 from canarm_emulator.cards.device import AdcDevice, DacDevice, LatchDevice
 from canarm_emulator.cards.registers import OPEN_BUS, REGISTERS
 from canarm_emulator.cards.sc300 import Sc300Card
+from canarm_emulator.robot.truth import AdcTruth
 
 FULL_SCALE_V = 5.0
 CONVERSION_NS = 100_000
@@ -28,16 +29,18 @@ def load(card: Dac0808Card, channel: int, code: int) -> None:
     card.write(2 * channel + 1, code >> 4, 0)
 
 
-def at_once() -> int:
-    return 0
+class PowerOn:
+    """A clock that stands at power-on."""
+
+    time_ns = 0
 
 
-def adc_device(volts: Callable[[int], float]) -> AdcDevice[Adc0809Card]:
-    return AdcDevice(lambda pin: Adc0809Card(pin, FULL_SCALE_V, CONVERSION_NS), volts, 8, 8, at_once)
+def adc_device(volts: Callable[[int], float]) -> AdcDevice:
+    return AdcDevice(Adc0809Card(volts, FULL_SCALE_V, CONVERSION_NS), volts, 8, 8, PowerOn())
 
 
 def ideal_adc(volts: float = 0.0, **errors: float) -> Adc0809Card:
-    return Adc0809Card(lambda channel: volts, FULL_SCALE_V, CONVERSION_NS, **errors)
+    return Adc0809Card(lambda channel: volts, FULL_SCALE_V, CONVERSION_NS, AdcTruth(**errors))
 
 
 def test_dac_follows_each_4_bit_latch_at_once_so_a_code_passes_through_an_intermediate_one() -> None:
@@ -182,7 +185,7 @@ def test_adc_errors_shift_stretch_and_bow_the_codes() -> None:
 )
 def test_dac_as_cia_401_takes_the_upper_eight_of_fifteen_bits_and_no_negative_value(value: int, code: int) -> None:
     card = Dac0808Card(Outputs())
-    device = DacDevice(card, 8, 4, at_once)
+    device = DacDevice(card, 8, 4, PowerOn())
     device.setter(0x6411, 2)(value)
     assert card.code(1) == code
     assert device.getter(0x6411, 2)() == code << 7
@@ -190,8 +193,8 @@ def test_dac_as_cia_401_takes_the_upper_eight_of_fifteen_bits_and_no_negative_va
 
 def test_each_device_has_its_objects_and_no_other() -> None:
     dac, latch, adc = (
-        DacDevice(Dac0808Card(Outputs()), 8, 4, at_once),
-        LatchDevice(Sc300Card(Outputs()), at_once),
+        DacDevice(Dac0808Card(Outputs()), 8, 4, PowerOn()),
+        LatchDevice(Sc300Card(Outputs()), PowerOn()),
         adc_device(float),
     )
     assert [sub for sub in range(6) if dac.setter(0x6411, sub)] == [1, 2, 3, 4]
@@ -206,7 +209,7 @@ def test_each_device_has_its_objects_and_no_other() -> None:
 def test_latch_error_values_replace_the_bits_that_the_error_mode_selects() -> None:
     """CiA 401: a bit of 0x6206 that is 1 takes the bit of 0x6207; one that is 0 keeps its output."""
     card = Sc300Card(Outputs())
-    device = LatchDevice(card, at_once)
+    device = LatchDevice(card, PowerOn())
     device.setter(0x6200, 1)(0b1010_1010)
     objects = {(0x6206, 1): 0b0000_1111, (0x6207, 1): 0b0101_0101}
     device.take_error_values(lambda index, subindex: objects[index, subindex])
@@ -216,7 +219,7 @@ def test_latch_error_values_replace_the_bits_that_the_error_mode_selects() -> No
 def test_dac_error_values_are_the_upper_half_of_32_bits_where_the_error_mode_is_1() -> None:
     """CiA 401: 0x6444 is 32 bits wide and left-adjusted, whatever the width of the output."""
     card = Dac0808Card(Outputs())
-    device = DacDevice(card, 8, 4, at_once)
+    device = DacDevice(card, 8, 4, PowerOn())
     for channel in range(1, 5):
         device.setter(0x6411, channel)(0x7FFF)
     objects = {(0x6443, n): mode for n, mode in enumerate((1, 0, 1, 1), 1)}
@@ -229,7 +232,7 @@ def test_adc_as_cia_401_shows_the_last_scan_until_it_is_refreshed() -> None:
     volts = [0.0] * 8
     device = adc_device(lambda channel: volts[channel])
     read = device.getter(0x6401, 3)
-    device.scan(2, 5.0, 0)
+    device.scan(0, ((2, 0, 0),), [5.0])
     assert read() == 255 << 7
     volts[2] = 2.5
     assert read() == 255 << 7

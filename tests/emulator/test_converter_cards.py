@@ -139,26 +139,30 @@ def test_what_the_master_sets_is_accepted_and_the_inputs_come_in_that_form(bits:
     assert not {0x294, 0x394} - set(sent)
 
 
+def watch_starts(card: Any, times_ns: list[int]) -> None:
+    """Note when a card's conversions start."""
+    start = card.start
+
+    def noted(volts: float, now_ns: int) -> None:
+        times_ns.append(now_ns)
+        start(volts, now_ns)
+
+    card.start = noted
+
+
 def test_two_adc_cards_convert_at_the_same_time_and_each_sends_when_it_is_done() -> None:
     """Three channels of 100 us beside three of 150 us: samples 0, 100, 200 and 0, 150, 300; done at 300 and 450 us."""
     cell = cell_of_two_adcs(second_us=150)
     bench = bench_of(cell)
-    asked: dict[int, list[tuple[int, int]]] = {0x14: [], 0x15: []}
-    for node_id, card in bench.rack.cards.items():
-        if node_id in asked:
-            write = card.registers.write
-            card.registers.write = (  # type: ignore[method-assign]
-                lambda address, value, now_ns, node_id=node_id, write=write: (
-                    asked[node_id].append((address, now_ns)),
-                    write(address, value, now_ns),
-                )[1]
-            )
+    started: dict[int, list[int]] = {0x14: [], 0x15: []}
+    for node_id, times_ns in started.items():
+        watch_starts(bench.rack.cards[node_id].registers, times_ns)
     for node in card_nodes(cell):
         bench.receive(nmt_frame(NmtCommand.START, node.card.node_id))
     bench.records.clear()
     begin_ns = bench.time_ns
     bench.receive(sync_frame(1))
-    assert [(channel, time_ns - begin_ns) for channel, time_ns in asked[0x14]] == [(0, 0), (2, 100_000), (4, 200_000)]
-    assert [(channel, time_ns - begin_ns) for channel, time_ns in asked[0x15]] == [(1, 0), (3, 150_000), (5, 300_000)]
+    assert [time_ns - begin_ns for time_ns in started[0x14]] == [0, 100_000, 200_000]
+    assert [time_ns - begin_ns for time_ns in started[0x15]] == [0, 150_000, 300_000]
     stamps = {record.frame.can_id: record.time_ns - begin_ns for record in bench.records if record.frame.can_id > 0x200}
     assert stamps == {0x294: 300_000, 0x394: 300_000, 0x295: 450_000, 0x395: 450_000}

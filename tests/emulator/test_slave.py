@@ -31,6 +31,12 @@ def dictionary_of(model: str) -> Dictionary:
     return load_dictionary(model, NODE_ID)
 
 
+class PowerOn:
+    """A clock that stands at power-on."""
+
+    time_ns = 0
+
+
 class Node:
     """A slave with its card, and what it sent, stamped."""
 
@@ -38,8 +44,9 @@ class Node:
         self.sent: list[tuple[int, Frame]] = []
         self.card = Dac0808Card(lambda channel, fraction: None)
         self.volts = [0.0] * 8
-        dac = DacDevice(self.card, 8, 4, lambda: 0)
-        adc = AdcDevice(lambda pin: Adc0809Card(pin, 5.0, 100_000), lambda c: self.volts[c], 8, 8, lambda: 0)
+        adc_card = Adc0809Card(self.volts.__getitem__, 5.0, 100_000)
+        dac = DacDevice(self.card, 8, 4, PowerOn())
+        adc = AdcDevice(adc_card, self.volts.__getitem__, 8, 8, PowerOn())
         self.device = dac if model == "dac0808" else adc
         dictionary = dictionary_of(model)
         self.slave = Slave("card", NODE_ID, dictionary, self.device, lambda t, f: self.sent.append((t, f)), 1)
@@ -337,7 +344,7 @@ def test_a_tpdo_of_type_0_is_sent_when_its_data_change(adc: Node) -> None:
     adc.take()
     sent = []
     for volts in (1.0, 1.0, 2.0, 2.0, 1.0):
-        adc.device.scan(0, volts, 0)
+        adc.device.scan(0, ((0, 0, 0),), [volts])
         for layout in adc.slave.pdos.due():
             if layout.number == 2:
                 adc.slave.pdos.send(layout, 7)
@@ -349,7 +356,7 @@ def test_tpdo_data_are_the_last_scan(adc: Node) -> None:
     adc.slave.on_nmt(START, 0)
     adc.take()
     for channel in range(8):
-        adc.device.scan(channel, channel * 0.5, 0)
+        adc.device.scan(0, ((channel, 0, 0),), [channel * 0.5])
     for layout in adc.slave.pdos.due():
         adc.slave.pdos.send(layout, 42)
     codes = [int(channel * 0.5 / 5.0 * 255 + 0.5) << 7 for channel in range(8)]
@@ -375,8 +382,8 @@ def test_an_input_is_live_for_sdo_unless_a_tpdo_shows_its_last_scan(adc: Node) -
     adc.volts[:] = [5.0] * 8
     assert adc.read(0x6401, 1) == adc.read(0x6401, 2) == 0x7F80
     adc.slave.on_nmt(START, 0)
-    adc.device.scan(0, 0.0, 0)
-    adc.device.scan(1, 0.0, 0)
+    adc.device.scan(0, ((0, 0, 0),), [0.0])
+    adc.device.scan(0, ((1, 0, 0),), [0.0])
     assert (adc.read(0x6401, 1), adc.read(0x6401, 2)) == (0, 0x7F80)
 
 
@@ -397,7 +404,7 @@ def test_a_changed_mapping_is_what_is_sent(adc: Node) -> None:
     write_mapping(adc, 0x1801, 0x1A01, [0x64010810, 0x10010008, 0x64010110])
     adc.slave.on_nmt(START, 0)
     adc.take()
-    adc.device.scan(7, 5.0, 0)
+    adc.device.scan(0, ((7, 0, 0),), [5.0])
     adc.slave.pdos.send(adc.slave.pdos.tpdos[0], 0)
     assert adc.take() == [(0, Frame(0x292, bytes.fromhex("807f" + "00" + "0000")))]
 

@@ -3,6 +3,8 @@
 When a SYNC comes never enters.
 """
 
+from collections.abc import Mapping
+
 from canarm_protocol.canopen.pdo import PdoLayout
 
 from ..cards.rack import Mapped, Rack
@@ -22,20 +24,26 @@ class InputScan:
         self._pdos: list[tuple[Slave, PdoLayout]] = []
         self._mapped: Mapped = ()
         """The objects in them, by node-ID; they are the same in nearly every cycle."""
+        self._durations_ns: Mapping[int, int] | None = None
+        self._groups: list[tuple[int, list[tuple[Slave, PdoLayout]]]] = []
+        """What leaves together, and how long after the begin."""
         self._due: list[tuple[int, list[tuple[Slave, PdoLayout]]]] = []
         """What is still to be sent, and when, in order of time."""
 
     def begin(self, pdos: list[tuple[Slave, PdoLayout]], now_ns: int) -> None:
         """Convert the inputs of `pdos`; the world moves on meanwhile."""
         if pdos != self._pdos:
-            self._pdos = pdos
+            self._pdos, self._durations_ns = pdos, None
             self._mapped = tuple((slave.node_id, each) for slave, layout in pdos for each in layout.objects)
         begin_ns = max(self._world.time_ns, now_ns)
         durations_ns = self._rack.convert(tuple(dict.fromkeys(self._mapped)) if self._hooks.doubles else self._mapped)
-        due: dict[int, list[tuple[Slave, PdoLayout]]] = {}
-        for pdo in pdos:
-            due.setdefault(begin_ns + durations_ns.get(pdo[0].node_id, 0), []).append(pdo)
-        self._due = sorted(due.items())
+        if durations_ns is not self._durations_ns:
+            self._durations_ns = durations_ns
+            groups: dict[int, list[tuple[Slave, PdoLayout]]] = {}
+            for pdo in pdos:
+                groups.setdefault(durations_ns.get(pdo[0].node_id, 0), []).append(pdo)
+            self._groups = sorted(groups.items())
+        self._due = [(begin_ns + duration_ns, group) for duration_ns, group in self._groups]
         self.due_ns = self._due[0][0]
 
     def finish(self, now_ns: int) -> None:

@@ -9,7 +9,8 @@ from collections.abc import Callable
 
 from canarm_protocol.cell.model import Card
 
-from .converters import input_code
+from ..robot.truth import AdcTruth
+from .converters import NO_ERRORS, Converter
 from .device import AdcDevice
 from .plugged import Connections, Plugged
 from .registers import OPEN_BUS
@@ -20,68 +21,33 @@ STATUS, DATA = 8, 9
 END_OF_CONVERSION = 0x80
 
 
-class Adc0809Card:
-    """Multiplexer and converter.
+class Adc0809Card(Converter):
+    """Multiplexer and converter. `sample(channel)` gives the volts at an input pin now.
 
-    `sample(channel)` gives the volts at an input pin. The errors are those of `input_code`; the data sheet's total is
-    0.5 to 1 LSB.
+    The data sheet's total error is 0.5 to 1 LSB.
     """
 
     def __init__(
-        self,
-        sample: Callable[[int], float],
-        full_scale_v: float,
-        conversion_ns: int,
-        offset_lsb: float = 0.0,
-        gain_error: float = 0.0,
-        nonlinearity_lsb: float = 0.0,
+        self, sample: Callable[[int], float], full_scale_v: float, conversion_ns: int, errors: AdcTruth = NO_ERRORS
     ) -> None:
+        super().__init__(BITS, full_scale_v, conversion_ns, errors)
         self._sample = sample
-        self.conversion_ns = conversion_ns
-        self.code = input_code(BITS, full_scale_v, offset_lsb, gain_error, nonlinearity_lsb)
-        """The converter's characteristic: from volts to a code."""
-        self._result = 0
-        self._converting = 0
-        self._done_ns = 0
 
     def read(self, address: int, now_ns: int) -> int:
         """Status or data. Data read before the end of a conversion is the result of the one before."""
-        if address == DATA:
-            if now_ns >= self._done_ns:
-                self._result = self._converting
-            return self._result
         if address == STATUS:
-            return END_OF_CONVERSION if now_ns >= self._done_ns else 0
-        return OPEN_BUS
+            return END_OF_CONVERSION if self.is_done(now_ns) else 0
+        return self.result(now_ns) if address == DATA else OPEN_BUS
 
     def write(self, address: int, value: int, now_ns: int) -> None:
         """Start a conversion of channel `address`; one that is running is abandoned."""
         if address < CHANNELS:
-            if now_ns >= self._done_ns:
-                self._result = self._converting
-            self._converting = self.code(self._sample(address))
-            self._done_ns = now_ns + self.conversion_ns
-
-    def result(self, now_ns: int) -> int:
-        """Read the data register."""
-        return self.read(DATA, now_ns)
+            self.start(self._sample(address), now_ns)
 
 
 def plug_in(card: Card, connections: Connections) -> Plugged:
     """The card in its slot."""
-    errors = connections.adc
-    device = AdcDevice(
-        lambda sample: Adc0809Card(
-            sample,
-            connections.full_scale_v,
-            card.channel_us * 1000,
-            errors.offset_lsb,
-            errors.gain_error,
-            errors.nonlinearity_lsb,
-        ),
-        connections.sample,
-        card.codec.bits,
-        CHANNELS,
-        connections.now,
-    )
-    return Plugged(device.card, device, device.distort, None, AdcDevice.INPUTS, device.scan)
+    sample = connections.sample
+    registers = Adc0809Card(sample, connections.full_scale_v, card.channel_us * 1000, connections.adc)
+    device = AdcDevice(registers, sample, BITS, CHANNELS, connections.clock)
+    return Plugged(registers, device, device.distort, None, AdcDevice.INPUTS, device.scan)

@@ -3,10 +3,11 @@
 Registers belong to the cards.
 """
 
-from collections.abc import Callable
-
 from canarm_protocol.cell.wiring import FULL_SCALE_CODE
 
+from ..robot.truth import AdcTruth
+
+NO_ERRORS = AdcTruth()
 STEPS = FULL_SCALE_CODE + 1
 """I_out = I_ref x code / 256: full scale is 255/256 of the reference (DAC0808 data sheet)."""
 
@@ -24,21 +25,40 @@ def output_fractions(bits: int, nonlinearity: float) -> list[float]:
     return [(code + nonlinearity * bow * full_scale) * per_code for code, bow in enumerate(bows)]
 
 
-def input_code(
-    bits: int, full_scale_v: float, offset_lsb: float, gain_error: float, nonlinearity_lsb: float
-) -> Callable[[float], int]:
-    """The characteristic of an A/D converter: from volts to a code.
+class Converter:
+    """An A/D converter that starts when it is told to and is done after `conversion_ns`.
 
-    Its errors are in steps of its own, but for `gain_error`, a fraction of the reading; the nonlinearity is a bow
-    between the end points. The reference is trimmed so that `full_scale_v` reads the highest code.
+    `errors` are in steps of its own, but for `gain_error`, a fraction of the reading; the nonlinearity is a bow between
+    the end points. The reference is trimmed so that `full_scale_v` reads the highest code.
     """
-    full_scale = (1 << bits) - 1
-    gain = full_scale / full_scale_v * (1.0 + gain_error)
-    offset, curvature = 0.5 + offset_lsb, 4.0 * nonlinearity_lsb / full_scale**2
 
-    def code(volts: float) -> int:
-        step = volts * gain if volts > 0.0 else 0.0
-        code = int(step + offset + curvature * step * (full_scale - step))
+    def __init__(self, bits: int, full_scale_v: float, conversion_ns: int, errors: AdcTruth) -> None:
+        self.conversion_ns = conversion_ns
+        full_scale = self._full_scale = (1 << bits) - 1
+        self._gain = full_scale / full_scale_v * (1.0 + errors.gain_error)
+        self._offset = 0.5 + errors.offset_lsb
+        self._bow = 4.0 * errors.nonlinearity_lsb / full_scale**2
+        self._result = self._converting = self._done_ns = 0
+
+    def start(self, volts: float, now_ns: int) -> None:
+        """Begin to convert what stands at the input; a conversion that is running is abandoned."""
+        if now_ns >= self._done_ns:
+            self._result = self._converting
+        self._converting = self.code(volts)
+        self._done_ns = now_ns + self.conversion_ns
+
+    def is_done(self, now_ns: int) -> bool:
+        """Whether no conversion is running."""
+        return now_ns >= self._done_ns
+
+    def result(self, now_ns: int) -> int:
+        """The last result; before the end of a conversion that of the one before."""
+        if now_ns >= self._done_ns:
+            self._result = self._converting
+        return self._result
+
+    def code(self, volts: float) -> int:
+        """The converter's characteristic."""
+        step, full_scale = volts * self._gain if volts > 0.0 else 0.0, self._full_scale
+        code = int(step + self._offset + self._bow * step * (full_scale - step))
         return 0 if code < 0 else full_scale if code > full_scale else code
-
-    return code

@@ -77,5 +77,5 @@ class DacCard:
 def plug_in(card: Card, connections: Connections) -> Plugged:
     """The card in its slot."""
     registers = DacCard(card.codec.bits, connections.set_output, connections.dac.nonlinearity)
-    device = DacDevice(registers, card.codec.bits, CHANNELS, connections.now)
+    device = DacDevice(registers, card.codec.bits, CHANNELS, connections.clock)
     return Plugged(registers, device, registers.distort, registers.refresh)

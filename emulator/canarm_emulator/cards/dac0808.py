@@ -70,5 +70,5 @@ class Dac0808Card:
 def plug_in(card: Card, connections: Connections) -> Plugged:
     """The card in its slot."""
     registers = Dac0808Card(connections.set_output, connections.dac.nonlinearity)
-    device = DacDevice(registers, card.codec.bits, CHANNELS, connections.now)
+    device = DacDevice(registers, card.codec.bits, CHANNELS, connections.clock)
     return Plugged(registers, device, registers.distort, registers.refresh)

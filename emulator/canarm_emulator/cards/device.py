@@ -6,7 +6,7 @@ says. Which registers a card has, and where, is the card's business.
 """
 
 from collections.abc import Callable
-from typing import Generic, Protocol, TypeVar
+from typing import Protocol
 
 from canarm_protocol.canopen.dictionary import (
     ANALOGUE_ERROR_MODE,
@@ -25,10 +25,9 @@ from canarm_protocol.canopen.dictionary import (
 
 from ..node.io_device import Getter, ReadObject, Setter
 from ..signals import Distortion
-from .registers import RegisterCard
+from .plugged import Samples
+from .registers import Clock, RegisterCard
 
-Clock = Callable[[], int]
-"""The present, in ns: when a register is accessed."""
 INPUT_BITS = {ANALOGUE_INPUT_8: 7, ANALOGUE_INPUT: 15, ANALOGUE_INPUT_32: 31}
 OUTPUT_BITS = {ANALOGUE_OUTPUT_8: 7, ANALOGUE_OUTPUT: 15, ANALOGUE_OUTPUT_32: 31}
 """Room for a left-adjusted code in the objects of CiA 401: their bits without the sign."""
@@ -54,16 +53,17 @@ class LatchRegister(RegisterCard, Protocol):
 
 
 class AdcRegisters(RegisterCard, Protocol):
-    """A card of one A/D converter behind a multiplexer: a write to address n starts a conversion of channel n."""
+    """A card of one A/D converter behind a multiplexer."""
 
     conversion_ns: int
 
-    def result(self, now_ns: int) -> int:
-        """Make the register accesses that give the last result."""
+    def start(self, volts: float, now_ns: int) -> None:
+        """What a write to a channel's address does, with what stands at its pin then."""
         ...
 
-
-AdcCard = TypeVar("AdcCard", bound=AdcRegisters)
+    def result(self, now_ns: int) -> int:
+        """What reads of the data registers give."""
+        ...
 
 
 class DacDevice:
@@ -72,18 +72,18 @@ class DacDevice:
     0x6410 and 0x6412 are the same in 8 and in 32 bits.
     """
 
-    def __init__(self, card: DacRegisters, bits: int, channels: int, now: Clock) -> None:
-        self._card, self._bits, self._channels, self._now = card, bits, channels, now
+    def __init__(self, card: DacRegisters, bits: int, channels: int, clock: Clock) -> None:
+        self._card, self._bits, self._channels, self._clock = card, bits, channels, clock
 
     def setter(self, index: int, subindex: int) -> Setter | None:
         """How to write an output."""
         if index not in OUTPUT_BITS or not 1 <= subindex <= self._channels:
             return None
         channel, shift = subindex - 1, OUTPUT_BITS[index] - self._bits
-        load, now = self._card.load, self._now
+        load, clock = self._card.load, self._clock
         if shift < 0:
-            return lambda value: load(channel, value << -shift if value > 0 else 0, now())
-        return lambda value: load(channel, value >> shift if value > 0 else 0, now())
+            return lambda value: load(channel, value << -shift if value > 0 else 0, clock.time_ns)
+        return lambda value: load(channel, value >> shift if value > 0 else 0, clock.time_ns)
 
     def getter(self, index: int, subindex: int) -> Getter | None:
         """How to read a value."""
@@ -101,7 +101,7 @@ class DacDevice:
     def power_off(self) -> None:
         """No reference, no current."""
         for channel in range(self._channels):
-            self._card.load(channel, 0, self._now())
+            self._card.load(channel, 0, self._clock.time_ns)
 
     def take_error_values(self, read: ReadObject) -> None:
         """0x6443 = 1 selects 0x6444, a left-adjusted 32-bit value."""
@@ -109,14 +109,14 @@ class DacDevice:
         for channel in range(self._channels):
             if read(ANALOGUE_ERROR_MODE, channel + 1):
                 code = max(read(ANALOGUE_ERROR_VALUE, channel + 1), 0) >> shift
-                self._card.load(channel, code, self._now())
+                self._card.load(channel, code, self._clock.time_ns)
 
 
 class LatchDevice:
     """0x6200: eight latch bits as one byte, of which writing changes those that are 1 in 0x6208."""
 
-    def __init__(self, card: LatchRegister, now: Clock) -> None:
-        self._card, self._now = card, now
+    def __init__(self, card: LatchRegister, clock: Clock) -> None:
+        self._card, self._clock = card, clock
         self._mask = ALL_BITS
 
     def setter(self, index: int, subindex: int) -> Setter | None:
@@ -127,7 +127,7 @@ class LatchDevice:
 
     def _write(self, value: int) -> None:
         card, mask = self._card, self._mask
-        card.write(0, value if mask == ALL_BITS else card.value & ~mask | value & mask, self._now())
+        card.write(0, value if mask == ALL_BITS else card.value & ~mask | value & mask, self._clock.time_ns)
 
     def getter(self, index: int, subindex: int) -> Getter | None:
         """How to read a value."""
@@ -142,48 +142,41 @@ class LatchDevice:
 
     def power_off(self) -> None:
         """All bridges open."""
-        self._card.write(0, 0, self._now())
+        self._card.write(0, 0, self._clock.time_ns)
 
     def take_error_values(self, read: ReadObject) -> None:
         """Bits that are 1 in 0x6206 take the bit of 0x6207; the others stay."""
         mode = read(DIGITAL_ERROR_MODE, 1)
-        self._card.write(0, self._card.value & ~mode | read(DIGITAL_ERROR_VALUE, 1) & mode, self._now())
+        self._card.write(0, self._card.value & ~mode | read(DIGITAL_ERROR_VALUE, 1) & mode, self._clock.time_ns)
 
 
-class AdcDevice(Generic[AdcCard]):
+class AdcDevice:
     """0x6401: one signed, left-adjusted 16-bit value a channel, as of the last scan or the last read outside the cycle.
 
     0x6400 and 0x6402 are the same in 8 and in 32 bits.
-    `make_card` makes the card from what stands at its pins; `sample(channel)` gives the volts at a pin now.
+    `sample(channel)` gives the volts at a pin now.
     """
 
     INPUTS = frozenset(INPUT_BITS)
 
     def __init__(
-        self,
-        make_card: Callable[[Callable[[int], float]], AdcCard],
-        sample: Callable[[int], float],
-        bits: int,
-        channels: int,
-        now: Clock,
+        self, card: AdcRegisters, sample: Callable[[int], float], bits: int, channels: int, clock: Clock
     ) -> None:
-        self._sample, self._bits, self._now = sample, bits, now
-        self._scanned_v: float | None = None
-        """What stands at the pin of the channel that is being scanned; the world is further on already."""
-        self.card = make_card(self._at_pin)
+        self._card, self._sample, self._bits, self._clock = card, sample, bits, clock
         self._codes = [0] * channels
         self._distortions: dict[int, Distortion] = {}
 
-    def scan(self, channel: int, volts: float, at_ns: int) -> None:
-        """Convert a channel (from 0) whose pin is at `volts` at a time: start, and read when the conversion is over."""
-        card = self.card
-        self._scanned_v = volts
-        card.write(channel, 0, at_ns)
-        self._scanned_v = None
-        code = card.result(at_ns + card.conversion_ns)
-        if self._distortions and channel in self._distortions:
-            code = int(self._distortions[channel](code))
-        self._codes[channel] = code
+    def scan(self, begin_ns: int, samples: Samples, values: list[float]) -> None:
+        """Convert one channel after the other: start, and read when the conversion is over."""
+        start, result, conversion_ns = self._card.start, self._card.result, self._card.conversion_ns
+        codes, distortions = self._codes, self._distortions
+        for channel, offset_ns, place in samples:
+            at_ns = begin_ns + offset_ns
+            start(values[place], at_ns)
+            code = result(at_ns + conversion_ns)
+            if distortions and channel in distortions:
+                code = int(distortions[channel](code))
+            codes[channel] = code
 
     def distort(self, channel: int, distortion: Distortion | None) -> None:
         """Let another code be read than the converter of `channel` (from 0) has given."""
@@ -208,7 +201,8 @@ class AdcDevice(Generic[AdcCard]):
     def refresh(self, index: int, subindex: int) -> None:
         """Convert one channel; nobody waits for it."""
         if index in INPUT_BITS and 1 <= subindex <= len(self._codes):
-            self.scan(subindex - 1, self._sample(subindex - 1), self._now())
+            channel = subindex - 1
+            self.scan(self._clock.time_ns, ((channel, 0, 0),), [self._sample(channel)])
 
     def configure(self, read: ReadObject) -> None:
         """No parameter acts on the values in passing."""
@@ -218,6 +212,3 @@ class AdcDevice(Generic[AdcCard]):
 
     def take_error_values(self, read: ReadObject) -> None:
         """Inputs have no error values."""
-
-    def _at_pin(self, channel: int) -> float:
-        return self._sample(channel) if self._scanned_v is None else self._scanned_v

@@ -12,17 +12,19 @@ from canarm_protocol.cell.model import Card
 from ..node.io_device import IoDevice
 from ..robot.truth import AdcTruth, DacTruth
 from ..signals import Distortion
-from .registers import RegisterCard
+from .registers import Clock, RegisterCard
 
-Clock = Callable[[], int]
-"""The present, in ns."""
+Samples = tuple[tuple[int, int, int], ...]
+"""What a card samples in a scan, in order of time: channel (from 0), ns after the begin, and place among the values."""
+Scan = Callable[[int, Samples, list[float]], None]
+"""Make the accesses of a program that scans the inputs, from a time on (ns); `values` are what stood at the pins."""
 
 
 @dataclass(frozen=True, slots=True)
 class Connections:
     """What a card of either direction is connected to; channels count from 0."""
 
-    now: Clock
+    clock: Clock
     set_output: Callable[[int, float], None]
     """An output of a channel has changed: I_out/I_ref of a DAC, the two bits of a latch."""
     sample: Callable[[int], float]
@@ -47,8 +49,7 @@ class Plugged:
     """Let an output pass its code on once more; None where there are no outputs."""
     inputs: frozenset[int] = frozenset()
     """Indices of the objects that have an input channel under each sub-index; mapping one in a TPDO has it scanned."""
-    scan: Callable[[int, float, int], None] | None = None
-    """Convert a channel, from what stood at its pin at a time (ns): the accesses of a program that scans the inputs."""
+    scan: Scan | None = None
 
 
 def plug_in(card: Card, connections: Connections) -> Plugged:

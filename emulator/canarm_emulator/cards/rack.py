@@ -18,7 +18,7 @@ from ..robot.sensors import DistortedSource
 from ..robot.truth import Truth
 from ..robot.world import Source, World
 from ..signals import Distortion
-from .plugged import Connections, Plugged, plug_in
+from .plugged import Connections, Plugged, Samples, Scan, plug_in
 
 Mapped = tuple[tuple[int, MappedObject], ...]
 """Objects of the cards' TPDOs, each with its node-ID."""
@@ -30,7 +30,7 @@ class _InputCard:
 
     node_id: int
     indices: frozenset[int]
-    scan: Callable[[int, float, int], None]
+    scan: Scan
     channel_ns: int
     sources: dict[int, Source]
     """By channel, as they are now; `sound` is how they are with nothing broken."""
@@ -47,11 +47,10 @@ class _InputCard:
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """A scan: its samples in order of time, where each goes, and when each card is done after its start."""
+    """A scan: when what is sampled, which card takes what of it, and when each card is done after its start."""
 
     schedule: ScanSchedule
-    scans: tuple[tuple[Callable[[int, float, int], None], int, int], ...]
-    """Of each sample: its card's scan, the channel (from 0), and the time after the start, ns."""
+    scans: tuple[tuple[Scan, Samples], ...]
     durations_ns: dict[int, int]
     """By node-ID; cards that convert nothing are not among them."""
 
@@ -61,10 +60,10 @@ def _plan(cards: list[_InputCard], mapped: Mapped) -> _Plan:
     busy = [(card, channels) for card in cards if (channels := card.measured(mapped))]
     sequences = [([card.sources[channel] for channel in channels], card.channel_ns) for card, channels in busy]
     schedule = ScanSchedule.merged(sequences)
-    scans = tuple(
-        (busy[number][0].scan, busy[number][1][place], offset_ns)
-        for (number, place), offset_ns in zip(schedule.places, schedule.offsets_ns, strict=True)
-    )
+    samples: list[list[tuple[int, int, int]]] = [[] for _ in busy]
+    for value, ((number, place), offset_ns) in enumerate(zip(schedule.places, schedule.offsets_ns, strict=True)):
+        samples[number].append((busy[number][1][place], offset_ns, value))
+    scans = tuple((card.scan, tuple(taken)) for (card, _), taken in zip(busy, samples, strict=True))
     return _Plan(schedule, scans, {card.node_id: len(channels) * card.channel_ns for card, channels in busy})
 
 
@@ -88,8 +87,9 @@ class Rack:
         if mapped is not self._mapped:
             self._mapped, self._plan = mapped, _plan(self._inputs, mapped)
         plan, begin_ns = self._plan, self._world.time_ns
-        for (scan, channel, offset_ns), value in zip(plan.scans, self._world.scan(plan.schedule), strict=True):
-            scan(channel, value, begin_ns + offset_ns)
+        values = self._world.scan(plan.schedule)
+        for scan, samples in plan.scans:
+            scan(begin_ns, samples, values)
         return plan.durations_ns
 
     def spare(self, card: Card) -> IoDevice:
@@ -142,7 +142,7 @@ class Rack:
     ) -> Connections:
         world, truth = self._world, self._truth
         return Connections(
-            lambda: world.time_ns,
+            world,
             set_output,
             sample,
             self._reference_v(card),

@@ -20,5 +20,14 @@ class RegisterCard(Protocol):
         ...
 
 
+class Clock(Protocol):
+    """What knows the present: when a register is accessed that is accessed now."""
+
+    @property
+    def time_ns(self) -> int:
+        """The present, in ns."""
+        ...
+
+
 OPEN_BUS = 0xFF
 """What a read of an address without a register gives: TTL inputs float high."""
