@@ -6,6 +6,7 @@ from .adc import ADC
 from .adc0809 import ADC0809
 from .dac import DAC
 from .dac0808 import DAC0808
+from .encoder_counter import ENCODER_COUNTER
 from .kind import CardKind
 from .sc300 import SC300
 
@@ -17,5 +18,6 @@ KINDS: Mapping[str, CardKind] = {
         ADC0809,
         DAC,
         ADC,
+        ENCODER_COUNTER,
     )
 }
