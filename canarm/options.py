@@ -186,8 +186,9 @@ class ControlOptions:
     trajectory: Annotated[
         str,
         Parameter(
-            metavar="NAME|FILE",
-            help="Trajectory: sine, trapezoid, or a CSV file with time_s and a column of degrees for each joint.",
+            metavar="NAME|FILE[:HOW]",
+            help="Trajectory: sine, trapezoid, or a CSV file with time_s and a column of degrees for each joint; "
+            "behind it :spline, :monotone or :samples chooses what lies between its rows.",
         ),
     ] = DEFAULT_TRAJECTORY
 

@@ -39,6 +39,8 @@ class Summary:
     real_time_factor: float | None
     starved: str | None = None
     """Why many cycles were left out, if they were."""
+    approach_s: float = 0.0
+    """How long the way to the first pose of a trajectory file took, from cycle 0 on; the file begins after it."""
     joints: Mapping[str, JointFigures] = field(default_factory=dict)
     out: str | None = None
     faults: int | None = None
@@ -58,6 +60,8 @@ class Summary:
             f"clock {self.clock}",
             f"{self.ticks} cycles{speed}, {self.missed} missed, {self.late} late",
         ]
+        if self.approach_s:
+            lines.append(f"the trajectory begins at {self.approach_s:g} s, after a move to its first pose")
         lines[1:1] = [text for text in (self.starved, self.reason) if text]
         if self.joints:
             lines.append(f"{'joint':<10}{'RMS error':>12}{'max error':>12}{'peak current':>14}{'ripple':>9}  amplifier")

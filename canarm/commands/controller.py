@@ -173,7 +173,8 @@ class _Follower:
     def should_stop(self) -> str | None:
         """Why to stop safely now, or None."""
         if self._progress and self._controller.controlled_ticks * self._period_s >= self._next_s:
-            total = "" if self._ticks is None else f" of {self._ticks * self._period_s:g}"
+            approach_s = self._controller.loop.trajectory.approach_s
+            total = "" if self._ticks is None else f" of {self._ticks * self._period_s + approach_s:g}"
             _tell(f"{self._next_s:g}{total} s, {self._controller.missed} cycles missed")
             self._next_s += 1.0
         reason = self._stop.reason()
@@ -260,6 +261,7 @@ def _summary(
         missed=result.missed,
         late=result.late,
         starved=result.starved,
+        approach_s=controller.loop.trajectory.approach_s,
         real_time_factor=result.real_time_factor if result.ticks else None,
         joints={
             name: JointFigures(

@@ -146,6 +146,11 @@ class Rig(FaultControl):
         return self._controller.reason
 
     @property
+    def approach_s(self) -> float:
+        """How long the way to the first pose of a trajectory file takes, from cycle 0 on; the file begins after it."""
+        return self._controller.loop.trajectory.approach_s
+
+    @property
     def frames(self) -> list[StampedFrame]:
         """The last `FRAMES_KEPT` frames of can0, oldest first."""
         return [StampedFrame(record.time_ns, record.frame) for record in self._records]
@@ -264,6 +269,7 @@ class Rig(FaultControl):
             missed=controller.missed,
             late=0,
             real_time_factor=None,
+            approach_s=self.approach_s,
             joints={name: self._history.figures(index) for index, name in enumerate(self.joints)},
             out=None if self._folder is None else str(self._folder),
             faults=len(self.begun),

@@ -26,8 +26,8 @@ def csv_file(tmp_path: Path) -> Path:
 
 
 def all_kinds(csv_file: Path) -> list[Trajectory]:
-    plain = [make_trajectory(spec, CELL) for spec in ("sine", "trapezoid", str(csv_file))]
-    return [*plain, *(blend_from(trajectory, HOME_RAD) for trajectory in plain)]
+    plain = [make_trajectory(spec, CELL) for spec in ("sine", "trapezoid", f"{csv_file}:spline")]
+    return [*plain, *(blend_from(trajectory, HOME_RAD) for trajectory in plain), plain[-1].entered_from(HOME_RAD)]
 
 
 def test_velocity_and_acceleration_are_derivatives_of_position(csv_file: Path) -> None:
@@ -65,7 +65,7 @@ def test_trapezoid_moves_70_and_60_degrees_at_constant_speed() -> None:
 
 def test_amplitude_is_half_of_the_travel(csv_file: Path) -> None:
     amplitudes = [np.degrees(trajectory.amplitude_rad).tolist() for trajectory in all_kinds(csv_file)]
-    expected = [[35.0, 30.0], [35.0, 30.0], [15.0, 12.5]] * 2
+    expected = [*[[35.0, 30.0], [35.0, 30.0], [15.0, 12.5]] * 2, [15.0, 12.5]]
     np.testing.assert_allclose(amplitudes, expected, rtol=1e-12)
 
 
@@ -120,9 +120,9 @@ def test_start_pose_of_another_arm_is_refused() -> None:
         blend_from(make_trajectory("sine", CELL), [0.0])
 
 
-def test_file_is_joined_by_the_clamped_cubic_spline(csv_file: Path) -> None:
+def test_spline_by_choice_is_the_clamped_cubic_one(csv_file: Path) -> None:
     expected = CubicSpline(FILE_TIME_S, np.radians(FILE_DEG), bc_type="clamped")
-    reference = make_trajectory(str(csv_file), CELL).sample(0, 1200, PERIOD_S)
+    reference = make_trajectory(f"{csv_file}:spline", CELL).sample(0, 1200, PERIOD_S)
     t = np.arange(1200) * PERIOD_S
     np.testing.assert_allclose(reference.position_rad, expected(t), atol=1e-12)
     np.testing.assert_allclose(reference.velocity_rad_s, expected(t, 1), atol=1e-11)
@@ -139,7 +139,7 @@ def test_straight_part_of_a_file_counts_as_constant_speed(tmp_path: Path) -> Non
     path = tmp_path / "ramp.csv"
     rows = [f"{t / 10},{2 * t},0" for t in range(31)]
     path.write_text("\n".join(["time_s,joint2,joint3", *rows]))
-    steady = make_trajectory(str(path), CELL).constant_speed(0, 1200, PERIOD_S)
+    steady = make_trajectory(f"{path}:spline", CELL).constant_speed(0, 1200, PERIOD_S)
     assert steady[500:700, 0].all()
     assert not steady[:20, 0].any()
     assert not steady[:, 1].any()

@@ -1,9 +1,10 @@
-"""A cubic spline that starts and ends at rest: numerics only, several columns at once.
+"""Cubic curves through given points, several columns at once: numerics only.
 
 Nothing here knows about joints, files or control.
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +13,45 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class RestToRestSpline:
-    """Clamped cubic spline through `value` (n, columns) at the increasing times `time_s` (n,), held after the last one.
+class CubicCurve:
+    """Piecewise cubic through `value` (n, columns) at the increasing times `time_s` (n,), with `slope` (n, columns).
 
-    `slope` (n, columns) are the first derivatives at the knots, 0 at both ends.
+    Where `curvature` (n, columns) is given, the second derivative goes straight from one to the next, instead of being
+    that of the cubics. Before the first time and after the last one the curve stands still.
     """
 
     time_s: Floats
     value: Floats
     slope: Floats
+    curvature: Floats | None = None
 
     @classmethod
-    def through(cls, time_s: Floats, value: Floats) -> "RestToRestSpline":
+    def clamped(cls, time_s: Floats, value: Floats) -> Self:
         """The twice continuously differentiable spline with zero slope at both ends; needs n >= 2."""
         return cls(time_s, value, _knot_slopes(np.diff(time_s), np.diff(value, axis=0)))
+
+    @classmethod
+    def monotone(cls, time_s: Floats, value: Floats) -> Self:
+        """Between two points the curve never leaves their range; zero slope at both ends; needs n >= 2.
+
+        Slopes by F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300, as in scipy's PCHIP: a weighted
+        harmonic mean of the secants on both sides, 0 where these differ in sign.
+        """
+        width = np.diff(time_s)[:, None]
+        secant = np.diff(value, axis=0) / width
+        left, right = secant[:-1], secant[1:]
+        first, second = 2.0 * width[1:] + width[:-1], width[1:] + 2.0 * width[:-1]
+        agree = left * right > 0.0
+        denominator = np.where(agree, first * right + second * left, 1.0)
+        slope = np.zeros_like(value)
+        slope[1:-1] = np.where(agree, (first + second) * left * right / denominator, 0.0)
+        return cls(time_s, value, slope)
+
+    @classmethod
+    def sampled(cls, time_s: Floats, value: Floats) -> Self:
+        """A smooth motion of which `value` are samples: derivatives are differences across two intervals; n >= 3."""
+        slope = np.gradient(value, time_s, axis=0, edge_order=2)
+        return cls(time_s, value, slope, np.gradient(slope, time_s, axis=0, edge_order=2))
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats, Floats]:
         """Value, first and second derivative at the times `time_s` (m,), each (m, columns)."""
@@ -41,6 +67,8 @@ class RestToRestSpline:
         value = self.value[left] + s * (start + s * (quadratic + s * cubic))
         first = (start + s * (2.0 * quadratic + s * 3.0 * cubic)) / width
         second = (2.0 * quadratic + 6.0 * s * cubic) / width**2
+        if self.curvature is not None:
+            second = (1.0 - s) * self.curvature[left] + s * self.curvature[left + 1]
         moving = ((time_s >= knots[0]) & (time_s < knots[-1]))[:, None]
         return value, np.where(moving, first, 0.0), np.where(moving, second, 0.0)
 

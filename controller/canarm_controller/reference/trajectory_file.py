@@ -1,75 +1,165 @@
-"""Reading a trajectory from a CSV file: the text and what can be wrong with it.
+"""Reading a trajectory from a CSV file or a table of columns: what the header says, and what can be wrong with it.
 
-The columns are `time_s` and then each joint's name, in any order, in degrees. What lies between the rows, and whether
-the robot can follow, is decided in `trajectory`.
+What lies between the rows, and whether the robot can follow, is decided in `file_trajectory`. The format is described
+in docs/trajectory-files.md.
 """
 
 import csv
+import io
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from canarm_protocol.text_file import read_text
+
 from ..errors import TrajectoryError
 
-TIME_COLUMN = "time_s"
+Floats = NDArray[np.float64]
+
+TIME_UNITS = {"time_s": 1.0, "time_ms": 1e-3, "time_us": 1e-6}
+ANGLE_UNITS = {"": math.radians(1.0), "_deg": math.radians(1.0), "_rad": 1.0}
+"""Endings of a column's name behind the joint's; without one, degrees."""
+RECORDED = ".reference_rad"
+"""Ending of a reference's column in a run folder's signals/controller.csv, which has others beside it."""
+LARGEST_BYTES = 64 * 1024 * 1024
 LONGEST_S = 86_400.0
 SHORTEST_STEP_S = 1e-6
 """Rows closer than this are a slip of the pen: no cycle is that short, and a spline's slopes lose their digits."""
 LARGEST_DEG = 1e6
 SHOWN = 40
 """Characters of a wrong value that a message repeats."""
+SLOWEST_DEG_S = 0.1
+"""A motion that is nowhere faster, in thousands of seconds, looks like milliseconds: no tachometer sees so little."""
+LONG_S = 1000.0
 
 
-def read_trajectory_csv(path: Path, joint_names: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+@dataclass(frozen=True, slots=True)
+class _Columns:
+    """Where time and each joint's angle stand, and what one unit of each is in s and rad."""
+
+    places: tuple[int, ...]
+    scales: tuple[float, ...]
+    is_stated: bool
+    """Whether the header says in which unit the angles are."""
+    is_recorded: bool
+
+
+def read_trajectory_csv(path: Path, joint_names: Sequence[str]) -> tuple[Floats, Floats]:
     """Times (n,) in s and positions (n, joints) in rad, joints in the order of `joint_names`.
 
     Raises `TrajectoryError` naming file, row and column: unreadable file, missing, repeated or unknown column, not a
     finite number, an angle beyond +-`LARGEST_DEG`, fewer than 2 rows, times that do not begin at 0, increase by less
-    than `SHORTEST_STEP_S` or go on beyond `LONGEST_S`.
+    than `SHORTEST_STEP_S` or go on beyond `LONGEST_S`, and values that look like another unit than the header's.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        rows = csv.reader(io.StringIO(read_text(path, LARGEST_BYTES, "a trajectory", "CSV"), newline=""))
+        header = [cell.strip() for cell in next(rows, [])]
+        columns = _columns(str(path), header, joint_names)
+        filled = ((number, row) for number, row in enumerate(rows, start=2) if any(cell.strip() for cell in row))
+        found = [(number, _values(path, number, row, header, columns)) for number, row in filled]
+    except TrajectoryError:
+        raise
+    except (OSError, ValueError, csv.Error) as error:
         raise TrajectoryError(f"{path}: cannot be read as a CSV file: {error}") from None
-    header = [cell.strip() for cell in rows[0]] if rows else []
-    wanted = [TIME_COLUMN, *joint_names]
-    if sorted(header) != sorted(wanted):
-        raise TrajectoryError(
-            f"{path}: row 1 has the columns {', '.join(header) or 'none'}; must be {', '.join(wanted)}"
+    if len(found) < 2:
+        raise TrajectoryError(f"{path}: {len(found)} rows of values; a trajectory needs at least 2")
+    table = np.array([values for _, values in found])
+    return _checked(str(path), table, columns, header, [number for number, _ in found])
+
+
+def read_trajectory_columns(table: Mapping[str, Any], joint_names: Sequence[str]) -> tuple[Floats, Floats]:
+    """As `read_trajectory_csv`, from columns by their names: a DataFrame, or a dict of arrays."""
+    header = [str(name) for name in table]
+    columns = _columns("trajectory", header, joint_names)
+    try:
+        values = np.column_stack([np.asarray(table[header[place]], dtype=np.float64) for place in columns.places])
+    except (TypeError, ValueError) as error:
+        raise TrajectoryError(f"trajectory: its columns must be numbers, one for each row: {error}") from None
+    if len(values) < 2:
+        raise TrajectoryError(f"trajectory: {len(values)} rows of values; a trajectory needs at least 2")
+    bad = np.argwhere(~(np.abs(values) <= LARGEST_DEG)).tolist()
+    if bad:
+        row, column = bad[0]
+        name = header[columns.places[column]]
+        raise TrajectoryError(f"trajectory: row {row}, column {name}: {values[row, column]:g}; must be a finite number")
+    return _checked("trajectory", values * np.asarray(columns.scales), columns, header, range(len(values)))
+
+
+def _columns(source: str, header: Sequence[str], joint_names: Sequence[str]) -> _Columns:
+    recorded = [f"{name}{RECORDED}" for name in joint_names]
+    if "time_s" in header and all(header.count(name) == 1 for name in recorded):
+        return _Columns(
+            tuple(header.index(name) for name in ("time_s", *recorded)), (1.0,) * (1 + len(recorded)), True, True
         )
-    columns = [header.index(name) for name in wanted]
-    numbered = [(number, row) for number, row in enumerate(rows[1:], start=2) if any(cell.strip() for cell in row)]
-    if len(numbered) < 2:
-        raise TrajectoryError(f"{path}: {len(numbered)} rows of values; a trajectory needs at least 2")
-    table = np.array([_values(path, number, row, header, columns) for number, row in numbered])
-    time_s = table[:, 0]
+    units = {name + ending: scale for ending, scale in ANGLE_UNITS.items() for name in joint_names}
+    times = [name for name in header if name in TIME_UNITS]
+    angles = [[name + ending for ending in ANGLE_UNITS if name + ending in header] for name in joint_names]
+    if len(times) != 1 or any(len(found) != 1 for found in angles) or len(header) != 1 + len(joint_names):
+        raise TrajectoryError(
+            f"{source}: row 1 has the columns {', '.join(header) or 'none'}; must be time_s, {', '.join(joint_names)} "
+            f"(degrees; radians as {joint_names[0]}_rad, milliseconds as time_ms)"
+        )
+    names = [times[0], *(found[0] for found in angles)]
+    scales = (TIME_UNITS[names[0]], *(units[name] for name in names[1:]))
+    is_stated = not set(names) & set(joint_names)
+    return _Columns(tuple(header.index(name) for name in names), scales, is_stated, False)
+
+
+def _checked(
+    source: str, table: Floats, columns: _Columns, header: Sequence[str], numbers: Sequence[int]
+) -> tuple[Floats, Floats]:
+    """Times and angles, once the times are found to be in order and the units to be likely."""
+    time_s, position_rad = table[:, 0], table[:, 1:]
+    name, scale = header[columns.places[0]], columns.scales[0]
+    if columns.is_recorded:
+        time_s = time_s - time_s[0]
     if time_s[0] != 0.0:
-        raise TrajectoryError(f"{path}: row {numbered[0][0]}: {TIME_COLUMN} = {time_s[0]:g}; the first must be 0")
+        raise TrajectoryError(f"{source}: row {numbers[0]}: {name} = {time_s[0] / scale:g}; the first must be 0")
     steps_s = np.diff(time_s)
     if late := np.flatnonzero(steps_s < SHORTEST_STEP_S).tolist():
-        number, is_later = numbered[late[0] + 1][0], steps_s[late[0]] > 0
+        number, is_later = numbers[late[0] + 1], steps_s[late[0]] > 0
         raise TrajectoryError(
-            f"{path}: row {number}: {TIME_COLUMN} = {time_s[late[0] + 1]:g}; "
-            f"must be later than the row before it, {time_s[late[0]]:g}"
+            f"{source}: row {number}: {name} = {time_s[late[0] + 1] / scale:g}; "
+            f"must be later than the row before it, {time_s[late[0]] / scale:g}"
             + (f", by at least {SHORTEST_STEP_S:g} s" if is_later else "")
         )
     if time_s[-1] > LONGEST_S:
         raise TrajectoryError(
-            f"{path}: row {numbered[-1][0]}: {TIME_COLUMN} = {time_s[-1]:g}; "
+            f"{source}: row {numbers[-1]}: {name} = {time_s[-1] / scale:g}; "
             f"a trajectory may last {LONGEST_S:g} s (24 h) at most"
         )
-    return time_s, np.radians(table[:, 1:])
+    _ask_about_units(source, time_s, position_rad, columns, header)
+    return time_s, position_rad
 
 
-def _values(path: Path, number: int, row: list[str], header: list[str], columns: list[int]) -> list[float]:
+def _ask_about_units(
+    source: str, time_s: Floats, position_rad: Floats, columns: _Columns, header: Sequence[str]
+) -> None:
+    degrees = np.degrees(position_rad)
+    if not columns.is_stated and np.max(np.abs(degrees)) <= math.pi and (degrees % 1.0).any():
+        name = header[columns.places[1]]
+        raise TrajectoryError(
+            f"{source}: no angle is beyond +-{np.max(np.abs(degrees)):.3g} deg: are these radians? Name the columns "
+            f"{name}_rad and so on if they are, {name}_deg if they are degrees"
+        )
+    fastest_deg_s = np.max(np.abs(np.diff(degrees, axis=0)) / np.diff(time_s)[:, None])
+    if header[columns.places[0]] == "time_s" and time_s[-1] >= LONG_S and 0.0 < fastest_deg_s < SLOWEST_DEG_S:
+        raise TrajectoryError(
+            f"{source}: {time_s[-1]:g} s, and nowhere faster than {fastest_deg_s:.2g} deg/s: are these milliseconds? "
+            "Name the column time_ms (seconds that are so slow can be given in it as well)"
+        )
+
+
+def _values(path: Path, number: int, row: list[str], header: list[str], columns: _Columns) -> list[float]:
     if len(row) != len(header):
         raise TrajectoryError(f"{path}: row {number} has {len(row)} values; the header has {len(header)} columns")
     values = []
-    for column in columns:
+    for place, (column, scale) in enumerate(zip(columns.places, columns.scales, strict=True)):
         try:
             value = float(row[column])
         except ValueError:
@@ -78,9 +168,10 @@ def _values(path: Path, number: int, row: list[str], header: list[str], columns:
             raise TrajectoryError(
                 f"{path}: row {number}, column {header[column]}: {row[column][:SHOWN]!r} is not a finite number"
             )
-        if header[column] != TIME_COLUMN and abs(value) > LARGEST_DEG:
+        if place and abs(math.degrees(value * scale)) > LARGEST_DEG:
             raise TrajectoryError(
-                f"{path}: row {number}, column {header[column]}: {value:g} deg; must be within +-{LARGEST_DEG:g} deg"
+                f"{path}: row {number}, column {header[column]}: {math.degrees(value * scale):g} deg; must be within "
+                f"+-{LARGEST_DEG:g} deg"
             )
-        values.append(value)
+        values.append(value * scale)
     return values

@@ -253,6 +253,8 @@ class Controller:
                     code = yield from read_input(node, channel.number)
                     codes[self.cell.far_joint(node.card, channel)] = code
         self.loop.begin(codes)
+        if self._ticks is not None:
+            self._ticks += round(self.loop.trajectory.approach_s / self.loop.period_s)
         self._watch.start(self.loop.cycle.position_rad)
 
     def _converse(self, answer: Frame | None, now_ns: int, silent: bool = False) -> None:

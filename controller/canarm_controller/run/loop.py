@@ -10,20 +10,18 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.wiring import InputSlot, command_codec
 
 from ..dynamics import cell_arm
-from ..errors import ControllerError, LawError, TrajectoryError
+from ..errors import ControllerError, LawError
 from ..laws.base import ControlLaw, Cycle
 from ..laws.failure import law_failure, shown
 from ..reference.feedforward import make_feedforward
 from ..reference.memory import SAMPLES, MemoryImage
-from ..reference.trajectory import Reference, Trajectory, blend_from
+from ..reference.trajectory import Reference, Trajectory
 from .inputs import JointInputs
 
 OFF, CLOCKWISE, COUNTER_CLOCKWISE = 0b00, 0b01, 0b10
 """Direction bits of the latch (table 1 of the paper); counter-clockwise is towards positive angles."""
 LEAD_CYCLES = 1.5
 """A command computed in cycle k acts from SYNC k+1 to SYNC k+2: on average 1.5 cycles later."""
-BLENDS_S = (2.0, 3.0, 4.5, 6.0)
-"""Times in which the trajectory may be entered; the shortest in which no joint gets too fast is taken."""
 CHUNK = 64
 """Ticks whose reference is turned into plain floats at once, so that no cycle has to do it for a whole block."""
 
@@ -91,28 +89,19 @@ class ControlLoop:
         self._signs = [0.0] * len(cell.joints)
 
     def begin(self, position_codes: Sequence[int]) -> None:
-        """Start at rest at the measured pose: blend the trajectory in, fill the table, start the law.
+        """Start at rest at the measured pose: enter the trajectory from there, fill the table, start the law.
 
         Raises `TrajectoryError` when the pose lies outside the joint limits, or too far off; `LawError`.
         """
         start = self.inputs.start(position_codes)
         rest = (0.0,) * len(start)
-        self.trajectory = self._entered_from(start)
+        self.trajectory = self.trajectory.entered_from(start)
         self.cycle.position_rad, self.cycle.velocity_rad_s = start, rest
         self._prepare(0)
         try:
             self.law.start(start, rest, self.trajectory.amplitude_rad)
         except BaseException as error:
             raise law_failure(type(self.law), "start", error) from error
-
-    def _entered_from(self, start_rad: Sequence[float]) -> Trajectory:
-        """The trajectory blended in from the measured pose, in 2 s, or slower when the arm has far to go."""
-        for blend_s in BLENDS_S[:-1]:
-            try:
-                return blend_from(self.trajectory, start_rad, blend_s)
-            except TrajectoryError:
-                continue
-        return blend_from(self.trajectory, start_rad, BLENDS_S[-1])
 
     def measure(self, codes: Sequence[int], tick: int) -> None:
         """Take the codes of one cycle: physical values into `cycle`, codes into the memory's log."""

@@ -1,0 +1,167 @@
+"""A trajectory through given poses, as it was given: what lies between them, the way to the first, the stop at the end.
+
+Owns these three. Where the poses come from (the text of a file, an array, a function) must not enter.
+"""
+
+from collections.abc import Sequence
+from enum import StrEnum
+
+import numpy as np
+
+from ..errors import TrajectoryError
+from .base import Bools, Trajectory, pose_text, start_pose
+from .limits import Floats, Limits, Reference
+from .spline import CubicCurve
+
+DENSE_S = 0.02
+"""Poses that are no further apart than this (50 Hz, as robots are recorded) are samples of a motion, not way points."""
+STEADY_RAD_S2 = 1e-3
+"""A joint that accelerates less than this moves at constant speed."""
+MOVING_RAD_S = 5.0 / 255
+"""Slower than one step of the tachometer is not motion."""
+STOPS_S = (0.25, 0.5, 1.0, 2.0, 0.1)
+"""Times in which a motion may be brought to rest after the last pose; the first that a joint can follow is taken."""
+SHORTEST_APPROACH_S = 0.5
+APPROACH_SPEED = 0.4
+"""Share of a joint's greatest speed that the way to the first pose takes at most, if it can."""
+PEAK = 1.875
+"""Greatest speed of a quintic from rest to rest, in units of its mean speed."""
+LONGER, TRIES = 1.4, 8
+"""An approach that a joint cannot follow is tried again, so much slower, so often."""
+
+
+class Interpolation(StrEnum):
+    """What lies between two poses."""
+
+    MONOTONE = "monotone"
+    """A cubic that never leaves the range of the two (PCHIP); from rest to rest."""
+    SPLINE = "spline"
+    """The smooth cubic spline, which may overshoot; from rest to rest."""
+    SAMPLES = "samples"
+    """The poses are dense samples of a motion, which may begin and end in full swing."""
+
+
+class FileTrajectory(Trajectory):
+    """A trajectory through the poses `position_rad` (n, joints) at `time_s` (n,), which begins with 0.
+
+    Without `interpolation`, poses as dense as `DENSE_S` are samples, others are joined by the monotone cubic. It holds
+    the last pose, after a stop if it was in motion. Raises `TrajectoryError`, in which `source` names it, where a joint
+    cannot follow.
+    """
+
+    def __init__(
+        self,
+        limits: Limits,
+        time_s: Floats,
+        position_rad: Floats,
+        interpolation: Interpolation | None = None,
+        source: str = "trajectory",
+    ) -> None:
+        super().__init__(limits, tuple((np.ptp(position_rad, axis=0) / 2.0).tolist()))
+        self.interpolation = interpolation or _natural(time_s)
+        self.duration_s = float(time_s[-1])
+        if self.interpolation is Interpolation.SAMPLES and len(time_s) < 3:
+            raise TrajectoryError(f"{source}: {len(time_s)} rows; samples of a motion must be at least 3")
+        self._curve = _CURVES[self.interpolation](time_s, position_rad)
+        self._end_rad, self._end_rad_s = self._curve.value[-1], self._curve.slope[-1]
+        self._stop_s = 0.0
+        limits.check(self, self.duration_s, source)
+        if self._end_rad_s.any():
+            self._stop_s = self._find_stop(source)
+
+    def entered_from(self, start_rad: Sequence[float]) -> Trajectory:
+        """The trajectory after a move from `start_rad` to its first pose, which takes `approach_s` of its own.
+
+        Raises `TrajectoryError` when no such move can be followed.
+        """
+        start = start_pose(self, start_rad)
+        first = self._at(np.zeros(1))
+        gap = np.abs(first.position_rad[0] - start)
+        needed_s = float(np.max(PEAK * gap / (APPROACH_SPEED * np.asarray(self.limits.speed_rad_s))))
+        approach_s = max(SHORTEST_APPROACH_S, needed_s)
+        for _ in range(TRIES - 1):
+            try:
+                return self._approached(start, first, approach_s)
+            except TrajectoryError:
+                approach_s *= LONGER
+        return self._approached(start, first, approach_s)
+
+    def _approached(self, start: Floats, first: Reference, approach_s: float) -> Trajectory:
+        approached = Approached(self, start, first, approach_s)
+        self.limits.check(approached, approached.approach_s, f"approach from {pose_text(start)}")
+        return approached
+
+    def _find_stop(self, source: str) -> float:
+        refusal: TrajectoryError | None = None
+        for self._stop_s in STOPS_S:
+            try:
+                self.limits.check(self, self.duration_s + self._stop_s, f"{source}: stop after its end")
+            except TrajectoryError as error:
+                refusal = error
+            else:
+                return self._stop_s
+        raise TrajectoryError(f"{refusal}; it ends in motion: let it end slower, or further inside")
+
+    def _at(self, time_s: Floats) -> Reference:
+        reference = Reference(*self._curve.at(time_s))
+        beyond = time_s >= self.duration_s
+        if self._stop_s and beyond.any():
+            # The speed falls to 0 along a cubic, at whose ends it does not change.
+            stop_s, end_rad_s = self._stop_s, self._end_rad_s
+            s = np.clip((time_s[beyond] - self.duration_s) / stop_s, 0.0, 1.0)[:, None]
+            reference.position_rad[beyond] = self._end_rad + end_rad_s * stop_s * (s - s**3 + 0.5 * s**4)
+            reference.velocity_rad_s[beyond] = end_rad_s * (1.0 - 3.0 * s**2 + 2.0 * s**3)
+            reference.acceleration_rad_s2[beyond] = end_rad_s / stop_s * 6.0 * (s**2 - s)
+        return reference
+
+    def _is_steady(self, time_s: Floats) -> Bools:
+        reference = self._at(time_s)
+        is_even: Bools = np.abs(reference.acceleration_rad_s2) < STEADY_RAD_S2
+        return is_even & (np.abs(reference.velocity_rad_s) > MOVING_RAD_S)
+
+
+class Approached(Trajectory):
+    """`inner`, begun `approach_s` late: until then each joint goes from rest at `start_rad` to where `inner` begins.
+
+    A quintic, which meets position, speed and acceleration of `first`, the beginning of `inner`, without a step. The
+    time is rounded up to whole cycles.
+    """
+
+    def __init__(self, inner: Trajectory, start_rad: Floats, first: Reference, approach_s: float) -> None:
+        super().__init__(inner.limits, inner.amplitude_rad)
+        period_s = inner.limits.period_s
+        self.approach_s = t = float(np.ceil(approach_s / period_s)) * period_s
+        self._inner, self._start_rad = inner, start_rad
+        gap = first.position_rad[0] - start_rad
+        way, bend = first.velocity_rad_s[0] * t, 0.5 * first.acceleration_rad_s2[0] * t * t
+        self._cubed = 10.0 * gap - 4.0 * way + bend
+        self._fourth = -15.0 * gap + 7.0 * way - 2.0 * bend
+        self._fifth = 6.0 * gap - 3.0 * way + bend
+
+    def _at(self, time_s: Floats) -> Reference:
+        t = self.approach_s
+        inner = self._inner._at(np.maximum(time_s - t, 0.0))
+        s = np.clip(time_s / t, 0.0, 1.0)[:, None]
+        a, b, c = self._cubed, self._fourth, self._fifth
+        is_before = (time_s < t)[:, None]
+        return Reference(
+            np.where(is_before, self._start_rad + s**3 * (a + s * (b + s * c)), inner.position_rad),
+            np.where(is_before, s**2 * (3.0 * a + s * (4.0 * b + s * 5.0 * c)) / t, inner.velocity_rad_s),
+            np.where(is_before, s * (6.0 * a + s * (12.0 * b + s * 20.0 * c)) / t**2, inner.acceleration_rad_s2),
+        )
+
+    def _is_steady(self, time_s: Floats) -> Bools:
+        is_begun: Bools = (time_s >= self.approach_s)[:, None]
+        return self._inner._is_steady(np.maximum(time_s - self.approach_s, 0.0)) & is_begun
+
+
+_CURVES = {
+    Interpolation.MONOTONE: CubicCurve.monotone,
+    Interpolation.SPLINE: CubicCurve.clamped,
+    Interpolation.SAMPLES: CubicCurve.sampled,
+}
+
+
+def _natural(time_s: Floats) -> Interpolation:
+    is_dense = len(time_s) > 2 and float(np.median(np.diff(time_s))) <= DENSE_S
+    return Interpolation.SAMPLES if is_dense else Interpolation.MONOTONE

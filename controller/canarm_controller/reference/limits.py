@@ -1,0 +1,110 @@
+"""What the joints of a cell can follow, and whether a motion stays within it.
+
+Owns the limits and the check. How a motion comes about must not enter.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from canarm_protocol.cell.model import Cell
+
+from ..dynamics import Arm, nominal_arm
+from ..errors import TrajectoryError
+
+Floats = NDArray[np.float64]
+
+CHECKED_AT_ONCE = 4096
+"""Samples of a trajectory that are held at a time while it is checked."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A stretch of trajectory, one row a tick: rad, rad/s, rad/s², each (n, joints)."""
+
+    position_rad: Floats
+    velocity_rad_s: Floats
+    acceleration_rad_s2: Floats
+
+
+class Sampled(Protocol):
+    """What can be checked: a motion that gives its reference tick by tick."""
+
+    def sample(self, first_tick: int, count: int, period_s: float) -> Reference:
+        """The reference at `count` ticks from `first_tick` on, which are `period_s` apart."""
+        ...
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the joints can do and their sensors can see, one entry a joint, and the cycle at which it is checked.
+
+    `arm` is the nominal model that says which current a motion takes; without one, current is not checked.
+    """
+
+    joint_names: tuple[str, ...]
+    low_deg: tuple[float, ...]
+    high_deg: tuple[float, ...]
+    speed_rad_s: tuple[float, ...]
+    period_s: float
+    current_a: tuple[float, ...] = ()
+    arm: Arm | None = None
+
+    @classmethod
+    def of(cls, cell: Cell) -> "Limits":
+        """Joint limits, tachometer ranges and amplifiers of `cell`. Raises `ControllerError` for an arm without a
+        model.
+        """
+        return cls(
+            joint_names=cell.joint_names,
+            low_deg=tuple(joint.limits_deg[0] for joint in cell.joints),
+            high_deg=tuple(joint.limits_deg[1] for joint in cell.joints),
+            speed_rad_s=tuple(joint.fastest_rad_s for joint in cell.joints),
+            period_s=cell.bus.cycle_s,
+            current_a=tuple(joint.drive.max_current_a for joint in cell.joints),
+            arm=nominal_arm(cell.robot[0]) if len(cell.robot) == 1 else None,
+        )
+
+    def check(self, trajectory: Sampled, duration_s: float, source: str) -> None:
+        """Raise `TrajectoryError` at the first sample within `duration_s` that a joint cannot follow."""
+        samples = int(np.ceil(duration_s / self.period_s)) + 1
+        for first in range(0, samples, CHECKED_AT_ONCE):
+            self._check_part(trajectory, first, min(CHECKED_AT_ONCE, samples - first), source)
+
+    def _check_part(self, trajectory: Sampled, first: int, count: int, source: str) -> None:
+        reference = trajectory.sample(first, count, self.period_s)
+        position_deg = np.degrees(reference.position_rad)
+        # Negated, so that what is not a number is found as well.
+        outside = ~((position_deg >= np.array(self.low_deg)) & (position_deg <= np.array(self.high_deg)))
+        too_fast = ~(np.abs(reference.velocity_rad_s) <= np.array(self.speed_rad_s))
+        for sample, joint in np.argwhere(outside | too_fast)[:1].tolist():
+            number = first + sample
+            where = f"{source}: {self.joint_names[joint]} at sample {number} ({number * self.period_s:.4g} s)"
+            if outside[sample, joint]:
+                raise TrajectoryError(
+                    f"{where}: {position_deg[sample, joint]:.2f} deg is outside limits_deg = "
+                    f"[{self.low_deg[joint]:g}, {self.high_deg[joint]:g}]"
+                )
+            raise TrajectoryError(
+                f"{where}: {reference.velocity_rad_s[sample, joint]:.3f} rad/s is beyond the tachometer's range; "
+                f"must be within +-{self.speed_rad_s[joint]:g} rad/s"
+            )
+        self._check_current(reference, first, source)
+
+    def _check_current(self, reference: Reference, first: int, source: str) -> None:
+        """The nominal robot must be able to follow with the current that its amplifiers have."""
+        if self.arm is None:
+            return
+        torque_nm = self.arm.torque_batch_nm(
+            reference.position_rad, reference.velocity_rad_s, reference.acceleration_rad_s2
+        )
+        current_a = np.abs(torque_nm / np.array(self.arm.torque_per_ampere))
+        for sample, joint in np.argwhere(~(current_a <= np.array(self.current_a)))[:1].tolist():
+            number = first + sample
+            raise TrajectoryError(
+                f"{source}: {self.joint_names[joint]} at sample {number} ({number * self.period_s:.4g} s): "
+                f"{current_a[sample, joint]:.2f} A by the nominal model; must be at most {self.current_a[joint]:g} A, "
+                "all that the amplifier has"
+            )
