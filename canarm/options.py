@@ -81,6 +81,14 @@ def _pace(type_: object, tokens: Sequence[Token]) -> float:
     return value
 
 
+def whole_number(type_: object, tokens: Sequence[Token]) -> int:
+    """A whole number as it is written, in any base that Python has; 1.5 is none."""
+    try:
+        return int(tokens[0].value, 0)
+    except ValueError:
+        raise ValueError("must be a whole number.") from None
+
+
 def wait_text(seconds: float) -> str:
     """A time-out as its option takes it."""
     return f"{seconds:g}" if math.isfinite(seconds) else "none"
@@ -116,7 +124,7 @@ Pace = Annotated[
     ),
 ]
 Address = Annotated[str, Parameter(metavar="HOST:PORT")]
-Seed = Annotated[int, Parameter(validator=_not_negative, help="Seed of the sensor noise.")]
+Seed = Annotated[int, Parameter(converter=whole_number, validator=_not_negative, help="Seed of the sensor noise.")]
 Words = Annotated[list[str], Parameter(negative=(), metavar="KEY=VALUE", show_default=False)]
 Settings = Annotated[Words, Parameter(consume_multiple=False)]
 """One KEY=VALUE an option."""
@@ -205,6 +213,7 @@ class WallClockOptions:
         int,
         Parameter(
             metavar="US",
+            converter=whole_number,
             validator=_not_negative,
             show_default=lambda value: f"{value} us",
             help="Poll instead of sleep in the last microseconds before each SYNC.",

@@ -40,14 +40,17 @@ def make_bench(cell: Cell, truth: Mapping[str, str], clock: Clock, seed: int, wi
 
 def make_controller(
     cell: Cell,
-    law: str,
-    trajectory: str,
+    law: object,
+    trajectory: object,
     feedforward: str | None,
     clock: Clock,
     ticks: int | None = None,
     listen_ns: int = 0,
 ) -> Controller:
-    """The controller under test. Raises `ControllerError`."""
+    """The controller under test; `law` and `trajectory` are what `load_law` and `make_trajectory` take.
+
+    Raises `ControllerError`.
+    """
     nodes = card_nodes(cell)
     slots = input_slots(cell, nodes)
     loop = ControlLoop(cell, slots, load_law(law), make_trajectory(trajectory, cell), feedforward)

@@ -34,3 +34,9 @@ def key_values(words: Iterable[str], before: str, hint: str) -> dict[str, str]:
             raise UsageError(f"{before}{word}: {key} is given twice")
         values[key] = value
     return values
+
+
+def value_text(value: object) -> str:
+    """One value: a switch is true or false there, and numpy's numbers are numbers."""
+    plain = value.item() if hasattr(value, "item") else value
+    return str(plain).lower() if isinstance(plain, bool) else str(plain)

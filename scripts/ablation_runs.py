@@ -17,6 +17,7 @@ import numpy as np
 
 from canarm import Rig
 from canarm.rig.rig import RigJoint
+from canarm.usage import UsageError
 from canarm_controller.laws.mras import HIGHEST, LOWEST
 from canarm_controller.run.state import State
 from canarm_controller.supervision.detection import DETECTORS
@@ -285,4 +286,8 @@ def _rig(variant: Variant, truth: Truth, trajectory: str, seed: int) -> Rig:
 
 
 def _worst(rig: Rig, figure: Callable[[RigJoint], float]) -> float:
-    return max(figure(joint) for joint in rig.joints.values())
+    """Of all joints; NaN where the run was too short, or had no stretch of constant speed, to say."""
+    try:
+        return max(figure(joint) for joint in rig.joints.values())
+    except UsageError:
+        return math.nan

@@ -14,7 +14,7 @@ from canarm_protocol.cell.schedulability import cell_verdict
 from canarm_protocol.cell.wiring import card_nodes
 
 from ..options import CellOptions, Flag
-from ..usage import UsageError
+from ..usage import UsageError, value_text
 
 
 def check(
@@ -76,4 +76,4 @@ def _print_keys(cell: Cell) -> None:
         print(f"  {key.name:<34} {key.nominal:<12g} {key.unit:<10} {key.description}")
     print("--set, gains and limits of the controller:")
     for name, value in setting_keys(cell).items():
-        print(f"  {name:<46} {value}")
+        print(f"  {name:<46} {value_text(value)}")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .keeping import Keeper
     from .rigs import RigFactory
 
-__all__ = ["FaultWarning", "canarm_bench", "canarm_rig"]
+__all__ = ["FaultWarning", "canarm_bench", "canarm_rig", "class_canarm_rig", "module_canarm_rig"]
 
 _KEEPER: pytest.StashKey["Keeper"] = pytest.StashKey()
 
@@ -80,15 +80,35 @@ def _settle_out(config: pytest.Config) -> None:
             raise pytest.UsageError(f"--canarm-out {given}: {error.strerror}; must be a folder to write in") from None
 
 
-@pytest.fixture
-def canarm_rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator["RigFactory"]:
-    """Makes a rig whenever it is called, with the arguments of `canarm.Rig`; they are finished after the test."""
+def _rigs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator["RigFactory"]:
     from .rigs import RigFactory
 
     keeper = _keeper(request, tmp_path_factory)
     with RigFactory(keeper, request.config) as factory:
         yield factory
     _warn(request, keeper)
+
+
+@pytest.fixture
+def canarm_rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator["RigFactory"]:
+    """Makes a rig whenever it is called, with the arguments of `canarm.Rig`; they are finished after the test."""
+    yield from _rigs(request, tmp_path_factory)
+
+
+@pytest.fixture(scope="class")
+def class_canarm_rig(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator["RigFactory"]:
+    """As `canarm_rig`, for rigs that all tests of a class share: run once, ask often."""
+    yield from _rigs(request, tmp_path_factory)
+
+
+@pytest.fixture(scope="module")
+def module_canarm_rig(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator["RigFactory"]:
+    """As `canarm_rig`, for rigs that all tests of a file share."""
+    yield from _rigs(request, tmp_path_factory)
 
 
 @pytest.fixture
@@ -105,13 +125,16 @@ def canarm_bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPa
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, "_Outcome", None]:
-    """A test that has failed says where its runs are kept."""
+    """A test that has failed says where its runs are kept, those that it shares with others included."""
     outcome = yield
-    keeper = item.stash.get(_KEEPER, None)
-    if keeper is not None and call.when != "teardown":
-        report = outcome.get_result()
-        if report.failed:
-            report.sections += keeper.keep()
+    if call.when == "teardown":
+        return
+    for node in item.listchain():
+        keeper = node.stash.get(_KEEPER, None)
+        if keeper is not None:
+            report = outcome.get_result()
+            if report.failed:
+                report.sections += keeper.keep() if node is item else keeper.keep_later()
 
 
 def _keeper(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> "Keeper":

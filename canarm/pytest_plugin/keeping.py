@@ -71,6 +71,7 @@ class Keeper:
         self._runs: list[Run] = []
         self._count = 0
         self._kept: list[tuple[str, str]] | None = None
+        self._keeps_later = False
 
     def new_folder(self) -> Path:
         """A name for the folder of another run; nothing is there yet."""
@@ -98,8 +99,16 @@ class Keeper:
                 self._kept.append((f"canarm{which}", text))
         return self._kept
 
+    def keep_later(self) -> list[tuple[str, str]]:
+        """Keep every run once all tests that share it are over; title and text that say so."""
+        self._keeps_later = True
+        place = self._temporary if self._out is None else self._out
+        return [("canarm", f"the run is shared by all tests of {self._name}; it will be kept below {place}")]
+
     def clear(self) -> None:
         """After the test: remove what is not kept."""
+        if self._keeps_later:
+            self.keep()
         if self._kept is None or self._out is not None:
             shutil.rmtree(self._temporary, ignore_errors=True)
 

@@ -24,7 +24,8 @@ from ..bus_choice import VIRTUAL_BUSES, BusChoice
 from ..child import Child
 from ..session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, tick_count
 from ..summary import JointFigures, Summary
-from ..usage import UsageError
+from ..usage import UsageError, value_text
+from .arguments import as_text, checked_seed
 from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question
 from .recorded import RecordedHistory, fault_events, noticed, read_events, recorded_joints
 from .rig_faults import FaultControl, FaultSource
@@ -53,8 +54,8 @@ class BusRig(FaultControl):
     def __init__(
         self,
         cell: str | Path = DEFAULT_CELL,
-        law: str = DEFAULT_LAW,
-        trajectory: str = DEFAULT_TRAJECTORY,
+        law: str | Path = DEFAULT_LAW,
+        trajectory: str | Path = DEFAULT_TRAJECTORY,
         *,
         out: Path,
         bus: BusChoice = VIRTUAL_BUSES,
@@ -69,7 +70,11 @@ class BusRig(FaultControl):
         super().__init__()
         if not isinstance(cell, str | Path):
             raise UsageError("cell: over a bus it must be a name or a file, for the processes to read")
-        given = {key: str(value) for key, value in (settings or {}).items()}
+        for name, value in (("law", law), ("trajectory", trajectory)):
+            if not isinstance(value, str | Path):
+                raise UsageError(f"{name}: over a bus it must be a name or a file, for the processes to read")
+        seed, law, trajectory = checked_seed(seed), str(law), str(trajectory)
+        given = as_text(settings)
         self.cell = load_cell(str(cell), given)
         self.folder = out
         self.reason: str | None = None
@@ -83,7 +88,7 @@ class BusRig(FaultControl):
         self._common = ["--cell", str(cell), "--clock", "sync", "--out", str(out), "--json"]
         self._common += [word for key, value in given.items() for word in ("--set", f"{key}={value}")]
         robot = ["--serve", f"{HOST}:0", "--seed", str(seed), "--sync-timeout", str(SYNC_TIMEOUT_S)]
-        robot += [word for key, value in (truth or {}).items() for word in ("--truth", f"{key}={_text(value)}")]
+        robot += [word for key, value in (truth or {}).items() for word in ("--truth", f"{key}={value_text(value)}")]
         self._emulator = Child("emulator", [*self._common, *robot, *bus.flags, *(["--wire"] * wire)], quiet=True)
         self._port = port_of(self._emulator)
         self.joints = self._read({})
@@ -214,7 +219,3 @@ def _last_object(controller: Child) -> dict[str, Any]:
     except (IndexError, ValueError):
         text = " ".join(controller.complaints.split()) or f"the controller has ended with status {controller.status}"
         raise (UsageError if controller.status == WRONG_USAGE else BusError)(text) from None
-
-
-def _text(value: object) -> str:
-    return str(int(value) if isinstance(value, bool) else value)

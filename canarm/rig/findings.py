@@ -1,5 +1,6 @@
 """Answers that read well in an assertion: true or false, and in words what was found. No run and no bus enters here."""
 
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -11,20 +12,42 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.faults.fault_events import FaultEvent
 
 from ..usage import UsageError
+from .arguments import RigWarning
 
 
-@dataclass(frozen=True, slots=True)
 class Finding:
-    """True or false, and why. For `assert`: pytest shows the text where it does not hold."""
+    """True or false, and why. For `assert`: pytest shows the text where it does not hold.
 
-    holds: bool
-    text: str
+    One that nobody has looked at when it goes warns: somebody has forgotten the `assert`.
+    """
+
+    __slots__ = ("_holds", "_is_seen", "_text")
+
+    def __init__(self, holds: bool, text: str) -> None:
+        self._holds, self._text, self._is_seen = holds, text, False
+
+    @property
+    def holds(self) -> bool:
+        """Whether what was asked is so."""
+        self._is_seen = True
+        return self._holds
+
+    @property
+    def text(self) -> str:
+        """What was found."""
+        self._is_seen = True
+        return self._text
 
     def __bool__(self) -> bool:
         return self.holds
 
     def __repr__(self) -> str:
         return f"<{self.text}>"
+
+    def __del__(self) -> None:
+        if not self._is_seen:
+            verdict = "holds" if self._holds else "does not hold"
+            warnings.warn(f"nobody has asked whether this {verdict} (assert?): {self._text}", RigWarning, stacklevel=2)
 
 
 class Noticed(NamedTuple):

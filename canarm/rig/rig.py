@@ -3,24 +3,26 @@
 The same two objects as in `canarm emulator` and `canarm controller`, joined by a wire that is a list.
 """
 
+import warnings
 from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import Self
 
 from canarm_controller.errors import ControllerError
+from canarm_controller.laws.loading import law_name
+from canarm_controller.reference.trajectory import trajectory_name
 from canarm_controller.run.controller import Controller
 from canarm_controller.run.recording import ControllerRecorder
 from canarm_controller.run.state import State
 from canarm_controller.supervision.detection import Detection
 from canarm_emulator.bench.bench import CycleTruth, Record
 from canarm_emulator.bench_node.assessor import Assessor
-from canarm_emulator.errors import TruthError
 from canarm_emulator.faults.turns import SetStatus
 from canarm_emulator.robot.truth import Truth
 from canarm_emulator.serving.recording import Recorder
-from canarm_protocol.canopen.frames import ERROR_FLAG, Frame
+from canarm_protocol.canopen.frames import ERROR_FLAG
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
@@ -31,38 +33,25 @@ from canarm_protocol.runs.run_folder import create_run_folder, update_run_file
 
 from ..session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, make_bench, make_controller, provenance, tick_count
 from ..summary import Summary, detections_as_plain
-from ..usage import UsageError
+from ..usage import UsageError, value_text
+from .arguments import RigWarning, as_text, check_mechanics, checked_seed
 from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question
 from .rig_faults import FaultControl, FaultSource
-from .rig_history import History
+from .rig_history import Event, History, StampedFrame
 from .rig_joint import TRUE_SIGNALS, Joints, RigJoint
 
 FRAMES_KEPT = 10_000
-_MECHANICS = (".mass", ".viscous", ".coulomb", ".rotor_inertia", ".wire_stiffness")
-
-
-class Event(NamedTuple):
-    """Something that happened: virtual time in s, what, and its details."""
-
-    time_s: float
-    event: str
-    detail: str
-
-
-class StampedFrame(NamedTuple):
-    """A frame of the robot's bus with its virtual time."""
-
-    time_ns: int
-    frame: Frame
 
 
 class Rig(FaultControl):
     """A cell with its controller, ready to run in virtual time; use it in a `with` statement.
 
-    `cell` is a name, a file or a `Cell`; `law`, `trajectory` and `feedforward` are as on the command line; `truth` and
-    `settings` are what `--truth` and `--set` take, `wire` is `--wire`, `faults` is a fault file, its text or a script
-    (see `inject_file`). `history_s` bounds the histories: older cycles are forgotten, and a question about them raises
-    `UsageError`. `out` names a run folder.
+    `cell` is a name, a file or a `Cell`. `law`, `trajectory` and `feedforward` are as on the command line; `law` may be
+    a class or a function of the `Cycle` too (`load_law`), `trajectory` a DataFrame, a dict of columns, an array
+    (n, joints) in rad with a row a cycle, or a function of the time in s (`make_trajectory`). `truth` and `settings`
+    are what `--truth` and `--set` take, `wire` is `--wire`, `faults` is a fault file, its text or a script
+    (`inject_file`). `history_s` bounds the histories: older cycles are forgotten, and a question about them raises `UsageError`. `out`
+    names a run folder. A rig that is finished and has never run warns (`RigWarning`).
 
     Raises `CellError`, `TruthError`, `ControllerError` (`LawError`, `TrajectoryError`), `FaultError`, `RunFolderError`
     or `UsageError` (a `ValueError`) for what cannot be. What goes wrong on the robot raises nothing: it ends in a safe
@@ -72,8 +61,8 @@ class Rig(FaultControl):
     def __init__(
         self,
         cell: str | Path | Cell = DEFAULT_CELL,
-        law: str = DEFAULT_LAW,
-        trajectory: str = DEFAULT_TRAJECTORY,
+        law: object = DEFAULT_LAW,
+        trajectory: object = DEFAULT_TRAJECTORY,
         *,
         feedforward: str | None = None,
         seed: int = 0,
@@ -87,12 +76,10 @@ class Rig(FaultControl):
         super().__init__()
         if isinstance(cell, Cell) and settings:
             raise UsageError("settings: go with the name or file of a cell; lay them over this one with load_cell()")
-        if seed < 0:
-            raise UsageError(f"seed {seed}: must not be negative")
-        as_text = {key: str(value) for key, value in (settings or {}).items()}
-        self.cell = cell if isinstance(cell, Cell) else load_cell(str(cell), as_text)
-        self._law, self._trajectory, self._seed = law, trajectory, seed
-        self._true_settings = {key: _truth_text(value) for key, value in (truth or {}).items()}
+        self._seed = seed = checked_seed(seed)
+        self.cell = cell if isinstance(cell, Cell) else load_cell(str(cell), as_text(settings))
+        self._law, self._trajectory = law_name(law), trajectory_name(trajectory)
+        self._true_settings = as_text(truth)
         self._bench = make_bench(self.cell, self._true_settings, Clock.SYNC, seed, wire)
         self._controller = make_controller(self.cell, law, trajectory, feedforward, Clock.SYNC)
         self._assessor: Assessor = self._bench.assessor
@@ -112,6 +99,7 @@ class Rig(FaultControl):
         """After `finish`: the sets that were injected, not cleared, and have never begun."""
         self._faulty: FaultError | None = None
         self._is_finished = False
+        self._depth = 2
         self._records: deque[Record] = deque(maxlen=FRAMES_KEPT)
         self.joints = Joints(
             (name, RigJoint(self._history, index, name, score.lsb_rad))
@@ -162,7 +150,7 @@ class Rig(FaultControl):
 
     @property
     def fault_status(self) -> list[SetStatus]:
-        """Every set of faults that was injected and not cleared: name, state, activations so far."""
+        """Every set that was injected and not cleared: name, state, activations so far."""
         return self._bench.faults.status()
 
     @property
@@ -221,9 +209,8 @@ class Rig(FaultControl):
         """
         __tracebackhide__ = True
         self._check_unfinished("change_truth")
-        if not key.endswith(_MECHANICS):
-            raise TruthError(f"{key}: cannot change during a run; these can: {', '.join(_MECHANICS)} of a joint")
-        settings = {**self._true_settings, key: _truth_text(value)}
+        check_mechanics(self.cell, key)
+        settings = {**self._true_settings, key: value_text(value)}
         self._bench.change_truth(Truth.from_settings(self.cell, settings))
         self._true_settings = settings
         self.events.append(Event(self.time_s, "truth", f"{key} = {settings[key]}"))
@@ -235,8 +222,10 @@ class Rig(FaultControl):
 
         `events` tells of sets that have never begun. Afterwards the rig answers questions, and refuses all else.
         """
-        self._is_finished = True
         controller = self._controller
+        if not self._is_finished and controller.state is State.IDLE:
+            warnings.warn("the rig is finished and has never run: it has tested nothing", RigWarning, self._depth)
+        self._is_finished = True
         self._note_never_begun()
         controller.end()
         while not controller.is_finished:
@@ -282,6 +271,9 @@ class Rig(FaultControl):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if kind is not None:
+            self._is_finished = True  # what has gone wrong is worth more than a warning
+        self._depth = 3
         self.finish()
 
     def _exchange(self) -> None:
@@ -398,8 +390,3 @@ class Rig(FaultControl):
         update_run_file(folder, "cell", self.cell.model_dump(mode="json"))
         names = {"law": self._law, "trajectory": self._trajectory, "seed": self._seed}
         update_run_file(folder, "rig", {**provenance(), **names, "truth": self._true_settings})
-
-
-def _truth_text(value: object) -> str:
-    """A value as `--truth` takes it; a switch is 0 or 1 there."""
-    return str(int(value) if isinstance(value, bool) else value)

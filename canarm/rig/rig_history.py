@@ -4,15 +4,32 @@ Filled cycle by cycle; questions about it belong to `rig_joint.py`.
 """
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from canarm_emulator.bench.bench import CycleTruth
 from canarm_emulator.bench_node.assessor import Assessor
+from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.model import Cell
 
 from ..summary import JointFigures
 from .rig_joint import SIGNALS, TRUE_SIGNALS, Floats, Span
+
+
+class Event(NamedTuple):
+    """Something that happened: virtual time in s, what, and its details."""
+
+    time_s: float
+    event: str
+    detail: str
+
+
+class StampedFrame(NamedTuple):
+    """A frame of the robot's bus with its virtual time."""
+
+    time_ns: int
+    frame: Frame
 
 
 class History:

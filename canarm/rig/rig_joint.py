@@ -22,6 +22,7 @@ SIGNALS = ("true_angle_rad", "true_speed_rad_s", "current_a", "command_a", "refe
 TRUE_SIGNALS = 4
 """The first of `SIGNALS` are those of `canarm_emulator.robot.world.JointState`, in its order."""
 ERROR_LSB = "error_lsb"
+SETTLED = "the first 1024 cycles are left out; run() for longer"
 
 
 class Span(NamedTuple):
@@ -123,13 +124,18 @@ class RigJoint:
 
     @property
     def rms_error_lsb(self) -> float:
-        """RMS of true minus reference angle in steps of the position sensor, first 1024 cycles left out; NaN before."""
-        return _number(self._source.figures(self._index).rms_lsb)
+        """RMS of true minus reference angle in steps of the position sensor, first 1024 cycles left out.
+
+        Raises `UsageError` before: no comparison with it would mean anything.
+        """
+        __tracebackhide__ = True
+        return self._figure("rms_error_lsb", self._source.figures(self._index).rms_lsb, SETTLED)
 
     @property
     def max_error_lsb(self) -> float:
         """Greatest true minus reference angle, as `rms_error_lsb`."""
-        return _number(self._source.figures(self._index).max_lsb)
+        __tracebackhide__ = True
+        return self._figure("max_error_lsb", self._source.figures(self._index).max_lsb, SETTLED)
 
     @property
     def peak_current_a(self) -> float:
@@ -143,8 +149,19 @@ class RigJoint:
 
     @property
     def speed_ripple(self) -> float:
-        """Standard deviation over mean of the true speed while the reference's is constant; NaN if it never is."""
-        return _number(self._source.figures(self._index).speed_ripple)
+        """Standard deviation over mean of the true speed while the reference's is constant.
+
+        Raises `UsageError` where it never is.
+        """
+        __tracebackhide__ = True
+        why = "the reference has not moved at constant speed for long enough (trajectory='trapezoid' does)"
+        return self._figure("speed_ripple", self._source.figures(self._index).speed_ripple, why)
+
+    def _figure(self, name: str, value: float | None, why: str) -> float:
+        __tracebackhide__ = True
+        if value is None:
+            raise UsageError(f"{self.name}.{name}: not known: {why}")
+        return value
 
     def stays_below(self, signal: str, limit: float, *, since: float = 0.0, until: float = math.inf) -> Finding:
         """Whether the magnitude of a history never passes `limit`, from `since` to `until` in s of virtual time.
@@ -223,7 +240,3 @@ class RigJoint:
 def _is_cut(span: Span, since: float) -> bool:
     """Whether there were cycles from `since` on that are not kept; the first cycle of a run has the number 0."""
     return len(span.cycle) > 0 and bool(span.cycle[0] > 0) and since < span.time_s[0] - HALF_NS
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value

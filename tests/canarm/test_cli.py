@@ -118,6 +118,8 @@ def test_version_is_the_distributions(canarm):
         ("emulator --serve nowhere.invalid:0", "nowhere.invalid", "127.0.0.1"),
         ("emulator --sync-timeout 0", "--sync-timeout", "above 0"),
         ("demo --sync-timeout soon", "--sync-timeout", "or none"),
+        ("demo --seed 1.5", "--seed", "must be a whole number"),
+        ("controller --spin 1.5", "--spin", "must be a whole number"),
         ("demo --pace 0", "--pace", "0.01 or more, or max"),
         ("demo --clock wall --pace 1", "--pace 1", "the wall clock has one pace"),
         ("controller --pace inf", "--pace", "or max"),

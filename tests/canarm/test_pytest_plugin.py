@@ -433,3 +433,34 @@ def test_the_first_test_of_the_page_passes(run) -> None:
     block = re.search(r"```python\n(.*?)\n```", page, re.DOTALL)
     assert block
     run(block[1]).assert_outcomes(passed=1)
+
+
+def test_rigs_may_be_shared_by_a_class_or_a_file_and_are_kept_when_one_of_its_tests_fails(run, tmp_path: Path) -> None:
+    text = """
+    import pytest
+
+    @pytest.fixture(scope="class")
+    def rig(class_canarm_rig):
+        rig = class_canarm_rig(law="pd")
+        rig.run(0.1)
+        return rig
+
+    @pytest.fixture(scope="module")
+    def other(module_canarm_rig):
+        rig = module_canarm_rig(law="pd")
+        rig.run(0.1)
+        return rig
+
+    class TestRobot:
+        def test_fails(self, rig):
+            assert rig.joints["joint2"].stays_below("current_a", 0.0)
+
+        def test_asks_the_same_rig(self, rig, other):
+            rig.run(0.1)
+            assert rig.time_s > 0.2
+    """
+    result = run(text, f"--canarm-out={tmp_path / 'kept'}")
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["*the run is shared by all tests of TestRobot; it will be kept below *kept*"])
+    (folder,) = (tmp_path / "kept").iterdir()
+    assert (folder / "joints.svg").exists()

@@ -73,7 +73,7 @@ def test_the_example_of_the_design_runs() -> None:
 
 
 def test_only_what_is_asked_for_is_imported() -> None:
-    assert canarm.__all__ == ["Rig"]
+    assert canarm.__all__ == ["Rig", "__version__"]
     with pytest.raises(AttributeError, match="no attribute 'Rg'"):
         canarm.Rg  # noqa: B018
 
@@ -160,11 +160,16 @@ def test_a_joint_that_there_is_not_is_named_with_those_that_there_are() -> None:
     assert rig.joints.get("joint7") is None
 
 
-def test_figures_are_nan_until_the_motion_has_settled() -> None:
+def test_figures_are_refused_until_the_motion_has_settled() -> None:
+    """No comparison may pass because there is nothing to compare yet."""
     with Rig(law="pd") as rig:
         assert len(rig.joints["joint2"].true_angle_rad) == 0
         rig.run(1024 * CYCLE_S)
-        assert math.isnan(rig.joints["joint2"].rms_error_lsb)
+        for name in ("rms_error_lsb", "max_error_lsb"):
+            with pytest.raises(UsageError, match=rf"^joint2\.{name}: not known: the first 1024 cycles are left out"):
+                getattr(rig.joints["joint2"], name)
+        with pytest.raises(UsageError, match=r"^joint2\.speed_ripple: not known: the reference has not moved"):
+            _ = rig.joints["joint2"].speed_ripple
         assert rig.summary().joints["joint2"].rms_lsb is None
         rig.run(CYCLE_S)
         assert rig.joints["joint2"].rms_error_lsb == rig.joints["joint2"].max_error_lsb > 0.0
@@ -374,6 +379,13 @@ def test_a_length_that_is_none_is_refused_and_nothing_has_begun(seconds: float) 
         ({"settings": {"control.mras.gamma_bia": 1}}, CellError, "did you mean 'gamma_bias'"),
         ({"settings": {"bus.cycle_us": 1000}}, CellError, "keys begin with"),
         ({"seed": -1}, ValueError, "seed -1: must not be negative"),
+        ({"seed": 1.5}, ValueError, "seed 1.5: must be a whole number"),
+        ({"law": 3}, LawError, "law: int is no law; must be a name, FILE.py:CLASS, a class or a function"),
+        ({"law": dict}, LawError, "law dict: dict is not a law; derive it from"),
+        ({"trajectory": 3}, TrajectoryError, "an array of shape (); must be (n, 2)"),
+        ({"trajectory": np.zeros((9, 3))}, TrajectoryError, "an array of shape (9, 3); must be (n, 2)"),
+        ({"trajectory": {"time_s": [0, 1], "joint2": [0, 9]}}, TrajectoryError, "must be time_s, joint2, joint3"),
+        ({"trajectory": lambda time_s: (0.0,)}, TrajectoryError, "the function must return 2 finite angles in rad"),
         ({"history_s": 0.0}, ValueError, "history_s 0: must be at least one cycle"),
         ({"history_s": -5.0}, ValueError, "history_s -5: must be at least one cycle"),
     ],
@@ -410,6 +422,7 @@ def test_settings_reach_the_law_and_a_cell_may_be_given_as_name_file_or_value(tm
         ("joint2.wire", 1, "cannot change during a run"),
         ("joint2.noise_lsb", 1, "cannot change during a run"),
         ("joint9.mass", 1.0, "no such key"),
+        ("joint3.mas", 1.0, r"joint3\.mas: no such key; did you mean 'joint3\.mass'\?"),
         ("joint2.mass", "much", "must be a number"),
         ("joint2.mass", -1, "must be a number"),
     ],

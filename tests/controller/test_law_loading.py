@@ -43,7 +43,7 @@ def test_a_law_loads_from_a_file(tmp_path: Path) -> None:
     assert (law.name, law.default_feedforward, law.feedforward_excludes_inertia) == ("limp", "none", False)
 
 
-@pytest.mark.parametrize("spec", ["pid", "mine.py", "mine.py:", "mine.txt:Limp"])
+@pytest.mark.parametrize("spec", ["pid", "mine.txt:Limp"])
 def test_an_unknown_name_is_refused_with_the_choices(spec: str) -> None:
     laws = "pd, computed-torque, mras, mras-lyapunov, slotine-li"
     with pytest.raises(LawError, match=rf"must be one of {laws}, or path/to/file\.py:ClassName"):
@@ -79,3 +79,16 @@ def test_a_wrong_file_is_refused_with_what_is_missing(tmp_path: Path, text: str,
     with pytest.raises(LawError, match=message) as caught:
         load_law(f"{path}:{class_name}")
     assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_refused_with_or_without_a_class() -> None:
+    for spec in ("mine.py", "mine.py:Mine"):
+        with pytest.raises(LawError, match=r"no file mine\.py; must be an existing Python file"):
+            load_law(spec)
+
+
+def test_a_file_of_two_laws_is_asked_which(tmp_path: Path) -> None:
+    path = tmp_path / "two.py"
+    path.write_text("from canarm_controller.laws.pd import Pd\n\nclass One(Pd): ...\n\nclass Two(Pd): ...\n")
+    with pytest.raises(LawError, match=r"which class\? .* has One, Two"):
+        load_law(str(path))

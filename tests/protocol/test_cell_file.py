@@ -467,3 +467,12 @@ def test_a_joint_needs_a_position_sensor_and_exactly_one_of_link_and_body() -> N
         "joint 'joint2'.sensors: none measures position; a joint needs one, "
         "such as [robot.joint.sensors.potentiometer]",
     ]
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"), [("True", True), ("true", True), ("1", True), ("False", False), ("0", False)]
+)
+def test_a_switch_of_the_controller_may_be_written_in_any_way(written: str, meant: bool) -> None:
+    key = next(name for name, value in setting_keys(load_cell("konkuk1")).items() if isinstance(value, bool))
+    cell = load_cell("konkuk1", {key: written})
+    assert setting_keys(cell)[key] is meant

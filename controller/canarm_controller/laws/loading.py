@@ -1,13 +1,20 @@
 """Finding a control law by its name or in a user's file. The laws themselves must not enter beyond the registry."""
 
+import contextlib
+import difflib
 import importlib.util
 import inspect
 import sys
 import traceback
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import get_args, get_type_hints
 
+from canarm_protocol.cell.model import Control
+
+from ..cycle import Cycle
+from ..dynamics import Arm
 from ..errors import LawError
 from .base import ControlLaw
 from .computed_torque import ComputedTorque
@@ -20,32 +27,92 @@ LAWS: dict[str, type[ControlLaw]] = {law.name: law for law in (Pd, ComputedTorqu
 """The laws that ship, by the name used on the command line."""
 
 
-def load_law(spec: str) -> type[ControlLaw]:
-    """The law that the command line names: "pd", "mras", or "path/to/file.py:ClassName".
+def load_law(spec: object) -> type[ControlLaw]:
+    """The law that is meant: a name ("pd"), "path/to/file.py:ClassName", or in Python the class itself, or a function.
 
-    A file is executed. Raises `LawError`: no such law or file, the file fails (with its line), no such class in it, or
-    the class is not a complete law (with what is missing).
+    A function takes the `Cycle` and returns the torques of all joints in N·m, as `ControlLaw.update` does. Where a file
+    has but one law, its class need not be named. A file is executed; it may import files beside it. Raises `LawError`:
+    no such law or file, the file fails (with its line), no such class in it, or the class is not a complete law (with
+    what is missing).
     """
+    if isinstance(spec, str | Path):
+        return _named_law(str(spec))
+    if inspect.isclass(spec):
+        return _complete(spec, f"law {spec.__qualname__}")
+    if isinstance(spec, ControlLaw):
+        raise LawError(f"law {type(spec).__name__}: is an object already; give its class, which is made with the arm")
+    if callable(spec):
+        return _law_of(spec)
+    raise LawError(f"law: {type(spec).__name__} is no law; must be a name, FILE.py:CLASS, a class or a function")
+
+
+def law_name(spec: object) -> str:
+    """How a law that was given so is called in summaries."""
+    return str(spec) if isinstance(spec, str | Path) else str(getattr(spec, "__name__", type(spec).__name__))
+
+
+def _named_law(spec: str) -> type[ControlLaw]:
     if spec in LAWS:
         return LAWS[spec]
     file_name, colon, class_name = spec.rpartition(":")
-    if not colon or not file_name.endswith(".py") or not class_name:
-        raise LawError(f"law {spec!r}: no such law; must be one of {', '.join(LAWS)}, or path/to/file.py:ClassName")
+    if spec.endswith(".py"):
+        file_name, colon, class_name = spec, ":", ""
+    if not colon or not file_name.endswith(".py"):
+        raise LawError(
+            f"law {spec!r}: no such law{_close(spec)}; must be one of {', '.join(LAWS)}, or path/to/file.py:ClassName"
+        )
     path = Path(file_name)
     if not path.is_file():
         raise LawError(f"law {spec!r}: no file {file_name}; must be an existing Python file")
     module = _run(path)
+    own = {
+        name: item
+        for name, item in vars(module).items()
+        if inspect.isclass(item) and item.__module__ == module.__name__
+    }
+    if not class_name:
+        laws = [item for item in own.values() if issubclass(item, ControlLaw)]
+        if len(laws) != 1:
+            raise LawError(f"law {spec!r}: which class? {file_name} has {', '.join(own) or 'none'}")
+        return _complete(laws[0], f"law {spec!r}")
     found = getattr(module, class_name, None)
     if not inspect.isclass(found):
-        own = [
-            name for name, item in vars(module).items() if inspect.isclass(item) and item.__module__ == module.__name__
-        ]
         raise LawError(f"law {spec!r}: {file_name} has no class {class_name}; its classes: {', '.join(own) or 'none'}")
+    return _complete(found, f"law {spec!r}")
+
+
+def _close(spec: str) -> str:
+    close = difflib.get_close_matches(spec, LAWS, n=1)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def _complete(found: type, source: str) -> type[ControlLaw]:
     if not issubclass(found, ControlLaw):
-        raise LawError(f"law {spec!r}: {class_name} is not a law; derive it from canarm_controller.laws.ControlLaw")
+        raise LawError(f"{source}: {found.__name__} is not a law; derive it from canarm_controller.laws.ControlLaw")
     if missing := _missing(found):
-        raise LawError(f"law {spec!r}: {class_name} is not a complete law; missing or wrong: {', '.join(missing)}")
+        raise LawError(f"{source}: {found.__name__} is not a complete law; missing or wrong: {', '.join(missing)}")
     return found
+
+
+def _law_of(function: Callable[[Cycle], Sequence[float]]) -> type[ControlLaw]:
+    """A law that has nothing but its `update`."""
+
+    class FunctionLaw(ControlLaw):
+        name = law_name(function)
+
+        def __init__(self, arm: Arm, control: Control, period_s: float) -> None:
+            """A function needs none of these."""
+
+        def start(
+            self, position_rad: Sequence[float], velocity_rad_s: Sequence[float], amplitude_rad: Sequence[float]
+        ) -> None:
+            """It has no state."""
+
+        def update(self, cycle: Cycle) -> Sequence[float]:
+            return function(cycle)
+
+    FunctionLaw.__name__ = FunctionLaw.__qualname__ = law_name(function)
+    return FunctionLaw
 
 
 def _run(path: Path) -> ModuleType:
@@ -56,7 +123,8 @@ def _run(path: Path) -> ModuleType:
     module = importlib.util.module_from_spec(module_spec)
     sys.modules[module_spec.name] = module
     try:
-        module_spec.loader.exec_module(module)
+        with _neighbours(path.absolute().parent):
+            module_spec.loader.exec_module(module)
     except SyntaxError as error:
         raise LawError(f"law file {error.filename}, line {error.lineno}: {error.msg}") from error
     except (Exception, SystemExit) as error:
@@ -65,6 +133,37 @@ def _run(path: Path) -> ModuleType:
         where = f", line {lines[-1]}" if lines else ""
         raise LawError(f"law file {path}{where}: {type(error).__name__}: {error}") from error
     return module
+
+
+_neighbour_folders: list[str] = []
+"""Folders of law files, as they stand in `sys.path`: the last one's only."""
+
+
+@contextlib.contextmanager
+def _neighbours(folder: Path) -> Iterator[None]:
+    """Let a law file import what lies beside it, then and later, in its `update`.
+
+    Its folder comes last in the path, so that it hides nothing that is installed. What an earlier law file has imported
+    so is forgotten: two folders may each have a `gains.py`, and a file that was edited is read anew.
+    """
+    for earlier in _neighbour_folders:
+        if earlier in sys.path:
+            sys.path.remove(earlier)
+        for name, module in list(sys.modules.items()):
+            if not name.startswith("canarm_law_") and _folder_of(module) == earlier:
+                del sys.modules[name]
+    _neighbour_folders.clear()
+    text = str(folder)
+    if text not in sys.path:
+        sys.path.append(text)
+        _neighbour_folders.append(text)
+    importlib.invalidate_caches()
+    yield
+
+
+def _folder_of(module: ModuleType | None) -> str | None:
+    file = getattr(module, "__file__", None)
+    return str(Path(file).absolute().parent) if isinstance(file, str) else None
 
 
 def _missing(law: type[ControlLaw]) -> list[str]:

@@ -3,7 +3,7 @@
 Owns these three. Where the poses come from (the text of a file, an array, a function) must not enter.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 
 import numpy as np
@@ -26,6 +26,9 @@ APPROACH_SPEED = 0.4
 """Share of a joint's greatest speed that the way to the first pose takes at most, if it can."""
 PEAK = 1.875
 """Greatest speed of a quintic from rest to rest, in units of its mean speed."""
+FUNCTION_CHECKED_S = 20.0
+"""So long a function is looked at before a run, for its limits."""
+DIFFERENCE_S = 1e-3
 LONGER, TRIES = 1.4, 8
 """An approach that a joint cannot follow is tried again, so much slower, so often."""
 
@@ -41,7 +44,33 @@ class Interpolation(StrEnum):
     """The poses are dense samples of a motion, which may begin and end in full swing."""
 
 
-class FileTrajectory(Trajectory):
+class OwnBeginning(Trajectory):
+    """A trajectory that says where it begins, and is taken there first instead of being blended in."""
+
+    def entered_from(self, start_rad: Sequence[float]) -> Trajectory:
+        """The trajectory after a move from `start_rad` to its first pose, which takes `approach_s` of its own.
+
+        Raises `TrajectoryError` when no such move can be followed.
+        """
+        start = start_pose(self, start_rad)
+        first = self._at(np.zeros(1))
+        gap = np.abs(first.position_rad[0] - start)
+        needed_s = float(np.max(PEAK * gap / (APPROACH_SPEED * np.asarray(self.limits.speed_rad_s))))
+        approach_s = max(SHORTEST_APPROACH_S, needed_s)
+        for _ in range(TRIES - 1):
+            try:
+                return self._approached(start, first, approach_s)
+            except TrajectoryError:
+                approach_s *= LONGER
+        return self._approached(start, first, approach_s)
+
+    def _approached(self, start: Floats, first: Reference, approach_s: float) -> Trajectory:
+        approached = Approached(self, start, first, approach_s)
+        self.limits.check(approached, approached.approach_s, f"approach from {pose_text(start)}")
+        return approached
+
+
+class FileTrajectory(OwnBeginning):
     """A trajectory through the poses `position_rad` (n, joints) at `time_s` (n,), which begins with 0.
 
     Without `interpolation`, poses as dense as `DENSE_S` are samples, others are joined by the monotone cubic. It holds
@@ -68,28 +97,6 @@ class FileTrajectory(Trajectory):
         limits.check(self, self.duration_s, source)
         if self._end_rad_s.any():
             self._stop_s = self._find_stop(source)
-
-    def entered_from(self, start_rad: Sequence[float]) -> Trajectory:
-        """The trajectory after a move from `start_rad` to its first pose, which takes `approach_s` of its own.
-
-        Raises `TrajectoryError` when no such move can be followed.
-        """
-        start = start_pose(self, start_rad)
-        first = self._at(np.zeros(1))
-        gap = np.abs(first.position_rad[0] - start)
-        needed_s = float(np.max(PEAK * gap / (APPROACH_SPEED * np.asarray(self.limits.speed_rad_s))))
-        approach_s = max(SHORTEST_APPROACH_S, needed_s)
-        for _ in range(TRIES - 1):
-            try:
-                return self._approached(start, first, approach_s)
-            except TrajectoryError:
-                approach_s *= LONGER
-        return self._approached(start, first, approach_s)
-
-    def _approached(self, start: Floats, first: Reference, approach_s: float) -> Trajectory:
-        approached = Approached(self, start, first, approach_s)
-        self.limits.check(approached, approached.approach_s, f"approach from {pose_text(start)}")
-        return approached
 
     def _find_stop(self, source: str) -> float:
         refusal: TrajectoryError | None = None
@@ -118,6 +125,40 @@ class FileTrajectory(Trajectory):
         reference = self._at(time_s)
         is_even: Bools = np.abs(reference.acceleration_rad_s2) < STEADY_RAD_S2
         return is_even & (np.abs(reference.velocity_rad_s) > MOVING_RAD_S)
+
+
+class FunctionTrajectory(OwnBeginning):
+    """The angles in rad, one a joint, that `angles_rad` returns for a time in s; speeds are differences over 2 ms."""
+
+    def __init__(self, limits: Limits, angles_rad: Callable[[float], Sequence[float]]) -> None:
+        super().__init__(limits, (0.0,) * len(limits.joint_names))
+        self._function = angles_rad
+        swing = self._angles(np.arange(0.0, FUNCTION_CHECKED_S, limits.period_s))
+        self.amplitude_rad = tuple((np.ptp(swing, axis=0) / 2.0).tolist())
+        limits.check(self, FUNCTION_CHECKED_S, "trajectory")
+
+    def _angles(self, time_s: Floats) -> Floats:
+        try:
+            angles = np.array([self._function(time) for time in time_s.tolist()], dtype=np.float64)
+        except Exception as error:
+            raise TrajectoryError(f"trajectory: the function fails: {type(error).__name__}: {error}") from error
+        if angles.shape != (len(time_s), len(self.amplitude_rad)) or not np.isfinite(angles).all():
+            raise TrajectoryError(
+                f"trajectory: the function must return {len(self.amplitude_rad)} finite angles in rad for a time in s"
+            )
+        return angles
+
+    def _at(self, time_s: Floats) -> Reference:
+        h = DIFFERENCE_S
+        first = np.maximum(time_s - h, 0.0)  # nobody has defined it before 0
+        before, middle, after = (self._angles(first + step) for step in (0.0, h, 2 * h))
+        change = (time_s - first - h)[:, None]
+        velocity, acceleration = (after - before) / (2 * h), (after - 2.0 * middle + before) / h**2
+        at = middle if not change.any() else self._angles(time_s)
+        return Reference(at, velocity + change * acceleration, acceleration)
+
+    def _is_steady(self, time_s: Floats) -> Bools:
+        return np.zeros((len(time_s), len(self.amplitude_rad)), dtype=np.bool_)
 
 
 class Approached(Trajectory):

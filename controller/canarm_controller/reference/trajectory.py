@@ -1,11 +1,12 @@
 """The motions that a name calls: the two built-in ones, and whatever is in a file, a table or a function of the user's.
 
-Owns the choice, and the formulas of the built-in motions. What a file may hold is `table`'s and `file_trajectory`'s.
+Owns the choice, and the formulas of the built-in motions. What a file may hold is `trajectory_file`'s.
 """
 
 import difflib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +15,9 @@ from canarm_protocol.cell.model import Cell
 from ..errors import TrajectoryError
 from .base import Blended, Bools, Trajectory, blend_from
 from .built_in import swings as swings_of
-from .file_trajectory import FileTrajectory, Interpolation
+from .file_trajectory import FileTrajectory, FunctionTrajectory, Interpolation
 from .limits import Floats, Limits, Reference
-from .trajectory_file import read_trajectory_csv
+from .trajectory_file import read_trajectory_columns, read_trajectory_csv
 
 __all__ = [
     "Blended",
@@ -28,6 +29,7 @@ __all__ = [
     "Trapezoid",
     "blend_from",
     "make_trajectory",
+    "trajectory_name",
 ]
 
 BUILT_IN = ("sine", "trapezoid")
@@ -96,13 +98,18 @@ class Trapezoid(Trajectory):
         return np.repeat(steady[:, None], len(self.amplitude_rad), axis=1)
 
 
-def make_trajectory(spec: str | Path, cell: Cell) -> Trajectory:
-    """The trajectory that the command line names: "sine", "trapezoid", or the path of a CSV file.
+def make_trajectory(spec: object, cell: Cell) -> Trajectory:
+    """The trajectory that is meant: "sine", "trapezoid", the path of a CSV file; in Python a table or a function too.
 
-    Behind the path, `:monotone`, `:spline` or `:samples` chooses what lies between the rows; see `Interpolation`.
+    Behind the path, `:monotone`, `:spline` or `:samples` chooses what lies between the rows; see `Interpolation`. A
+    DataFrame, or a dict of columns, is as the file; an array (n, joints) has the angles in rad, a row a cycle; a
+    function returns them for a time in s, from 0 on.
+
     Raises `TrajectoryError` when there is no such thing, when the file is wrong, or when a joint cannot follow.
     """
     limits = Limits.of(cell)
+    if not isinstance(spec, str | Path):
+        return _given(spec, limits)
     if spec in BUILT_IN:
         trajectory = _built_in(str(spec), limits, cell)
         limits.check(trajectory, CHECKED_S, str(spec))
@@ -114,6 +121,35 @@ def make_trajectory(spec: str | Path, cell: Cell) -> Trajectory:
         raise TrajectoryError(f"{spec}: no such trajectory or file; built in: {', '.join(BUILT_IN)}{hint}")
     time_s, position_rad = read_trajectory_csv(path, limits.joint_names)
     return FileTrajectory(limits, time_s, position_rad, interpolation, str(path))
+
+
+def trajectory_name(spec: object) -> str:
+    """How a trajectory that was given so is called in summaries."""
+    return str(spec) if isinstance(spec, str | Path) else str(getattr(spec, "__name__", type(spec).__name__))
+
+
+def _given(spec: Any, limits: Limits) -> Trajectory:
+    """A trajectory that Python hands over as an object."""
+    if isinstance(spec, Trajectory):
+        return spec
+    if hasattr(spec, "keys"):  # a DataFrame is no Mapping
+        return FileTrajectory(limits, *read_trajectory_columns(spec, limits.joint_names))
+    if callable(spec):
+        return FunctionTrajectory(limits, spec)
+    try:
+        angles: Floats = np.asarray(spec, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TrajectoryError(
+            f"trajectory: {type(spec).__name__} is none; must be a name, a file, a DataFrame, an array or a function"
+        ) from None
+    joints = len(limits.joint_names)
+    if angles.ndim != 2 or angles.shape[1] != joints or len(angles) < 3 or not np.isfinite(angles).all():
+        raise TrajectoryError(
+            f"trajectory: an array of shape {angles.shape}; must be (n, {joints}) with n of at least 3 and finite: "
+            "angles in rad, one row a cycle"
+        )
+    times: Floats = np.arange(len(angles), dtype=np.float64) * limits.period_s
+    return FileTrajectory(limits, times, angles, Interpolation.SAMPLES)
 
 
 def _path_of(spec: str) -> tuple[Path, Interpolation | None]:

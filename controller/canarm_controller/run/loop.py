@@ -13,6 +13,7 @@ from ..dynamics import cell_arm
 from ..errors import ControllerError, LawError
 from ..laws.base import ControlLaw, Cycle
 from ..laws.failure import law_failure, shown
+from ..laws.loading import LAWS
 from ..reference.feedforward import make_feedforward
 from ..reference.memory import SAMPLES, MemoryImage
 from ..reference.trajectory import Reference, Trajectory
@@ -78,6 +79,8 @@ class ControlLoop:
         """Monotonic ns; where it is given, the law's own computing time is measured."""
         self.law_ns = 0
         """How long the law took in the last cycle, if that is measured."""
+        self._checks_internals = law not in LAWS.values()
+        self._internals: Mapping[str, Sequence[float]] | None = None
         self._limits_a = limits_a
         self._torque_per_ampere = list(self.arm.torque_per_ampere)
         self._full_codes = [command_codec(cell, joint).full_scale for joint in range(len(cell.joints))]
@@ -129,12 +132,16 @@ class ControlLoop:
         stopwatch = self.stopwatch
         begun_ns = 0 if stopwatch is None else stopwatch()
         try:
-            return self.law.update(law_cycle)
+            torque_nm = self.law.update(law_cycle)
         except BaseException as error:
             raise law_failure(type(self.law), "update", error) from error
         finally:
             if stopwatch is not None:
                 self.law_ns = stopwatch() - begun_ns
+        self._internals = None
+        if self._checks_internals:
+            self._internals = self.internals()
+        return torque_nm
 
     def outputs(self, torque_nm: Sequence[float]) -> tuple[list[int], list[int]]:
         """DAC codes and direction bits of the torques, limited to what the amplifiers have."""
@@ -157,7 +164,12 @@ class ControlLoop:
         return codes, directions
 
     def internals(self) -> Mapping[str, Sequence[float]]:
-        """The law's named inner values. Raises `LawError` where they are not a number a joint for every name."""
+        """The law's named inner values. Raises `LawError` where they are not a number a joint for every name.
+
+        A law of the user's is asked once a cycle, recorded or not, so that a run ends alike everywhere.
+        """
+        if self._internals is not None:
+            return self._internals
         try:
             values = {name: [float(value) for value in row] for name, row in self.law.internals().items()}
             names = tuple(values)

@@ -14,6 +14,9 @@ from canarm_protocol.cell.sensors import AnalogueSensor
 
 from ..errors import TruthError
 
+SWITCH = {"false": 0.0, "true": 1.0}
+"""Words for a switch, beside 0 and 1."""
+
 
 @dataclass(frozen=True, slots=True)
 class JointTruth:
@@ -200,11 +203,11 @@ def _parse(keys: Mapping[str, TruthKey], name: str, text: str) -> float:
         hint = f"did you mean {close[0]!r}?" if close else "see `canarm check --keys`"
         raise TruthError(f"--truth {name}={text}: no such key; {hint}")
     try:
-        value = float(text)
+        value = SWITCH[text.lower()] if key.is_switch and text.lower() in SWITCH else float(text)
     except ValueError:
         value = math.nan
     if key.is_switch and value not in (0.0, 1.0):
-        raise TruthError(f"--truth {name}={text}: must be 0 or 1 ({key.description})")
+        raise TruthError(f"--truth {name}={text}: must be 0 or 1, false or true ({key.description})")
     if not key.minimum <= value <= key.maximum:
         unit = f" {key.unit}" if key.unit else ""
         raise TruthError(

@@ -10,12 +10,15 @@ from pydantic import ValidationError
 from ..errors import CellError
 from ..text_file import parse_toml, read_text
 from .cell_checks import problems
-from .cell_messages import explain, keys_at, nearest
+from .cell_messages import explain, is_switch, keys_at, nearest
 from .model import Cell
 from .old_cells import old_writing
 
 SETTABLE = ("control", "supervision")
 """The tables whose keys `--set` takes."""
+
+SWITCH = {"0": "false", "1": "true", "false": "false", "true": "true"}
+"""How a switch is written on a command line, and how in TOML."""
 
 LARGEST_BYTES = 1_000_000
 DEEPEST = 20
@@ -144,6 +147,8 @@ def _lay_over(table: dict[str, Any], key: str, value: str) -> None:
     target: Any = table
     for parent in parents:
         target = target.setdefault(parent, {}) if isinstance(target, dict) else {}
+    if is_switch((*parents, leaf)):
+        value = SWITCH.get(value.lower(), value)
     try:
         (target[leaf],) = parse_toml(f"value = {value}").values()
     except ValueError:

@@ -85,6 +85,16 @@ def _within(table: Any, part: str | int) -> Any:
         return None
 
 
+def is_switch(location: Location) -> bool:
+    """Whether what stands there is true or false by the schema."""
+    model: Any = Cell
+    for part in location:
+        field = getattr(model, "model_fields", {}).get(part)
+        annotation = field.annotation if field else None
+        model = next((each for each in _arguments(annotation) if isinstance(each, type)), annotation)
+    return model is bool
+
+
 def nearest(word: str, known: Iterable[str], see: str = "") -> str:
     """A hint at the known word that was probably meant, or at all of them; and at what to `see`."""
     known = list(known)

@@ -1,0 +1,44 @@
+"""What a rig is given, as texts that a command line would take: settings, truth, seed; and warnings about its use.
+
+Which law or trajectory is meant is decided in the controller; no run enters here.
+"""
+
+from collections.abc import Mapping
+from numbers import Integral
+
+from canarm_emulator.errors import TruthError
+from canarm_emulator.robot.truth import truth_keys
+from canarm_protocol.cell.cell_messages import nearest
+from canarm_protocol.cell.model import Cell
+
+from ..usage import UsageError, value_text
+
+MECHANICS = (".mass", ".viscous", ".coulomb", ".rotor_inertia", ".wire_stiffness")
+"""Endings of the keys of the truth that can change during a run."""
+
+
+class RigWarning(UserWarning):
+    """A rig was made or asked in a way that proves nothing."""
+
+
+def checked_seed(seed: object) -> int:
+    """A seed as a whole number. Raises `UsageError` for any other."""
+    if not isinstance(seed, Integral) or isinstance(seed, bool):
+        raise UsageError(f"seed {seed!r}: must be a whole number")
+    if int(seed) < 0:
+        raise UsageError(f"seed {seed}: must not be negative")
+    return int(seed)
+
+
+def as_text(values: Mapping[str, object] | None) -> dict[str, str]:
+    """Values as `--set` and `--truth` take them."""
+    return {key: value_text(value) for key, value in (values or {}).items()}
+
+
+def check_mechanics(cell: Cell, key: str) -> None:
+    """Raises `TruthError` unless `key` is one of the truth that can change during a run."""
+    known = [each.name for each in truth_keys(cell)]
+    if key not in known:
+        raise TruthError(f"{key}: no such key{nearest(key, known, 'canarm check --keys')}")
+    if not key.endswith(MECHANICS):
+        raise TruthError(f"{key}: cannot change during a run; these can: {', '.join(MECHANICS)} of a joint")

@@ -1,0 +1,135 @@
+"""What a rig takes from Python: classes, functions, arrays, files beside a law; and what it warns of."""
+
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import canarm
+from canarm import Rig
+from canarm.rig.arguments import RigWarning
+from canarm_controller.laws.base import Cycle
+from canarm_controller.laws.pd import Pd
+from canarm_controller.run.controller import State
+
+CYCLE_S = 0.0025
+
+
+class Softer(Pd):
+    """A law that has no file of its own."""
+
+    name = "softer"
+
+
+def nothing(cycle: Cycle) -> Sequence[float]:
+    """A law that is a function."""
+    return [0.0] * len(cycle.position_rad)
+
+
+def test_a_law_may_be_a_class_or_a_function() -> None:
+    with Rig(law=Softer) as rig, Rig(law="pd") as named:
+        rig.run(0.5)
+        named.run(0.5)
+        assert rig.joints["joint2"].true_angle_rad.tolist() == named.joints["joint2"].true_angle_rad.tolist()
+        assert rig.summary().law == "Softer"
+    with Rig(law=nothing) as rig:
+        rig.run(0.05)
+        assert not rig.joints["joint2"].command_a.any()
+
+
+def test_a_law_may_be_a_path_and_its_only_class_need_not_be_named(tmp_path: Path) -> None:
+    path = tmp_path / "law.py"
+    path.write_text("from canarm_controller.laws.pd import Pd\n\nclass Mine(Pd):\n    name = 'mine'\n")
+    with Rig(law=path) as rig:
+        rig.run(0.05)
+        assert rig.state is State.RUNNING
+
+
+def test_a_law_file_imports_what_lies_beside_it_and_each_folder_its_own(tmp_path: Path) -> None:
+    for folder, gain in (("one", 1.0), ("two", 2.0)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "gains_of_mine.py").write_text(f"GAIN = {gain}\n")
+        (tmp_path / folder / "law.py").write_text(
+            "from gains_of_mine import GAIN\nfrom canarm_controller.laws.pd import Pd\n\n"
+            "class Mine(Pd):\n    name = f'gain {GAIN}'\n"
+        )
+    for folder, gain in (("one", 1.0), ("two", 2.0), ("one", 1.0)):
+        rig = Rig(law=f"{tmp_path / folder / 'law.py'}:Mine")
+        assert rig.controller.loop.law.name == f"gain {gain}"
+    assert [folder for folder in sys.path if folder.startswith(str(tmp_path))] == [str(tmp_path / "one")]
+
+
+def sine(time_s: float) -> tuple[float, float]:
+    """Angles in rad."""
+    return 0.35 + 0.3 * np.sin(2.0 * time_s), 0.2 * np.sin(3.0 * time_s)
+
+
+@pytest.mark.parametrize("kind", ["array", "columns", "function"])
+def test_a_trajectory_may_be_an_array_a_table_or_a_function(kind: str) -> None:
+    times = np.arange(0.0, 2.0, CYCLE_S)
+    angles = np.array([sine(time) for time in times])
+    columns = {"time_s": times, "joint2_rad": angles[:, 0], "joint3_rad": angles[:, 1]}
+    with Rig(trajectory={"array": angles, "columns": columns, "function": sine}[kind]) as rig:
+        rig.run(2.5)
+        assert rig.reason is None
+        first = round(rig.approach_s / CYCLE_S)
+        np.testing.assert_allclose(rig.joints["joint2"].reference_rad[first : first + 400], angles[:400, 0], atol=1e-9)
+        assert np.abs(rig.joints["joint2"].error_lsb[first + 200 : first + 400]).max() < 3.0
+
+
+CHANGING = """
+from canarm_controller.laws.pd import Pd
+
+
+class Changing(Pd):
+    name = "changing"
+    calls = 0
+
+    def internals(self):
+        self.calls += 1
+        return {"first" if self.calls < 100 else "second": [0.0, 0.0]}
+"""
+
+
+def test_a_law_whose_internals_change_ends_alike_recorded_or_not(tmp_path: Path) -> None:
+    (tmp_path / "law.py").write_text(CHANGING)
+    ends = []
+    for out in (None, tmp_path / "run"):
+        with Rig(law=f"{tmp_path / 'law.py'}:Changing", out=out) as rig:
+            rig.run(1.0)
+            assert rig.reason is not None
+            assert rig.reason.startswith("law-failed: law Changing: internals() must give 2 numbers")
+            ends.append(rig.detections[0].tick)
+    assert ends == [98, 98]  # the first call is at the start
+
+
+@pytest.mark.parametrize("value", [True, 1, "1", "true", "True", np.True_])
+def test_a_switch_of_the_truth_may_be_written_in_any_way(value: object) -> None:
+    rig = Rig(truth={"joint2.wire": value})
+    assert rig._bench.world.truth.joints[0].has_elastic_wire
+
+
+def test_a_rig_that_has_never_run_warns() -> None:
+    with pytest.warns(RigWarning, match="has never run: it has tested nothing") as caught, Rig():
+        pass
+    assert caught[0].filename == __file__
+
+
+def test_a_finding_that_nobody_asks_warns_where_the_assert_is_missing() -> None:
+    with Rig() as rig:
+        rig.run(0.1)
+        with pytest.warns(RigWarning, match=r"assert\?\): joint2\.current_a is .* must stay below 0") as caught:
+            rig.joints["joint2"].stays_below("current_a", 0.0)
+        assert caught[0].filename == __file__
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert rig.joints["joint2"].stays_below("current_a", 9.0)
+            assert not rig.joints["joint2"].stays_below("current_a", 0.0).holds
+
+
+def test_the_package_says_what_it_has_and_which_version_it_is() -> None:
+    assert {"Rig", "__version__"} <= set(dir(canarm))
+    assert canarm.__version__.count(".") == 2
