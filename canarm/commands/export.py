@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from canarm_protocol.cell.export import BUSES, export_dbc, export_dcf, export_eds
+from canarm_protocol.runs.own_file import replace_file
 
 from ..options import CellOptions
 from ..usage import UsageError
@@ -54,7 +55,7 @@ def _write(folder: Path, texts: dict[str, str]) -> None:
     for name, text in texts.items():
         path = folder / name
         try:
-            path.write_text(text, encoding="ascii", newline="\n")
+            replace_file(path, text.encode("ascii"))
         except OSError as error:
             raise UsageError(f"--out {folder}: {name} cannot be written: {error.strerror}") from None
         print(path)

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
+from canarm_protocol.runs.own_file import open_own
+
 from ..usage import UsageError
 from .html_report import as_html
 from .table import Matrix, as_csv
@@ -53,7 +55,8 @@ def write(folder: Path, matrix: Matrix) -> list[Path]:
     paths = [folder / name for name in names]
     for path, text in zip(paths, (as_csv(matrix.rows), as_html(matrix)), strict=True):
         try:
-            path.write_text(text, encoding="utf-8", newline="")
+            with os.fdopen(open_own(path), "w", encoding="utf-8", newline="") as file:
+                file.write(text)
         except OSError as error:
             raise UsageError(f"--out {folder}: {path.name} cannot be written: {error.strerror}") from None
     return paths
@@ -68,7 +71,7 @@ def _claim(folder: Path) -> int:
         except FileExistsError:
             if fcntl is None:
                 raise
-            held = os.open(path, os.O_RDWR)
+            held = os.open(path, os.O_RDWR | getattr(os, "O_NOFOLLOW", 0))
     except FileExistsError:
         raise _taken(folder) from None
     except OSError as error:

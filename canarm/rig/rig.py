@@ -50,8 +50,8 @@ class Rig(FaultControl):
     a class or a function of the `Cycle` too (`load_law`), `trajectory` a DataFrame, a dict of columns, an array
     (n, joints) in rad with a row a cycle, or a function of the time in s (`make_trajectory`). `truth` and `settings`
     are what `--truth` and `--set` take, `wire` is `--wire`, `faults` is a fault file, its text or a script
-    (`inject_file`). `history_s` bounds the histories: older cycles are forgotten, and a question about them raises `UsageError`. `out`
-    names a run folder. A rig that is finished and has never run warns (`RigWarning`).
+    (`inject_file`). `history_s` bounds the histories: older cycles are forgotten, and a question about them raises
+    `UsageError`. `out` names a run folder. A rig that is finished and has never run warns (`RigWarning`).
 
     Raises `CellError`, `TruthError`, `ControllerError` (`LawError`, `TrajectoryError`), `FaultError`, `RunFolderError`
     or `UsageError` (a `ValueError`) for what cannot be. What goes wrong on the robot raises nothing: it ends in a safe

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from canarm_protocol.runs.own_file import replace_file
 from canarm_protocol.runs.run_folder import EVENTS_FILE, SIGNALS_FOLDER, EventLog, SignalLog
 
 from ..supervision.detection import Detection
@@ -85,4 +86,4 @@ class ControllerRecorder:
 
     def _write_memory(self) -> None:
         """The image from $2000 on: the table before a run, with the measurements after it."""
-        (self._folder / MEMORY_FILE).write_bytes(self._controller.loop.memory.dump())
+        replace_file(self._folder / MEMORY_FILE, self._controller.loop.memory.dump())

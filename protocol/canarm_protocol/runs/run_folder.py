@@ -15,6 +15,7 @@ from typing import Any, Self
 
 from ..canopen.frames import Frame
 from ..errors import ProtocolError
+from .own_file import open_own, replace_file
 
 RUN_FILE, EVENTS_FILE, CAN_LOG_FILE, SIGNALS_FOLDER = "run.json", "events.jsonl", "can0.log", "signals"
 CONTROLLER_SIGNALS = f"{SIGNALS_FOLDER}/controller.csv"
@@ -35,6 +36,9 @@ def create_run_folder(path: Path, reuse: bool = False) -> Path:
         (path / SIGNALS_FOLDER).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RunFolderError(f"--out {path}: cannot be made: {error.strerror}") from None
+    for planted in (path / SIGNALS_FOLDER, path / RUN_FILE):
+        if planted.is_symlink():
+            raise RunFolderError(f"--out {path}: {planted} is a link; remove it, or name another folder")
     return path
 
 
@@ -81,14 +85,7 @@ def update_run_file(folder: Path, section: str, content: Any) -> None:
         path = folder / RUN_FILE
         document = read_run_file(folder) if path.exists() else {}
         document[section] = content
-        draft = folder / f".{RUN_FILE}.{os.getpid()}"
-        try:
-            draft.write_text(json.dumps(document, indent=2, sort_keys=True) + "\n", encoding="utf-8")
-            draft.replace(path)
-        except OSError as error:
-            with contextlib.suppress(OSError):
-                draft.unlink()
-            raise OSError(error.errno, error.strerror, str(path)) from None
+        replace_file(path, (json.dumps(document, indent=2, sort_keys=True) + "\n").encode())
 
 
 def read_run_file(folder: Path) -> dict[str, Any]:
@@ -121,9 +118,9 @@ def _locked(path: Path) -> Iterator[None]:
 class _LineFile:
     """A text file, written out in whole lines now and then: neither a reader nor a `kill -9` finds half a line."""
 
-    def __init__(self, path: Path, mode: str = "w") -> None:
+    def __init__(self, path: Path, *, append: bool = False) -> None:
         try:
-            self._file = path.open(f"{mode}b", buffering=0)
+            self._file = os.fdopen(open_own(path, append=append), "ab" if append else "wb", buffering=0)
         except OSError as error:
             raise RunFolderError(f"{path}: cannot be written: {error.strerror}") from None
         self._lines: list[str] = []
@@ -205,7 +202,7 @@ class EventLog(_LineFile):
     """Events as JSON lines; appended whole, so that several processes can share the file."""
 
     def __init__(self, path: Path, source: str) -> None:
-        super().__init__(path, "a")
+        super().__init__(path, append=True)
         self._source = source
 
     def write(self, time_ns: int, event: str, **details: Any) -> None:

@@ -1,0 +1,54 @@
+"""Files that are made in a folder that others may write to: what was planted there is never followed.
+
+A link, a pipe, a device or a second name of somebody's file is refused in a line; whole files are replaced, not opened.
+What is written belongs to the caller.
+"""
+
+import contextlib
+import os
+import stat
+from pathlib import Path
+
+_NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
+_NO_WAIT = getattr(os, "O_NONBLOCK", 0)
+"""A pipe that nobody reads would hold up whoever opens it."""
+
+
+def open_new(path: Path) -> int:
+    """A file descriptor of `path`, for writing, which must not be there yet. Raises `OSError`."""
+    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_FOLLOW, 0o666)
+
+
+def open_own(path: Path, *, append: bool = False) -> int:
+    """A file descriptor of `path`, for writing: a new file, or one that is there already, emptied unless `append`.
+
+    Raises `OSError` for what cannot be written and for what is no plain file of its own.
+    """
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND * append | _NO_FOLLOW | _NO_WAIT, 0o666)
+    try:
+        found = os.fstat(descriptor)
+        if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+            raise OSError(0, "is a link or no plain file; remove it", str(path))
+        if not append:
+            os.ftruncate(descriptor, 0)
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Put `data` in the place of `path` in one piece: a reader sees the file before or after, never half of it.
+
+    Raises `OSError` with the name of the file.
+    """
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        draft.unlink(missing_ok=True)
+        with os.fdopen(open_new(draft), "wb") as file:
+            file.write(data)
+        draft.replace(path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        raise OSError(error.errno, error.strerror, str(path)) from None
