@@ -284,7 +284,7 @@ def test_an_empty_file_is_told_every_table_that_it_lacks() -> None:
     with pytest.raises(CellError) as caught:
         parse_cell("", "my.toml")
     lines = str(caught.value).splitlines()
-    tables = ("name", "title", "bus", "physics", "robot", "card", "control", "supervision")
+    tables = ("name", "title", "bus", "physics", "robot", "card", "control")
     assert lines == [f"my.toml: {table}: is missing" for table in tables]
 
 
