@@ -48,6 +48,8 @@ COMMANDS = {
 }
 WITH_STOP_REQUEST = ("emulator", "controller")
 """Commands that open nothing before their own handler of signals stands."""
+RUNS = ("demo", "emulator", "controller")
+"""Commands that do their work whether somebody reads what they print or not."""
 for _name, _help in COMMANDS.items():
     app.command(f"canarm.commands.{_name}:{_name}", name=_name, help=_help)
 app.register_install_completion_command(add_to_startup=False)
@@ -61,6 +63,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             sys.stdout.flush()
     except OSError as error:
         status = _lose_stdout(error)
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if getattr(sys.stdout, "has_lost_its_reader", False) and not set(arguments[:1]) & set(RUNS):
+        status = status or FAILED
     if any(thread is not threading.main_thread() and not thread.daemon for thread in threading.enumerate()):
         _leave_threads_behind(status)
     sys.exit(status)

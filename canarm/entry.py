@@ -9,6 +9,8 @@ import sys
 from types import FrameType, TracebackType
 from typing import Protocol
 
+from .streams import make_streams_safe
+
 FAILED = 1
 
 
@@ -21,6 +23,7 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _end_now)
+    make_streams_safe()
     sys.unraisablehook = _end_where_an_interrupt_is_lost
     try:
         from .cli import main as run_command_line

@@ -1,5 +1,6 @@
 """The real stdout, kept for the summary of a run. Nothing of what is in a summary."""
 
+import contextlib
 import os
 import sys
 from collections.abc import Callable
@@ -8,7 +9,8 @@ from collections.abc import Callable
 def keep_stdout() -> Callable[[str], None]:
     """Send to stderr what anybody prints from now on, user code's exit handlers included.
 
-    Returns a function that prints a text and a line end to the real stdout; it raises `OSError`.
+    Returns a function that prints a text and a line end to the real stdout; what nobody reads is dropped, other
+    trouble raises `OSError`.
     """
     try:
         fd = sys.stdout.fileno()
@@ -21,7 +23,8 @@ def keep_stdout() -> Callable[[str], None]:
 
     def say(text: str) -> None:
         data = f"{text}\n".encode(encoding, errors="backslashreplace")
-        while data:
-            data = data[os.write(kept, data) :]
+        with contextlib.suppress(BrokenPipeError):
+            while data:
+                data = data[os.write(kept, data) :]
 
     return say
