@@ -5,6 +5,7 @@ must not enter.
 """
 
 from collections.abc import Sequence
+from math import radians
 
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.sensing import JointSensors, WiredSensor, joint_sensors
@@ -14,6 +15,8 @@ from canarm_protocol.cell.wiring import InputSlot
 from ..cycle import Cycle
 from ..dynamics import Arm
 from ..estimation.speed_observer import SpeedObserver
+from ..supervision.nominal import sensor_nominal
+from ..supervision.thresholds import range_rad
 
 BYTE_BITS = 8
 
@@ -30,6 +33,11 @@ class JointInputs:
         places = {(slot.joint, slot.quantity): place for place, slot in enumerate(slots)}
         self._sensors = sensors
         self._scales = [(each.position.scale.zero, each.position.scale.step) for each in sensors]
+        self._stops_rad = [(radians(joint.limits_deg[0]), radians(joint.limits_deg[1])) for joint in cell.joints]
+        self._ranges_rad = [
+            range_rad(joint, sensor_nominal(each.position), cell.supervision)
+            for joint, each in zip(cell.joints, sensors, strict=True)
+        ]
         self._positions = [_channel(places, joint, each.position) for joint, each in enumerate(sensors)]
         self._velocities = [_channel(places, joint, each.velocity) for joint, each in enumerate(sensors)]
         self._currents = [_channel(places, joint, each.current) for joint, each in enumerate(sensors)]
@@ -47,8 +55,13 @@ class JointInputs:
         self.current_codes: list[int] = []
 
     def start(self, position_codes: Sequence[int]) -> tuple[float, ...]:
-        """The pose (rad) at which the arm rests, from one position code per joint; observers start there."""
-        pose = tuple([(code - zero) * step for code, (zero, step) in zip(position_codes, self._scales, strict=True)])
+        """The pose (rad) at which the arm rests, from one position code per joint; observers start there.
+
+        A joint that is measured a little beyond a stop, as noise has it, rests on that stop.
+        """
+        codes = zip(position_codes, self._scales, strict=True)
+        measured = [(code - zero) * step for code, (zero, step) in codes]
+        pose = tuple(map(resting_rad, measured, self._stops_rad, self._ranges_rad))
         if self._observer is not None:
             self._observer.start(pose)
         return pose
@@ -107,6 +120,14 @@ class JointInputs:
             current_a[joint] = cycle.applied_nm[joint] / self._torque_per_ampere[joint]
             self.current_codes[joint] = 0
         cycle.current_a = tuple(current_a)
+
+
+def resting_rad(measured_rad: float, stops_rad: tuple[float, float], within_rad: tuple[float, float]) -> float:
+    """Where a joint rests that is measured there: on a stop, if it is beyond it by no more than its range allows."""
+    low, high = stops_rad
+    if within_rad[0] <= measured_rad <= within_rad[1]:
+        return min(max(measured_rad, low), high)
+    return measured_rad
 
 
 Channel = tuple[int, float, float, float]

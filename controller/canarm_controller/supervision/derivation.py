@@ -16,7 +16,7 @@ from .detection import DETECTORS
 from .following import NORMAL_FACTOR
 from .nominal import JointNominal, joint_nominals, sensor_nominal
 from .sensor_less import BLIND_FACTOR, PERSISTENT_CYCLES
-from .tachless import STUCK_FACTOR
+from .tachless import STUCK_FACTOR, UNLEARNED_SHARE
 from .thresholds import Thresholds, cell_thresholds
 from .timing import Timing
 
@@ -110,7 +110,7 @@ def _position_rows(nominal: JointNominal, derived: Thresholds, limits: Supervisi
     stuck = f"{limit.STUCK_TRAVEL:g} grains that the tachometer turns while the code stands"
     if not has_tachometer:
         stuck = f"{STUCK_FACTOR:g} x {limit.STUCK_TRAVEL:g} grains that the model turns while the code stands, and "
-        stuck += f"{limit.unmodelled_rad_s2(nominal):.3g} rad/s2 that it may lack"
+        stuck += f"{UNLEARNED_SHARE * limit.unmodelled_rad_s2(nominal):.3g} rad/s2 that it may lack"
     travel = derived.stuck_travel if has_tachometer else STUCK_FACTOR * derived.stuck_travel
     yield Row("potentiometer-stuck", _deg(travel), stuck)
     drift = f"{limit.POSITION_DRIFT:g} grains, filtered over 16 readings"

@@ -13,6 +13,8 @@ from .timing import Timing
 
 STUCK_FACTOR, STUCK_CYCLES = 1.6, 6
 """Of the way that a code may stand still; and a code that has not changed for less is none that sticks."""
+UNLEARNED_SHARE = 0.2
+"""Of what a right model may be off by: the rest the observer has learned by the time at which a code changed last."""
 
 
 class TachlessWitness(SensorLess):
@@ -26,7 +28,7 @@ class TachlessWitness(SensorLess):
 
     def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
         super().__init__(nominal, thresholds, timing, report)
-        self._unmodelled = unmodelled_rad_s2(nominal)
+        self._unmodelled = UNLEARNED_SHARE * unmodelled_rad_s2(nominal)
         self.start(0.0)
 
     def start(self, position_rad: float) -> None:
