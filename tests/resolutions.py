@@ -1,19 +1,26 @@
 """konkuk1 with converters of another resolution, for tests of cards and of whole loops."""
 
+import re
+
 from canarm_protocol.cell.cell_file import parse_cell, shipped_cells
 from canarm_protocol.cell.model import Cell
 
 
+def _konkuk1() -> str:
+    """Without the limits that its file gives in steps of eight bits; what the cell does not say is derived."""
+    return re.sub(r"\n[a-z_]+_lsb = [^\n]*(?=\n(?:.*\n)*?\[\[robot\]\])", "", shipped_cells()["konkuk1"])
+
+
 def cell_of_bits(bits: int) -> Cell:
     """konkuk1 with a `dac` and an `adc` of `bits` bits in the slots of its DAC0808 and its ADC0809."""
-    text = shipped_cells()["konkuk1"]
+    text = _konkuk1()
     text = text.replace('model = "dac0808"', f'model = "dac"\nbits = {bits}')
     return parse_cell(text.replace('model = "adc0809"', f'model = "adc"\nbits = {bits}'), f"konkuk1 with {bits} bits")
 
 
 def cell_of_two_adcs(second_us: int = 150) -> Cell:
     """konkuk1 with the sensors of joint 3 at an ADC of 12 bits in slot 5, `second_us` a channel."""
-    text, _, channels = shipped_cells()["konkuk1"].partition('model = "adc0809"')
+    text, _, channels = _konkuk1().partition('model = "adc0809"')
     head, wires = channels.split("channel = [")
     lines = [line.strip() for line in wires.splitlines() if "signal" in line]
     first = "\n".join(line for line in lines if "joint2" in line)

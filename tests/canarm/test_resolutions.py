@@ -17,6 +17,7 @@ def error_rad(cell: Cell) -> tuple[float, float]:
     with Rig(cell, law="mras", trajectory="sine", seed=0) as rig:
         rig.run(seconds=3.0)
         assert rig.state is State.RUNNING, rig.events
+        assert not rig.detections
         errors = [joint.true_angle_rad[-400:] - joint.reference_rad[-400:] for joint in rig.joints.values()]
     first, second = (math.sqrt(float((each**2).mean())) for each in errors)
     return first, second
