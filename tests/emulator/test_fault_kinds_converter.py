@@ -1,10 +1,15 @@
 """Faults of converters, over all 256 codes."""
 
 from collections.abc import Callable
+from random import Random
 
 import pytest
 
-from canarm_emulator.faults.declaration import SignalFault
+from canarm_emulator.faults.declaration import Context, SignalFault, Tap, TapKind
+from canarm_emulator.faults.kinds.converter import MissingCode, StuckBit
+from canarm_emulator.faults.parameters import parameters_at
+from canarm_emulator.faults.taps import taps_of
+from tests.resolutions import cell_of_bits
 
 Begin = Callable[..., SignalFault]
 TAPS = ("joint3.dac.code", "adc.channel2")
@@ -38,3 +43,24 @@ def test_the_code_below_takes_the_place_of_several_that_are_missing(begin: Begin
 def test_codes_may_be_missing_up_to_the_end_of_the_range(begin: Begin) -> None:
     fault = begin("adc.channel2", "missing-code", code=250, count=255)
     assert [fault.apply(code, 0) for code in (249, 250, 255)] == [249, 249, 249]
+
+
+@pytest.mark.parametrize("bits", [8, 12, 16])
+@pytest.mark.parametrize("tap", TAPS)
+def test_bits_and_codes_are_those_of_the_card_at_the_tap(bits: int, tap: str) -> None:
+    at = taps_of(cell_of_bits(bits))[tap]
+    (bit, _), (code, count) = parameters_at(StuckBit, at), parameters_at(MissingCode, at)
+    assert (bit.minimum, bit.default, bit.maximum) == (0, bits // 2, bits - 1)
+    assert (code.minimum, code.default, code.maximum) == (1, 2 ** (bits - 1), 2**bits - 1)
+    assert (count.minimum, count.maximum) == (1, 2**bits - 1)
+
+
+@pytest.mark.parametrize(
+    ("code", "bit", "value", "stuck"), [(5, 15, 1, 5 - 32_768), (-1, 15, 0, 32_767), (-2, 0, 1, -1)]
+)
+def test_the_sign_of_a_count_can_be_stuck(code: int, bit: int, value: int, stuck: int) -> None:
+    """Two's complement of 16 bits."""
+    fault = StuckBit(bit=bit, value=value)
+    tap = Tap("counter.channel1", TapKind.ADC_CODE, "count", "LSB", -32_768, 32_767, 1)
+    fault.begin(Context(tap, 0, 2_500_000, Random(0)))
+    assert fault.apply(code, 0) == stuck

@@ -5,7 +5,7 @@ What a fault does with them never enters; which value somebody asks for is check
 
 import dataclasses
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import FrameType
 from typing import Any
@@ -66,6 +66,42 @@ def level(about: str, default: float | None) -> Any:
     return field(default=default, metadata={"parameter": meta, "level": True})
 
 
+def bit_of_code(about: str) -> Any:
+    """A parameter that is one bit of the tap's code, 0 the lowest; the default is the middle one."""
+    return _of_code("bit_of_code(about)", about, 0, _of_bits)
+
+
+def code_of_tap(about: str) -> Any:
+    """A parameter that is a code of the tap above its lowest; the default is the middle one."""
+    return _of_code("code_of_tap(about)", about, 0, _of_codes)
+
+
+def count_of_codes(about: str) -> Any:
+    """A parameter that is a number of codes of the tap; the default is one."""
+    return _of_code("count_of_codes(about)", about, 1, _of_counts)
+
+
+def _of_code(call: str, about: str, default: int, bounds: Callable[[Tap], tuple[str, int, int, int]]) -> Any:
+    _check_arguments(call, {"about": about}, None, 0.0, 0.0)
+    meta = Parameter("", about, "", None, is_whole=True)
+    return field(default=default, metadata={"parameter": meta, "of_code": bounds})
+
+
+def _of_bits(tap: Tap) -> tuple[str, int, int, int]:
+    """Unit, default, least and greatest."""
+    bits = round(tap.high - tap.low).bit_length()
+    return "", bits // 2, 0, bits - 1
+
+
+def _of_codes(tap: Tap) -> tuple[str, int, int, int]:
+    low, high = round(tap.low), round(tap.high)
+    return tap.unit, low + (high - low + 1) // 2, low + 1, high
+
+
+def _of_counts(tap: Tap) -> tuple[str, int, int, int]:
+    return tap.unit, 1, 1, round(tap.high - tap.low)
+
+
 def choice(about: str, choices: tuple[str, ...]) -> Any:
     """A parameter that is one of some words; the first is the default."""
     given: object = choices
@@ -117,6 +153,9 @@ def parameters_at(fault: type[Fault], tap: Tap) -> list[Parameter]:
             unit = f"{tap.unit}/{meta.unit}" if meta.unit else tap.unit
             default = None if meta.default is None else zero + span * meta.default
             low, high = zero + span * meta.minimum, zero + span * meta.maximum
+            meta = dataclasses.replace(meta, unit=unit, default=default, minimum=low, maximum=high)
+        if "of_code" in each.metadata:
+            unit, default, low, high = each.metadata["of_code"](tap)
             meta = dataclasses.replace(meta, unit=unit, default=default, minimum=low, maximum=high)
         found.append(meta)
     return found

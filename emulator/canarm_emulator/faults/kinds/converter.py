@@ -1,25 +1,30 @@
-"""Faults of converters: what happens to an 8-bit code. Offset, gain and noise of a code are faults of any signal."""
+"""Faults of converters: what happens to a code. Offset, gain and noise of a code are faults of any signal."""
 
 from dataclasses import dataclass
 
-from ..declaration import Family, SignalFault, TapKind
-from ..parameters import parameter
+from ..declaration import Context, Family, SignalFault, TapKind
+from ..parameters import bit_of_code, code_of_tap, count_of_codes, parameter
 
 CODES = frozenset({TapKind.DAC_CODE, TapKind.ADC_CODE})
-BITS = 8
 
 
 @dataclass
 class StuckBit(SignalFault, name="stuck-bit", family=Family.CONVERTER, acts_on=CODES, is_dangerous=True):
     """One bit of the code is always 0, or always 1."""
 
-    bit: int = parameter("the bit, 0 is the lowest", "", 4, 0, BITS - 1, is_whole=True)
+    bit: int = bit_of_code("the bit, 0 is the lowest")
     value: int = parameter("what it always is", "", 1, 0, 1, is_whole=True)
+
+    def begin(self, context: Context) -> None:
+        """A code with a sign is stuck as its two's complement is."""
+        low, high = round(context.tap.low), round(context.tap.high)
+        self._range, self._half = high - low + 1, -low
 
     def apply(self, value: float, now_ns: int) -> float:
         """The code with that bit set or cleared."""
         mask = 1 << self.bit
-        return int(value) | mask if self.value else int(value) & ~mask
+        stuck = int(value) | mask if self.value else int(value) & ~mask
+        return (stuck + self._half) % self._range - self._half
 
 
 @dataclass
@@ -31,8 +36,8 @@ class MissingCode(SignalFault, name="missing-code", family=Family.CONVERTER, act
     where converters miss codes first, since all bits change there.
     """
 
-    code: int = parameter("the lowest code that is missing", "LSB", 128, 1, (1 << BITS) - 1, is_whole=True)
-    count: int = parameter("how many are missing", "LSB", 1, 1, (1 << BITS) - 1, is_whole=True)
+    code: int = code_of_tap("the lowest code that is missing")
+    count: int = count_of_codes("how many are missing")
 
     def apply(self, value: float, now_ns: int) -> float:
         """The code, or the one below the gap."""
