@@ -1,14 +1,13 @@
 """What the cards hold, asked by SDO, and how it reads in a line of text. Conversations as the master's."""
 
-import contextlib
 import math
 from collections.abc import Generator
 
-from canarm_controller.bus.master import Ask, Silence
+from canarm_controller.bus.master import Ask, carry_out
 from canarm_controller.errors import ControllerError
 from canarm_protocol.canopen.dictionary import ERROR_REGISTER, variable_at
-from canarm_protocol.canopen.frames import Cob, Frame
-from canarm_protocol.canopen.sdo import SdoAborted, Transfer, abort_request, download, upload
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.canopen.sdo import Transfer, download, upload
 from canarm_protocol.cards import Wire
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.sensing import joint_sensors
@@ -17,8 +16,6 @@ from canarm_protocol.cell.wiring import CardNode, DirectionBits, InputSlot, comm
 from .parsing import DIRECTION_NAMES, SdoRead, SdoWrite
 
 UNITS = {Quantity.POSITION: "deg", Quantity.VELOCITY: "rad/s", Quantity.CURRENT: "A"}
-ABORT_SENT_NS = 0
-"""An abort of ours is not answered."""
 
 
 class JogError(ControllerError):
@@ -84,20 +81,4 @@ def output_text(cell: Cell, joint: int, code: int, direction: DirectionBits) -> 
 
 
 def _transfer(node: CardNode, transfer: Transfer) -> Generator[Ask, Frame, bytes]:
-    card = f"card {node.card.name!r} (node 0x{node.card.node_id:02X})"
-    request_id, answer_id = Cob.SDO_TO_SERVER + node.card.node_id, Cob.SDO_TO_CLIENT + node.card.node_id
-    request = next(transfer)
-    while True:
-        try:
-            answer = yield Ask((Frame(request_id, request),), lambda frame: frame.can_id == answer_id)
-            request = transfer.send(answer.data)
-        except StopIteration as done:
-            return bytes(done.value)
-        except SdoAborted as error:
-            if not error.by_server:
-                abort = Frame(request_id, abort_request(error.index, error.subindex, error.code))
-                with contextlib.suppress(Silence):
-                    yield Ask((abort,), lambda frame: False, ABORT_SENT_NS)
-            raise JogError(f"{card}: {error}") from None
-        except Silence:
-            raise JogError(f"{card} does not answer SDO") from None
+    return (yield from carry_out(node, transfer, JogError, "does not answer SDO"))

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from canarm_protocol.canopen.frames import NmtState
+from canarm_protocol.canopen.frames import HIGHEST_NODE_ID, NmtState
 from canarm_protocol.cell.bench_objects import TRUE_ANGLE, TRUE_COMMAND, TRUE_SPEED, sdo_channel
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
@@ -35,7 +35,7 @@ from ..session import DEFAULT_CELL
 from ..usage import UsageError
 from .keeping import fault_complaints, fault_lines
 from .program import Program, check_limit
-from .watch import HIGHEST_NODE_ID, BusWatch, SeenEmergency, SeenFrame, SeenNmt
+from .watch import BusWatch, SeenEmergency, SeenFrame, SeenNmt
 
 ANSWER_S = 10.0
 """How long the bench may take to answer; the machine may be busy."""

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from canarm_protocol.canopen.frames import Cob, Emergency, Frame, NmtCommand, NmtState, parse_nmt
+from canarm_protocol.canopen.frames import HIGHEST_NODE_ID, Cob, Emergency, Frame, NmtCommand, NmtState, parse_nmt
 from canarm_protocol.errors import BusError, FrameError
 from canarm_protocol.transport.port import BusPort
 
@@ -18,7 +18,6 @@ READ_S = 0.1
 """How often the reader looks whether it is to end."""
 LOOK_S = 0.05
 """How often a condition is looked at while nothing passes."""
-HIGHEST_NODE_ID = 127
 
 
 class SeenFrame(NamedTuple):

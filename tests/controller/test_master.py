@@ -129,5 +129,7 @@ def test_an_answer_about_another_object_is_refused() -> None:
     (adc,) = (node for node in card_nodes(load_cell("konkuk1")) if node.card.node_id == ADC)
     reading = read_input(adc, 3)
     next(reading)
+    abort = reading.send(Frame(0x594, b"\x4b\x01\x64\x04" + bytes(4)))
+    assert [(frame.can_id, frame.data[0]) for frame in abort.frames] == [(0x614, 0x80)]  # CiA 301, 7.2.4.3.17
     with pytest.raises(BringUpError, match=r"card 'adc' \(node 0x14\): SDO 0x6401:03 aborted by the client"):
-        reading.send(Frame(0x594, b"\x4b\x01\x64\x04" + bytes(4)))
+        reading.throw(Silence())

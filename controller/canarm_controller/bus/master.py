@@ -4,6 +4,7 @@ A conversation is a generator. It yields what to send and whose answer it waits 
 has `Silence` thrown into it when none came in time. Sockets and clocks belong to whoever drives it.
 """
 
+import contextlib
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 
@@ -15,15 +16,16 @@ from canarm_protocol.canopen.dictionary import (
     variable_at,
 )
 from canarm_protocol.canopen.frames import Cob, Frame, NmtCommand, NmtState, heartbeat_frame, nmt_frame
-from canarm_protocol.canopen.sdo import SdoAborted, Transfer, download, upload
+from canarm_protocol.canopen.sdo import SdoAborted, Transfer, abort_request, download, upload
 from canarm_protocol.cell.configuration import Setting, card_settings
 from canarm_protocol.cell.model import Bus
 from canarm_protocol.cell.wiring import CardNode
 
-from ..errors import BringUpError, ClockMismatchError
+from ..errors import BringUpError, ClockMismatchError, ControllerError
 
 ANSWER_NS = 3_000_000_000
 """How long a card may take to answer."""
+UNANSWERED_NS = 0
 ALL_BITS = 0xFF
 CLOCK_NAMES = {0: "wall", 1: "sync"}
 
@@ -158,6 +160,17 @@ def _read(node: CardNode, index: int, subindex: int, size: int) -> Generator[Ask
 
 
 def _transfer(node: CardNode, transfer: Transfer) -> Generator[Ask, Frame, bytes]:
+    silence = f"stopped answering: no SDO response within {ANSWER_NS / 1e9:g} s"
+    return (yield from carry_out(node, transfer, BringUpError, silence))
+
+
+def carry_out(
+    node: CardNode, transfer: Transfer, failure: type[ControllerError], silence: str
+) -> Generator[Ask, Frame, bytes]:
+    """An SDO transfer with a card, to its end. Raises `failure` for an abort, and with `silence` without an answer.
+
+    A card whose answer was wrong is told so by an abort of ours, which is not answered.
+    """
     request_id, answer_id = Cob.SDO_TO_SERVER + node.card.node_id, Cob.SDO_TO_CLIENT + node.card.node_id
     request = next(transfer)
     while True:
@@ -169,11 +182,13 @@ def _transfer(node: CardNode, transfer: Transfer) -> Generator[Ask, Frame, bytes
         except StopIteration as done:
             return bytes(done.value)
         except SdoAborted as error:
-            raise BringUpError(f"{_name(node)}: {error}") from None
+            if not error.by_server:
+                abort = Frame(request_id, abort_request(error.index, error.subindex, error.code))
+                with contextlib.suppress(Silence):
+                    yield Ask((abort,), lambda frame: False, UNANSWERED_NS)
+            raise failure(f"{_name(node)}: {error}") from None
         except Silence:
-            raise BringUpError(
-                f"{_name(node)} stopped answering: no SDO response within {ANSWER_NS / 1e9:g} s"
-            ) from None
+            raise failure(f"{_name(node)} {silence}") from None
 
 
 def _name(node: CardNode) -> str:

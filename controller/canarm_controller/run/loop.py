@@ -7,7 +7,7 @@ beyond what it returns.
 from collections.abc import Callable, Mapping, Sequence
 
 from canarm_protocol.cell.model import Cell
-from canarm_protocol.cell.wiring import InputSlot, command_codec
+from canarm_protocol.cell.wiring import DirectionBits, InputSlot, command_codec
 
 from ..dynamics import cell_arm
 from ..errors import ControllerError, LawError
@@ -19,7 +19,8 @@ from ..reference.memory import SAMPLES, MemoryImage
 from ..reference.trajectory import Reference, Trajectory
 from .inputs import JointInputs
 
-OFF, CLOCKWISE, COUNTER_CLOCKWISE = 0b00, 0b01, 0b10
+OFF, CLOCKWISE = int(DirectionBits.OFF), int(DirectionBits.CLOCKWISE)
+COUNTER_CLOCKWISE = int(DirectionBits.COUNTER_CLOCKWISE)
 """Direction bits of the latch (table 1 of the paper); counter-clockwise is towards positive angles."""
 LEAD_CYCLES = 1.5
 """A command computed in cycle k acts from SYNC k+1 to SYNC k+2: on average 1.5 cycles later."""

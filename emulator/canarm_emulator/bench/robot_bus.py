@@ -5,7 +5,7 @@ Owns the record of the bus, the wire and its trouble. What a SYNC does, and why 
 
 from collections.abc import Callable, Collection, Hashable
 
-from canarm_protocol.canopen.frames import Cob, Frame, NmtState
+from canarm_protocol.canopen.frames import HIGHEST_NODE_ID, Cob, Frame, NmtState
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 
@@ -19,7 +19,6 @@ from ..wire.wire_events import StateChange
 from .card_nodes import CardNodes
 from .fault_hooks import FaultHooks
 
-HIGHEST_NODE_ID = 127
 _SYNC, _HEARTBEAT, _LAST_HEARTBEAT = int(Cob.SYNC), int(Cob.HEARTBEAT), Cob.HEARTBEAT + HIGHEST_NODE_ID
 _BOOT_UP = bytes((NmtState.BOOT_UP,))
 _NMT_AND_SDO = frozenset(

@@ -5,7 +5,7 @@ Owns the bench node and the record of its bus. The robot's bus never enters.
 
 from collections.abc import Callable
 
-from canarm_protocol.canopen.frames import Cob, Frame, NmtCommand
+from canarm_protocol.canopen.frames import HIGHEST_NODE_ID, Cob, Frame, NmtCommand
 from canarm_protocol.canopen.pdo import PdoLayout
 from canarm_protocol.cell.bench_objects import BUS_LOAD, bench_dictionary
 from canarm_protocol.cell.model import Cell
@@ -15,8 +15,6 @@ from ..bus_record import Record
 from ..node.slave import Slave
 from ..robot.timeline import Timeline
 from .bench_device import BenchDevice
-
-HIGHEST_NODE_ID = 127
 
 
 class BenchNode:

@@ -6,7 +6,7 @@ Times are virtual, since power-on; the cycle beside them counts from the first S
 from collections.abc import Hashable
 from pathlib import Path
 
-from canarm_protocol.canopen.frames import ERROR_FLAG, Cob, Emergency
+from canarm_protocol.canopen.frames import ERROR_FLAG, HIGHEST_NODE_ID, Cob, Emergency
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.faults.fault_events import FaultEvent, event_details, event_name
 from canarm_protocol.runs.run_folder import CAN_LOG_FILE, EVENTS_FILE, SIGNALS_FOLDER, CanLog, EventLog, SignalLog
@@ -26,7 +26,7 @@ _COLUMNS = (
     "motor_speed_rad_s",
 )
 """As in `world.JointState`."""
-HIGHEST_NODE_ID, EMERGENCY_LENGTH = 127, 8
+EMERGENCY_LENGTH = 8
 
 
 class Recorder:
