@@ -43,6 +43,7 @@ COMMANDS = {
     "tui": "Watch a running bench in a dashboard.",
     "jog": "Drive the cards by hand, where no controller runs.",
     "fault": "Break something on the signal path: list, inject, clear, trigger, status; matrix.",
+    "reset": "Switch the robot of a running bench off and on again.",
     "check": "Validate a cell file and show what it describes.",
     "export": "Describe a cell to other tools: EDS and DCF for CANopen masters, DBC for decoders.",
 }

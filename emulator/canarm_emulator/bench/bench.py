@@ -30,6 +30,7 @@ from ..wire.wire import Wire
 from .card_nodes import CardNodes
 from .fault_hooks import FaultHooks, Faults, SecondCard
 from .input_scan import InputScan
+from .rest import RestWatch
 from .robot_bus import RobotBus, is_sync
 
 __all__ = ["Bench", "CycleTruth", "Record"]
@@ -94,7 +95,9 @@ class Bench:
         self.slaves.extend(self.make_card(card, card.node_id) for card in cell.card)
         figures = BusFigures(self.wire, self.trouble, [slave.node_id for slave in self.slaves])
         faults = FaultObjects(self._time_and_run)
-        self.device = BenchDevice(cell, self.assessor, figures, faults, self._set_emergency_stop)
+        self.device = BenchDevice(
+            cell, self.assessor, figures, faults, self._set_emergency_stop, lambda: self.power_cycle()
+        )
         self.device.truth = self.world.state()
         self.node = BenchNode(cell, clock, self._time, self.device, with_wire)
         self._node_slave = self.node.slave
@@ -194,18 +197,35 @@ class Bench:
             self.bus.carry(self.wire, until_ns)
 
     def run_on(self) -> None:
-        """In lockstep, the sender of SYNC is lost: time runs on until the cards' own protection has acted."""
+        """In lockstep, the sender of SYNC is lost: time runs on until the cards are safe and the arms at rest."""
         time = self._time
         timeouts_ns = [slave.watch_due_ns for slave in self.slaves if slave.watch_due_ns != NEVER]
         timeouts_ns.append(time.time_ns + self.cell.bus.heartbeat_timeout_ms * 1_000_000)
         end_ns = max(timeouts_ns) + RUN_ON_NS
-        while time.time_ns < end_ns:
-            self.advance(min(time.time_ns + IDLE_STEP_NS, end_ns))
+        rest = RestWatch(time.time_ns, end_ns)
+        while rest.waits(time.time_ns):
+            step_end_ns = time.time_ns + IDLE_STEP_NS
+            self.advance(min(step_end_ns, end_ns) if time.time_ns < end_ns else step_end_ns)
             time.catch_up()
+            rest.look(time.time_ns, self.world.state())
             self._tell_idle_truth()
             if self._faults is not None:
                 self._faults.update(time.time_ns, time.cycle)
         self._next_sync_ns = time.time_ns
+
+    def power_cycle(self) -> None:
+        """Everything off and on again: no emergency stop, arms parked and at rest, every card boots. Time goes on."""
+        time = self._time
+        self.catch_up()
+        self.world.power_on()
+        self.device.is_stopped = False
+        for slave in self.slaves:
+            slave.boot(time.time_ns)
+        time.cycle, time.begin_ns = -1, None
+        self._next_sync_ns, self._may_move_on = max(time.time_ns, self.world.time_ns), False
+        self.assessor.begin()
+        self.device.truth = self.world.state()
+        self.nodes.refresh()
 
     def move_on(self) -> None:
         """In lockstep, the world goes on to the next SYNC as soon as a cycle's inputs are out.

@@ -19,7 +19,8 @@ from .sdo_channels import SdoChannels
 class BenchDevice:
     """State of the run as the bench node shows it. The bench fills `cycle` and `truth` at every SYNC.
 
-    `set_emergency_stop` opens the supply of the amplifiers, or closes it again.
+    `set_emergency_stop` opens the supply of the amplifiers, or closes it again; `power_cycle` switches all of the robot
+    off and on again.
     """
 
     def __init__(
@@ -29,6 +30,7 @@ class BenchDevice:
         buses: BusFigures,
         faults: FaultObjects,
         set_emergency_stop: Callable[[bool], None],
+        power_cycle: Callable[[], None],
     ) -> None:
         count = len(cell.joints)
         self.assessor = assessor
@@ -39,7 +41,9 @@ class BenchDevice:
         """Whether the emergency stop is on."""
         self.on_emergency_stop: Callable[[bool], None] | None = None
         """Told of every change."""
-        self._set_emergency_stop = set_emergency_stop
+        self.on_power_cycle: Callable[[], None] | None = None
+        """Told when one is over."""
+        self._set_emergency_stop, self._power_cycle = set_emergency_stop, power_cycle
         self.cycle = 0
         self.truth: list[JointState] = []
         self.tick = 0
@@ -68,6 +72,8 @@ class BenchDevice:
             return lambda data: self.faults.write(data, self.channels.current)
         if index == objects.EMERGENCY_STOP:
             return self._stop
+        if index == objects.POWER_CYCLE:
+            return self._off_and_on
         if index == objects.CHANNEL_OWNER:
             return lambda token: self._claim(subindex, token)
         if (index, subindex) not in self.report:
@@ -91,6 +97,8 @@ class BenchDevice:
         """Truth, assessment, figures of the buses, faults, or what the controller reported last."""
         if (index, subindex) in self.report:
             return lambda: self.report[index, subindex]
+        if index == objects.POWER_CYCLE:
+            return lambda: 0
         if index == objects.CYCLE:
             return lambda: self.cycle
         if index == objects.TICK:
@@ -135,6 +143,12 @@ class BenchDevice:
             self._set_emergency_stop(is_on)
             if self.on_emergency_stop is not None:
                 self.on_emergency_stop(is_on)
+
+    def _off_and_on(self, value: int) -> None:
+        if value:
+            self._power_cycle()
+            if self.on_power_cycle is not None:
+                self.on_power_cycle()
 
     def _claim(self, channel: int, token: int) -> None:
         if self.channels.write(channel, token):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.faults.script import FaultScript
+from canarm_protocol.faults.script import FaultScript, clearing
 
 from ..bench.bench import Bench
 from ..robot.truth import Truth
@@ -51,6 +51,12 @@ class FaultBench(Bench):
             super().change_truth(truth)
         else:
             self._engine.truth_point.change_base(truth, self.time_ns)
+
+    def power_cycle(self) -> None:
+        """As a bench without faults does; those that there are end first and are forgotten."""
+        if self._engine is not None:
+            self.inject(clearing())
+        super().power_cycle()
 
     def plain_sets(self) -> list[dict[str, Any]]:
         """Every set that was accepted and not cleared, for JSON: `set`, `state`, `activations`."""

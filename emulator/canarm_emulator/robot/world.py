@@ -72,7 +72,7 @@ class World:
 
     def __init__(self, cell: Cell, truth: Truth, seed: int) -> None:
         self.time_ns = 0
-        self._cell, self._truth = cell, truth
+        self._cell, self._truth, self._seed = cell, truth, seed
         self._max_step_ns = cell.physics.max_step_us * 1000
         self._plant = Plant(cell, truth)
         self._drives = [Drive(joint, true) for joint, true in zip(cell.joints, truth.joints, strict=True)]
@@ -86,6 +86,15 @@ class World:
         self._schedule: ScanSchedule | None = None
         """That of the last scan: nearly always the next one's too."""
         self._schedule_samples: list[list[tuple[int, float]]] = []
+
+    def power_on(self) -> None:
+        """As at the beginning, but for the time: parked, at rest, without current, the noise from its start."""
+        truth = self._truth
+        self._plant = Plant(self._cell, truth)
+        self._drives = [Drive(joint, true) for joint, true in zip(self._cell.joints, truth.joints, strict=True)]
+        self._parking = Parking(self._cell)
+        self._hold()
+        self._deviates = sensors.normal_deviates(self._seed)
 
     def set_dac_output(self, joint_index: int, fraction: float) -> None:
         """Output of the joint's DAC0808, I_out/I_ref from 0 to 255/256; it acts from `time_ns` on."""

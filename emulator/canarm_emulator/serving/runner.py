@@ -100,6 +100,7 @@ class EmulatorRunner:
         bench.device.buses.count_clients = self._count_clients
         bench.device.faults.on_event = self._fault_event
         bench.device.on_emergency_stop = self._emergency_stop
+        bench.device.on_power_cycle = self._powered_on
 
     def run(self) -> None:
         """Power on and serve until `should_stop`. Raises `BusError` when a port's bus is lost."""
@@ -304,6 +305,11 @@ class EmulatorRunner:
     def _emergency_stop(self, is_on: bool) -> None:
         self._note("emergency-stop", state="on" if is_on else "off")
         self._on_event("emergency stop: the supply of all amplifiers is " + ("open" if is_on else "closed again"))
+
+    def _powered_on(self) -> None:
+        self._sync_sender = None
+        self._note("power-cycle")
+        self._on_event("power cycle: the arms are parked, and every card has booted")
 
     def _record_cycle(self, truth: CycleTruth) -> None:
         assert self._recorder is not None

@@ -28,7 +28,7 @@ FAULT_SET, FAULT_RESULT, FAULT_STATUS, FAULT_CATALOGUE, FAULT_EVENTS = range(0x2
 ACTIVE_FAULTS, BEGUN_FAULTS = 0x2405, 0x2406
 PACKED_CATALOGUE, PACKED_EVENTS = 0x2407, 0x2408
 """FAULT_CATALOGUE and FAULT_EVENTS packed with zlib: a tenth of the frames, for those who ask during a run."""
-EMERGENCY_STOP = 0x2410
+EMERGENCY_STOP, POWER_CYCLE = 0x2410, 0x2411
 CHANNEL_OWNER = 0x2420
 """Sub-index n: the token of the client that has claimed SDO channel n, 0 for none."""
 BUSES = "can0", "bench"
@@ -149,6 +149,8 @@ def bench_dictionary(cell: Cell) -> Dictionary:
         dictionary, EMERGENCY_STOP, "Emergency stop (1 opens all amplifiers' supply)", _U8, "rw", 0, mappable=True
     )
     dictionary[EMERGENCY_STOP].max = 1
+    _variable(dictionary, POWER_CYCLE, "Power cycle (1 switches the robot off and on again)", _U8, "rw", 0)
+    dictionary[POWER_CYCLE].max = 1
     _array(dictionary, CHANNEL_OWNER, "Token of the client that has claimed the SDO channel", _U32, "rw", SDO_CHANNELS)
     _add_pdos(dictionary, node_id, joints)
     return dictionary

@@ -98,6 +98,10 @@ class BenchClient:
         """Open the supply of all amplifiers, or close it again."""
         self._ask(lambda session: session.download(objects.EMERGENCY_STOP, 0, bytes((is_on,))))
 
+    def power_cycle(self) -> None:
+        """Switch the robot off and on again: faults and emergency stop gone, arms parked, every card boots."""
+        self._ask(lambda session: session.download(objects.POWER_CYCLE, 0, b"\1"))
+
     def close(self) -> None:
         """Give the channel back. May be called again."""
         channel, self.channel = self.channel, 0
