@@ -13,7 +13,7 @@ unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV CONDA_PREFIX UV_PROJECT_ENVIRONMENT U
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup demo test check check-format check-lint check-types check-imports check-lock check-wheels \
+.PHONY: help setup demo test soak check check-format check-lint check-types check-imports check-lock check-wheels \
 	check-docs check-install \
 	check-socketcan bench ablation matrix docs notice format lock clean
 
@@ -24,10 +24,13 @@ help: ## List the targets
 demo: setup ## Run the robot, the controller and the dashboard (ARGS="--law mras --seconds 10")
 	@$(BIN)/canarm demo $(ARGS)
 
-test: setup ## Run the tests (ARGS="-k encoder -m 'not slow'")
-	$(BIN)/python -m pytest -n $(JOBS) $(ARGS)
+test: setup ## Run the tests, but for the long ones (ARGS="-k encoder")
+	$(BIN)/python -m pytest -n $(JOBS) -m "not slow" $(ARGS)
 
-check: check-format check-lint check-types check-imports check-lock check-docs test check-wheels check-install ## Run everything that CI runs
+soak: setup ## Run the long tests: 10^6 cycles, 10^6 frames, the whole matrix, processes on the wall clock
+	$(BIN)/python -m pytest -n $(JOBS) -m slow $(ARGS)
+
+check: check-format check-lint check-types check-imports check-lock check-docs test check-wheels check-install ## Run what CI runs, but for soak and check-socketcan
 
 check-format: setup ## Formatting
 	$(BIN)/python -m ruff format --check .

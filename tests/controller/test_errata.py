@@ -3,6 +3,7 @@
 The measure is never the trace form itself but derivatives of the arm's geometry, or energies summed over its points.
 """
 
+import dataclasses
 from math import cos, pi, sin
 
 import numpy as np
@@ -267,6 +268,17 @@ def test_printed_gravity_terms_take_wrong_angles_and_a_sign_that_only_a_negative
         right2 = M2 * GRAVITY * L * cos(q[0]) / 2 + right3 + M3 * GRAVITY * L * cos(q[0])
         assert is_close(rod_gravity(q), (right2, right3), 1e-14)
         assert is_close(lagrange_euler.gravity(RODS, q), (right2, right3), 1e-14)
+
+
+def test_gravity_along_the_axes_of_both_joints_would_take_all_gravity_terms_away() -> None:
+    """The paper's G lies along z, about which joints 2 and 3 turn; its own terms with g need it along -y."""
+    assert all((link.cos_alpha, link.sin_alpha) == (1.0, 0.0) for link in RODS.links)
+    printed = dataclasses.replace(RODS, gravity_m_s2=(0.0, 0.0, -GRAVITY))
+    right = dataclasses.replace(RODS, gravity_m_s2=(0.0, -GRAVITY, 0.0))
+    for q, _ in rod_states():
+        assert is_close(lagrange_euler.gravity(printed, q), (0.0, 0.0), 1e-15)
+        assert is_close(lagrange_euler.gravity(right, q), rod_gravity(q), 1e-14)
+    assert np.abs(lagrange_euler.gravity(right, [0.0, 0.0])).min() > 0.5
 
 
 def test_tachometer_reaches_0_v_where_the_paper_prints_minus_5_v() -> None:
