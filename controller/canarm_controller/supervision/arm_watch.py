@@ -70,6 +70,8 @@ class ArmWatch:
         self._decays = decays if max(decays) > FORGOTTEN else None
         self._refresh_at = 0
         self._cycle = 0
+        self._resting: list[int] = []
+        """Joints that have not moved yet: until its drive takes it up, the arm lies on its support."""
         self._last_nm: Sequence[float] = (0.0,) * len(self.joints)
         self._flowing_nm: Sequence[float] = self._last_nm
         """What the currents that flowed at the last SYNC make."""
@@ -78,6 +80,7 @@ class ArmWatch:
         """The arm rests at this pose; no torque acts yet."""
         for joint, position in zip(self.joints, position_rad, strict=True):
             joint.start(position)
+        self._resting = list(range(len(self.joints)))
         self._refresh(position_rad, (0.0,) * len(self.joints))
 
     def step(
@@ -88,11 +91,14 @@ class ArmWatch:
         applied_nm = self._last_nm = cycle.applied_nm
         flowing_nm = last_nm if self._decays is None else self._flow(last_nm, self._decays)
         measured_rad_s = cycle.velocity_rad_s
+        accelerations = self._accelerate(last_nm)
+        if self._resting:
+            accelerations = self._from_rest(accelerations, measured_rad_s)
         replaced = 0
         is_agitated = False
         place = 1
         for joint, x, v, acceleration, x_code, v_code in zip(
-            self.joints, cycle.position_rad, measured_rad_s, self._accelerate(last_nm), angle_codes, speed_codes,
+            self.joints, cycle.position_rad, measured_rad_s, accelerations, angle_codes, speed_codes,
             strict=True,
         ):  # fmt: skip
             if joint.step(x, v, acceleration, x_code, v_code):
@@ -164,6 +170,17 @@ class ArmWatch:
         """What brakes the arm and holds it, from its present state on."""
         fastest = [nominal.fastest_rad_s for nominal in self._nominals]
         return SafeHold(self._arm, cycle, [joint.bias for joint in self.joints], fastest, self._timing.period_s)
+
+    def _from_rest(self, accelerations: Sequence[float], speed_rad_s: Sequence[float]) -> Sequence[float]:
+        """What the model expects, less what a support holds that the model does not know."""
+        standing_rad_s = self.standing_rad_s
+        if self._cycle >= self._timing.calm:
+            self._resting = []
+        self._resting = [index for index in self._resting if abs(speed_rad_s[index]) < standing_rad_s[index]]
+        expected = list(accelerations)
+        for index in self._resting:
+            expected[index] = 0.0
+        return expected
 
     def _look_into(self, count: int, speed_rad_s: Sequence[float], acted_nm: Sequence[float]) -> None:
         """A joint has been agitated, in this cycle or lately."""

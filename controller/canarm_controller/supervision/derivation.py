@@ -76,7 +76,8 @@ def _grain_lines(nominal: JointNominal, derived: Thresholds, timing: Timing) -> 
     yield (
         f"  grain of angle {_deg(derived.position_grain)}: {position.title} {position.noise_lsb:.2f} LSB of "
         f"{_deg(position.step)} makes {_deg(position.noise / limit.REFERENCE_NOISE)}, "
-        f"the integrated tachometer {_deg(integral)}"
+        f"the integrated tachometer {_deg(integral)}, "
+        f"a tenth of a cycle {_deg(limit.timing_error_rad(nominal, timing))}"
     )
     noise = limit.speed_noise_rad_s(nominal, timing)
     source = f"{speed.title} {speed.noise_lsb:.2f} LSB of {speed.step:.3g} rad/s" if speed else "observer of the angle"

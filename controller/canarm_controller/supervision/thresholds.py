@@ -36,6 +36,8 @@ BLIND_NOISE = 1.32
 """sqrt(7)/2: an observer with three equal poles p makes of noise σ a speed's of this times σ·p·sqrt(pT)."""
 INTEGRAL_GRAINS = 5.0
 """Grains over the error of the integrated tachometer: a drift of 0.65 grains is then three of its deviations."""
+TIMING_SHARE = 0.1
+"""Of a cycle: when a reading was taken is not known better, and at the fastest speed the angle goes with it."""
 ROUNDING_BIAS = 1.0 / math.pi
 """Of a step, times exp(-2 (pi sigma)^2): the mean error that rounding leaves of a value with sigma steps of noise."""
 
@@ -153,7 +155,12 @@ def observer_bandwidth_rad_s(period_s: float) -> float:
 def position_grain_rad(joint: JointNominal, timing: Timing) -> float:
     """What of an angle can just not be told: noise of the sensor, or the error of the integrated tachometer."""
     grain = joint.position.noise / REFERENCE_NOISE
-    return max(grain, INTEGRAL_GRAINS * integral_error_rad(joint, timing))
+    return max(grain, INTEGRAL_GRAINS * integral_error_rad(joint, timing), timing_error_rad(joint, timing))
+
+
+def timing_error_rad(joint: JointNominal, timing: Timing) -> float:
+    """What of an angle at the fastest speed is not known because its time is not."""
+    return TIMING_SHARE * joint.fastest_rad_s * timing.period_s
 
 
 def integral_error_rad(joint: JointNominal, timing: Timing) -> float:
