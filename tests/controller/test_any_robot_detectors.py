@@ -67,7 +67,7 @@ current_sense = {{ full_scale_a = 1.5, full_scale_v = 5.0, noise_lsb = {bits_of_
 """
 
 
-def card_text(model: str, first_slot: int, signals: list[str], channels: int, conversion_us: int | None) -> str:
+def card_text(model: str, first_slot: int, signals: list[str], channels: int, settings: str = "") -> str:
     text = ""
     for place, start in enumerate(range(0, len(signals), channels)):
         slot = first_slot + place
@@ -75,7 +75,6 @@ def card_text(model: str, first_slot: int, signals: list[str], channels: int, co
             f'{{ number = {number}, signal = "{signal}" }}'
             for number, signal in enumerate(signals[start : start + channels], start=1)
         )
-        speed = f"conversion_us = {conversion_us}" if conversion_us else ""
         text += f"""
 [[card]]
 name = "{model}-{place}"
@@ -83,13 +82,13 @@ model = "{model}"
 robot = "made-up"
 slot = {slot}
 node_id = {0x10 + slot}
-{speed}
+{settings}
 channel = [{wires}]
 """
     return text
 
 
-def made_up(count: int, cycle_us: int = 2500, noise_lsb: float = 0.3) -> Cell:
+def made_up(count: int, cycle_us: int = 2500, noise_lsb: float = 0.3, bits: int = 8) -> Cell:
     """A cell of `count` joints with nothing in its [supervision]: all limits are derived."""
     head = KONKUK1[: KONKUK1.index("[supervision]")].replace("cycle_us = 2500", f"cycle_us = {cycle_us}")
     head = head.replace("compute_delay_us = 500", "compute_delay_us = 200").replace('"konkuk1"', '"made-up"')
@@ -97,10 +96,14 @@ def made_up(count: int, cycle_us: int = 2500, noise_lsb: float = 0.3) -> Cell:
     measured = ("potentiometer", "tachometer", "current_sense")
     text = head + '[[robot]]\nname = "made-up"\nnumber = 1\ngravity_m_s2 = [0.0, -9.81, 0.0]\n'
     text += "".join(joint_text(number, count, noise_lsb) for number in range(count))
-    text += card_text("dac0808", 1, [f"{name}.current_command" for name in names], 4, None)
-    text += card_text("sc300", 3, [f"{name}.direction" for name in names], 4, None)
+    text += card_text("dac0808", 1, [f"{name}.current_command" for name in names], 4)
+    text += card_text("sc300", 3, [f"{name}.direction" for name in names], 4)
     inputs = [f"{name}.{quantity}" for quantity in measured for name in names]
-    text += card_text("adc0809", 5, inputs, 8, 25 if cycle_us < 2000 else 50)
+    conversion_us = 25 if cycle_us < 2000 else 50
+    if bits == 8:
+        text += card_text("adc0809", 5, inputs, 8, f"conversion_us = {conversion_us}")
+    else:
+        text += card_text("adc", 5, inputs, 8, f"conversion_us = {conversion_us}\nbits = {bits}")
     return parse_cell(text, "made-up.toml")
 
 
@@ -109,17 +112,18 @@ def noticed(rig: Any) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("count", "cycle_us", "law"),
+    ("count", "cycle_us", "bits", "law"),
     [
-        (1, 2500, "mras"),
-        (2, 1000, "computed-torque"),
-        (3, 10_000, "mras"),
-        (5, 5000, "mras-lyapunov"),
-        (7, 5000, "slotine-li"),
+        (1, 2500, 8, "mras"),
+        (1, 10_000, 16, "slotine-li"),
+        (2, 1000, 8, "computed-torque"),
+        (3, 10_000, 12, "mras"),
+        (5, 5000, 8, "mras-lyapunov"),
+        (7, 5000, 8, "slotine-li"),
     ],
 )
-def test_a_whole_robot_raises_no_alarm(count: int, cycle_us: int, law: str) -> None:
-    with Rig(made_up(count, cycle_us), law=law, seed=count) as rig:
+def test_a_whole_robot_raises_no_alarm(count: int, cycle_us: int, bits: int, law: str) -> None:
+    with Rig(made_up(count, cycle_us, bits=bits), law=law, seed=count) as rig:
         rig.run(seconds=SECONDS)
         assert noticed(rig) == []
         assert rig.controller.state is State.RUNNING

@@ -214,7 +214,10 @@ class JointWitness(SensorLess):
         return not -drift < mismatch < drift and self._judge_mismatch(x, predicted, mismatch)
 
     def _judge_angle(self, x: float, predicted: float, off: float, astray: float) -> bool:
-        """The potentiometer against the integrated tachometer in one cycle: no tachometer is that fast wrong."""
+        """The potentiometer against the integrated tachometer in one cycle: no tachometer is that fast wrong.
+
+        Unless its code has not changed for long, and the angle's sensor is a fine one.
+        """
         if -self._limits.jump < astray < self._limits.jump:
             if self._astray_cycles:
                 self._astray_cycles = 0
@@ -222,6 +225,11 @@ class JointWitness(SensorLess):
             return False
         self._astray_cycles += 1
         if self._astray_cycles >= PERSISTENT_CYCLES:
+            if self._code_cycles >= self._timing.stuck_sure and self._report(
+                "tachometer-stuck", self._stuck_detail(), None
+            ):
+                self._base += astray
+                return self._lose_tachometer(x, predicted)
             at_end = self._x_code in self._angle_ends
             name = "potentiometer-range" if at_end else "potentiometer-jump"
             if self._report(name, f"code {self._x_code}" if at_end else self._angle_detail(astray), None):
