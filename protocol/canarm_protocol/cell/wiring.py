@@ -114,29 +114,37 @@ def _object_of(card: Card, number: int) -> tuple[int, int]:
     return place.index, place.subindex
 
 
+Part = tuple[int, int]
+"""A joint, and how far its code is shifted in the value of an object."""
+
+
 class OutputFrames:
     """Packs DAC codes and direction bits of all joints into the cards' RPDOs."""
 
     def __init__(self, cell: Cell, nodes: Sequence[CardNode]) -> None:
-        self._frames: list[tuple[PdoLayout, bool, list[list[tuple[int, int]]]]] = []
-        """For each RPDO: whether it carries directions, and for each of its objects the joints and shifts in it."""
+        self._frames: list[tuple[PdoLayout, bool, list[Part], list[list[Part]]]] = []
+        """For each RPDO: whether it carries directions, the part of each object, and where objects have several
+        parts, all of them instead."""
         for node in nodes:
             card = node.card
-            parts: dict[tuple[int, int], list[tuple[int, int]]] = {}
+            parts: dict[tuple[int, int], list[Part]] = {}
             for channel in card.channel:
                 place, joint = card.kind.place(card, channel.number), cell.far_joint(card, channel)
                 shift = place.start_bit + card.codec.shift
                 parts.setdefault((place.index, place.subindex), []).append((joint, shift))
             for layout in node.rpdos:
                 objects = [parts[mapped.index, mapped.subindex] for mapped in layout.objects]
-                self._frames.append((layout, card.kind.takes is Wire.DIRECTION, objects))
+                is_single = all(len(each) == 1 for each in objects)
+                only, several = ([each[0] for each in objects], []) if is_single else ([], objects)
+                self._frames.append((layout, card.kind.takes is Wire.DIRECTION, only, several))
 
     def pack(self, codes: Sequence[int], directions: Sequence[int]) -> list[tuple[int, bytes]]:
         """COB-ID and data of each RPDO, from DAC `codes` and 2-bit `directions`, one for each joint."""
         packed = []
-        for layout, is_direction, objects in self._frames:
-            source, values = directions if is_direction else codes, []
-            for parts in objects:
+        for layout, is_direction, only, several in self._frames:
+            source = directions if is_direction else codes
+            values = [source[joint] << shift for joint, shift in only]
+            for parts in several:
                 value = 0
                 for joint, shift in parts:
                     value |= source[joint] << shift
