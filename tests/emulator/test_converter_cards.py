@@ -166,3 +166,19 @@ def test_two_adc_cards_convert_at_the_same_time_and_each_sends_when_it_is_done()
     assert [time_ns - begin_ns for time_ns in started[0x15]] == [0, 150_000, 300_000]
     stamps = {record.frame.can_id: record.time_ns - begin_ns for record in bench.records if record.frame.can_id > 0x200}
     assert stamps == {0x294: 300_000, 0x394: 300_000, 0x295: 450_000, 0x395: 450_000}
+
+
+def test_register_accesses_carry_the_time_of_the_message_that_asks_for_them() -> None:
+    bench = bench_of(cell_of_bits(12))
+    card: Any = bench.rack.cards[0x12].registers
+    write, times_ns = card.write, []
+
+    def noted(address: int, value: int, now_ns: int) -> None:
+        times_ns.append(now_ns)
+        write(address, value, now_ns)
+
+    card.write = noted
+    bench.advance(7_300_000)
+    Link(bench).card("dac", 0x12).sdo[0x6411][3].raw = 0x1230
+    assert times_ns == [7_300_000] * 2  # low byte and high byte
+    assert card.code(2) == 0x1230 >> 3
