@@ -45,6 +45,7 @@ COMMANDS = {
     "fault": "Break something on the signal path: list, inject, clear, trigger, status; matrix.",
     "reset": "Switch the robot of a running bench off and on again.",
     "check": "Validate a cell file and show what it describes.",
+    "new-cell": "Write a cell for an arm of your own: from its URDF file, or from a number of joints.",
     "export": "Describe a cell to other tools: EDS and DCF for CANopen masters, DBC for decoders.",
 }
 WITH_STOP_REQUEST = ("emulator", "controller")
@@ -52,7 +53,8 @@ WITH_STOP_REQUEST = ("emulator", "controller")
 RUNS = ("demo", "emulator", "controller")
 """Commands that do their work whether somebody reads what they print or not."""
 for _name, _help in COMMANDS.items():
-    app.command(f"canarm.commands.{_name}:{_name}", name=_name, help=_help)
+    _module = _name.replace("-", "_")
+    app.command(f"canarm.commands.{_module}:{_module}", name=_name, help=_help)
 app.register_install_completion_command(add_to_startup=False)
 
 
@@ -105,7 +107,7 @@ def _import_command(arguments: Sequence[str]) -> None:
     """Import what a command needs, and only then let signals become an exception: an import need not pass one on."""
     for name in ("_".join(arguments[:words]) for words in (1, 2)):
         if name in (*COMMANDS, "fault_matrix"):
-            importlib.import_module(f"canarm.commands.{name}")
+            importlib.import_module(f"canarm.commands.{name.replace('-', '_')}")
     if not arguments or arguments[0] not in WITH_STOP_REQUEST:
         interrupt_on_terminate()
 

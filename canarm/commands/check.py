@@ -4,8 +4,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from canarm_controller.dynamics import NominalArm
-from canarm_controller.errors import ControllerError
+from canarm_controller.dynamics import nominal_arm
 from canarm_controller.supervision.derivation import detector_lines
 from canarm_emulator.robot.truth import truth_keys
 from canarm_protocol.cell.cell_file import setting_keys
@@ -14,6 +13,7 @@ from canarm_protocol.cell.schedulability import cell_verdict
 from canarm_protocol.cell.wiring import card_nodes
 
 from ..options import CellOptions, Flag
+from ..rehearsal import rehearse
 from ..usage import UsageError, value_text
 
 
@@ -38,6 +38,11 @@ def check(
     if not verdict.fits:
         raise UsageError("\n".join((f"{cell.cell}: the cyclic traffic does not fit the bus", *verdict.lines)))
     print("\n".join(verdict.lines))
+    try:
+        for line in rehearse(nominal):
+            print(line)
+    except UsageError as error:
+        raise UsageError(f"{cell.cell}: {error}") from None
     print("ok")
     return 0
 
@@ -58,15 +63,11 @@ def _print_cell(cell: Cell) -> None:
                 signals = ", ".join(wires[mapped.subindex] for mapped in layout.objects)
             print(f"  {layout.kind.upper()}{layout.number} 0x{layout.cob_id:03X}: {signals}")
     for robot in cell.robot:
-        try:
-            arm = NominalArm.from_robot(robot)
-        except ControllerError as error:
-            print(f"robot {robot.name}: no control law here can drive it: {error}")
-            continue
+        arm = nominal_arm(robot)
         for joint, inertia, per_ampere in zip(robot.joint, arm.effective_inertia, arm.torque_per_ampere, strict=True):
             print(
                 f"joint {joint.name}: {joint.limits_deg[0]:g} to {joint.limits_deg[1]:g} deg, "
-                f"{inertia:.4f} kg m2, {per_ampere:.3g} N m/A, at most {joint.drive.max_current_a:g} A"
+                f"{inertia:.4g} kg m2, {per_ampere:.3g} N m/A, at most {joint.drive.max_current_a:g} A"
             )
 
 

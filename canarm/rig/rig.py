@@ -23,7 +23,6 @@ from canarm_emulator.faults.turns import SetStatus
 from canarm_emulator.robot.truth import Truth
 from canarm_emulator.serving.recording import Recorder
 from canarm_protocol.canopen.frames import ERROR_FLAG
-from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FaultError
@@ -36,6 +35,7 @@ from ..summary import Summary, detections_as_plain
 from ..usage import UsageError, value_text
 from .arguments import RigWarning, as_text, check_mechanics, checked_seed
 from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question
+from .rig_cell import rig_cell
 from .rig_faults import FaultControl, FaultSource
 from .rig_history import Event, History, StampedFrame
 from .rig_joint import TRUE_SIGNALS, Joints, RigJoint
@@ -54,8 +54,8 @@ class Rig(FaultControl):
     `UsageError`. `out` names a run folder. A rig that is finished and has never run warns (`RigWarning`).
 
     Raises `CellError`, `TruthError`, `ControllerError` (`LawError`, `TrajectoryError`), `FaultError`, `RunFolderError`
-    or `UsageError` (a `ValueError`) for what cannot be. What goes wrong on the robot raises nothing: it ends in a safe
-    stop, with `reason`.
+    or `UsageError` (a `ValueError`) for what cannot be, and warns of a cell whose traffic its bit rate cannot carry.
+    What goes wrong on the robot raises nothing: it ends in a safe stop, with `reason`.
     """
 
     def __init__(
@@ -74,10 +74,8 @@ class Rig(FaultControl):
         out: Path | str | None = None,
     ) -> None:
         super().__init__()
-        if isinstance(cell, Cell) and settings:
-            raise UsageError("settings: go with the name or file of a cell; lay them over this one with load_cell()")
         self._seed = seed = checked_seed(seed)
-        self.cell = cell if isinstance(cell, Cell) else load_cell(str(cell), as_text(settings))
+        self.cell = rig_cell(cell, settings)
         self._law, self._trajectory = law_name(law), trajectory_name(trajectory)
         self._true_settings = as_text(truth)
         self._bench = make_bench(self.cell, self._true_settings, Clock.SYNC, seed, wire)

@@ -13,6 +13,7 @@ from .cell_checks import problems
 from .cell_messages import explain, is_switch, keys_at, nearest
 from .model import Cell
 from .old_cells import old_writing
+from .urdf_robots import resolve_urdf
 
 SETTABLE = ("control", "supervision")
 """The tables whose keys `--set` takes."""
@@ -49,8 +50,9 @@ def load_cell(name_or_path: str, settings: Mapping[str, str] | None = None) -> C
     source = printable(name_or_path) or "''"
     if name_or_path in shipped:
         return parse_cell(shipped[name_or_path], f"cell {name_or_path}", settings)
+    path = Path(name_or_path)
     try:
-        text = read_text(Path(name_or_path), LARGEST_BYTES, "a cell")
+        text = read_text(path, LARGEST_BYTES, "a cell")
     except FileNotFoundError:
         hint = nearest(name_or_path, shipped)
         raise CellError(f"{source}: no such file, and no cell of that name{hint}") from None
@@ -58,7 +60,7 @@ def load_cell(name_or_path: str, settings: Mapping[str, str] | None = None) -> C
         raise CellError(f"{source}: cannot be read: {error.strerror}") from None
     except ValueError as error:
         raise CellError(f"{source}: {error}") from None
-    return parse_cell(text, source, settings)
+    return parse_cell(text, source, settings, path.parent)
 
 
 def printable(text: str) -> str:
@@ -68,8 +70,11 @@ def printable(text: str) -> str:
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
 
-def parse_cell(text: str, source: str, settings: Mapping[str, str] | None = None) -> Cell:
-    """Validate the TOML `text` of a cell; `source` names it in error messages. Raises `CellError`."""
+def parse_cell(text: str, source: str, settings: Mapping[str, str] | None = None, folder: Path = Path()) -> Cell:
+    """Validate the TOML `text` of a cell; `source` names it in error messages. Raises `CellError`.
+
+    URDF files that it names are found from `folder`.
+    """
     try:
         table = parse_toml(text)
     except ValueError as error:
@@ -77,6 +82,7 @@ def parse_cell(text: str, source: str, settings: Mapping[str, str] | None = None
     settings = settings or {}
     for key, value in settings.items():
         _lay_over(table, key, value)
+    resolve_urdf(table, folder, source)
     table = _frozen(table, source)
     is_old = old_writing(table)
     if is_old is not None:

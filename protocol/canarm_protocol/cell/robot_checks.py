@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 from .arm import Body, Joint, Robot
+from .inertia import is_possible
 from .sensors import Quantity
 
 _SMALL = 1e-6
@@ -24,6 +25,13 @@ def joint_problems(name: str, joint: Joint) -> Iterator[str]:
         yield f"{where}: has {found} [robot.joint.body]; give one"
     if joint.body is not None:
         yield from _body_problems(f"{where}.body", joint.body)
+    for key, solid in (("link", joint.link), ("body", joint.body)):
+        if solid is not None and not is_possible(solid.inertia_kg_m2[:3], solid.inertia_kg_m2[3:] or (0.0, 0.0, 0.0)):
+            listed = ", ".join(f"{each:g}" for each in solid.inertia_kg_m2)
+            yield (
+                f"{where}.{key}.inertia_kg_m2 = [{listed}]: no body has it; any two of its principal moments must be "
+                "at least the third together (A + B >= C)"
+            )
     low, high = joint.limits_deg
     if not low < high:
         yield f"{where}.limits_deg = [{low:g}, {high:g}]: must be [lower, upper] with lower < upper"

@@ -10,9 +10,12 @@ from pydantic import BaseModel, ConfigDict, Field
 DEGREE = 0.017453292519943295
 """One degree in rad."""
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+LARGEST = 1e9
+"""In its unit, no quantity of a cell is larger: beyond, squares and products of them would leave what floats hold."""
+
+Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
+Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]*$", max_length=32)]
 Vector = tuple[Finite, Finite, Finite]
 

@@ -1,0 +1,94 @@
+"""`canarm new-cell`: a cell for an arm of one's own, from its URDF file or from a number of joints."""
+
+import os
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.schedulability import cell_verdict
+from canarm_protocol.cell.wiring import card_nodes
+
+from ..new_cell import Request, write_cell
+from ..new_cell.arms import SEGMENTS, arm_of_urdf, made_up_arm
+from ..new_cell.request import DEFAULT_BITRATE, DEFAULT_BITS, DEFAULT_SENSING, Arm
+from ..options import Flag, named_file
+from ..usage import UsageError
+
+Kinds = Literal["potentiometer", "tachometer", "current_sense"]
+
+
+def new_cell(
+    *,
+    urdf: Annotated[
+        Path | None,
+        Parameter(metavar="FILE", converter=named_file, help="The arm: bodies, axes and limits of a URDF file."),
+    ] = None,
+    joints: Annotated[
+        int | None, Parameter(metavar="N", help="Or a made-up arm of 1 to 7 joints, for a laboratory bench.")
+    ] = None,
+    out: Annotated[Path, Parameter(metavar="FILE", converter=named_file, help="The cell to write, such as my.toml.")],
+    cycle_us: Annotated[
+        int | None,
+        Parameter(metavar="US", help="Period of SYNC in us; unless given 2500, or the next that the bus can carry."),
+    ] = None,
+    bitrate: Annotated[int, Parameter(metavar="BIT/S", help="Of the robot's bus.")] = DEFAULT_BITRATE,
+    bits: Annotated[int, Parameter(help="Of the converters, 8 to 16.")] = DEFAULT_BITS,
+    sensors: Annotated[
+        tuple[Kinds, ...],
+        Parameter(negative=(), consume_multiple=True, metavar="KIND", help="What measures each joint."),
+    ] = DEFAULT_SENSING,  # type: ignore[assignment]
+    force: Annotated[Flag, Parameter(help="Overwrite the file if it is there.")] = False,
+) -> int:
+    """Write a cell that runs at once: cards, wiring and gains, and motors that are strong enough, by arithmetic.
+
+    What the arm does not say is assumed, and marked so in the file.
+    """
+    if out.exists() and not force:
+        raise UsageError(f"--out {out}: is there already; take another name, or --force to overwrite it")
+    folder = out.parent
+    if not folder.is_dir():
+        raise UsageError(f"--out {out}: there is no folder {folder}")
+    request = Request(cycle_us, bitrate, bits, tuple(dict.fromkeys(sensors)))
+    text, cell = write_cell(_arm(urdf, joints, folder), request, folder)
+    _write(out, text, force)
+    _print(cell, out)
+    return 0
+
+
+def _arm(urdf: Path | None, joints: int | None, folder: Path) -> Arm:
+    if (urdf is None) == (joints is None):
+        raise UsageError("new-cell: of which arm? name its file with --urdf, or take a made-up one with --joints 3")
+    if urdf is not None:
+        return arm_of_urdf(urdf, Path(os.path.relpath(urdf, folder)).as_posix())
+    if joints not in SEGMENTS:
+        raise UsageError(f"--joints {joints}: must be {min(SEGMENTS)} to {max(SEGMENTS)}")
+    return made_up_arm(joints)
+
+
+def _write(out: Path, text: str, force: bool) -> None:
+    try:
+        if force:
+            out.unlink(missing_ok=True)
+        with out.open("x", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+    except OSError as error:
+        raise UsageError(f"--out {out}: cannot be written: {error.strerror}") from None
+
+
+def _print(cell: Cell, out: Path) -> None:
+    for joint in cell.joints:
+        torque_nm = joint.motor.torque_per_ampere * joint.drive.max_current_a
+        low, high = joint.limits_deg
+        print(
+            f"joint {joint.name}: {low:.4g} to {high:.4g} deg, {torque_nm:.3g} N m at {joint.drive.max_current_a:g} A"
+        )
+    for node in card_nodes(cell):
+        card = node.card
+        print(
+            f"card {card.name}: {card.model} in slot {card.slot}, node 0x{card.node_id:02X}, {len(card.channel)} wires"
+        )
+    bus = cell.bus
+    print(f"bus: {bus.bitrate} bit/s, cycle {bus.cycle_us} us, load {100 * cell_verdict(cell).load:.0f} %")
+    print(f"{out}: ready; try: canarm demo --cell {out}")

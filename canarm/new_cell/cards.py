@@ -1,0 +1,53 @@
+"""Which cards an arm takes, in which slots, and what each channel is wired to. Timing and text must not enter."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .request import NewCellError
+
+SLOTS = 7
+JOINTS_A_CARD, INPUTS_A_CARD = 4, 8
+"""Channels of a DAC or latch card, and of an ADC card."""
+USUAL_FIRST_SLOT = 2
+CONVERSION_US = 100
+"""Of the ADC0809 at 640 kHz."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedCard:
+    """A card with the signals at its channels, the first at channel 1."""
+
+    name: str
+    model: str
+    slot: int
+    signals: tuple[str, ...]
+
+
+def plan_cards(joint_names: Sequence[str], sensing: Sequence[str]) -> list[PlannedCard]:
+    """DAC and latch cards for the drives, ADC cards for the sensors, each as few as there can be.
+
+    Sensors go round the ADC cards, positions first: all cards sample them soon after SYNC, and scan for as short as can
+    be. Raises `NewCellError` where the slots do not suffice.
+    """
+    inputs = [f"{joint}.{kind}" for kind in sensing for joint in joint_names]
+    adc_count = -(-len(inputs) // INPUTS_A_CARD)
+    drives = [joint_names[start : start + JOINTS_A_CARD] for start in range(0, len(joint_names), JOINTS_A_CARD)]
+    wanted = [
+        *_several("dac", "dac0808", [[f"{joint}.current_command" for joint in group] for group in drives]),
+        *_several("latch", "sc300", [[f"{joint}.direction" for joint in group] for group in drives]),
+        *_several("adc", "adc0809", [inputs[first::adc_count] for first in range(adc_count)]),
+    ]
+    if len(wanted) > SLOTS:
+        raise NewCellError(
+            f"{len(joint_names)} joints with {len(sensing)} sensors each take {len(wanted)} cards: {len(drives)} DAC, "
+            f"{len(drives)} latch, {adc_count} ADC; a robot has {SLOTS} slots; take fewer --sensors"
+        )
+    first = min(USUAL_FIRST_SLOT, SLOTS + 1 - len(wanted))
+    return [
+        PlannedCard(name, model, first + place, tuple(signals)) for place, (name, model, signals) in enumerate(wanted)
+    ]
+
+
+def _several(name: str, model: str, groups: Sequence[Sequence[str]]) -> list[tuple[str, str, Sequence[str]]]:
+    numbered = len(groups) > 1
+    return [(f"{name}{place + 1}" if numbered else name, model, signals) for place, signals in enumerate(groups)]

@@ -1,0 +1,56 @@
+"""What is asked for: an arm, and how its cell is to be timed and wired. What becomes of it must not enter."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..usage import UsageError
+
+DEFAULT_CYCLE_US = 2500
+DEFAULT_BITRATE = 1_000_000
+DEFAULT_BITS = 8
+DEFAULT_SENSING = ("potentiometer", "tachometer", "current_sense")
+Sensing = tuple[str, ...]
+"""Kinds of sensor, in the order in which a card samples them."""
+
+
+class NewCellError(UsageError):
+    """No cell can be made as asked for: what does not fit, the arithmetic, and what would."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmJoint:
+    """One joint as it is before it has a drive. `body` is a cell's table; None where a URDF file has it.
+
+    `speed_rad_s` is the fastest that it is to move, and the friction what its maker says; None where nobody said.
+    """
+
+    name: str
+    limits_deg: tuple[float, float]
+    home_deg: float
+    body: Mapping[str, Any] | None
+    comment: str = ""
+    states_limits: bool = True
+    speed_rad_s: float | None = None
+    viscous_nm_s: float | None = None
+    coulomb_nm: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """An arm without drives; `urdf` is the path of its file as the cell names it."""
+
+    name: str
+    title: str
+    joints: Sequence[ArmJoint]
+    urdf: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """How the cell is to be: a `cycle_us` of None is 2500 us, or the next that fits."""
+
+    cycle_us: int | None = None
+    bitrate: int = DEFAULT_BITRATE
+    bits: int = DEFAULT_BITS
+    sensing: Sensing = DEFAULT_SENSING

@@ -1,0 +1,144 @@
+"""New cells: what is written loads, its drives are strong enough, its traffic fits, and what cannot be is refused."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+
+from canarm.cli import run
+from canarm.new_cell import NewCellError, Request, write_cell
+from canarm.new_cell.arms import arm_of_urdf, made_up_arm
+from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.schedulability import cell_verdict
+
+ARMS = Path(__file__).parents[2] / "examples" / "arms"
+BENCH_ARM = ARMS / "bench_arm.urdf"
+
+
+@cache
+def cell_of(joint_count: int, request: Request | None = None) -> Cell:
+    return write_cell(made_up_arm(joint_count), request or Request(), Path())[1]
+
+
+@cache
+def urdf_cell() -> Cell:
+    return write_cell(arm_of_urdf(BENCH_ARM, "bench_arm.urdf"), Request(), ARMS)[1]
+
+
+def limit_nm(cell: Cell) -> np.ndarray:
+    return np.array([joint.motor.torque_per_ampere * joint.drive.max_current_a for joint in cell.joints])
+
+
+def by_pinocchio(cell: Cell) -> pinocchio.Model:
+    """The cell's bodies, one by one, as Pinocchio has them."""
+    model = pinocchio.Model()
+    model.gravity.linear = np.array(cell.robot[0].gravity_m_s2)
+    parent = 0
+    for joint in cell.joints:
+        body = joint.body
+        assert body is not None
+        placement = pinocchio.SE3(pinocchio.rpy.rpyToMatrix(*np.radians(body.origin_rpy_deg)), np.array(body.origin_m))
+        unaligned = pinocchio.JointModelRevoluteUnaligned(np.array(body.axis))
+        parent = model.addJoint(parent, unaligned, placement, joint.name)
+        xx, yy, zz, xy, xz, yz = body.inertia_kg_m2
+        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        inertia = pinocchio.Inertia(body.mass_kg, np.array(body.centre_of_mass_m), tensor)
+        model.appendBodyToJoint(parent, inertia, pinocchio.SE3.Identity())
+    return model
+
+
+@pytest.mark.parametrize("joint_count", [1, 3, 5, 6, 7])
+def test_no_pose_takes_more_than_sixty_percent_of_a_drive_to_hold(joint_count: int) -> None:
+    cell = cell_of(joint_count)
+    check_hold(cell)
+
+
+def test_the_drives_of_an_arm_from_a_file_hold_it_in_any_pose() -> None:
+    check_hold(urdf_cell())
+
+
+def check_hold(cell: Cell) -> None:
+    model = by_pinocchio(cell)
+    data = model.createData()
+    low, high = (np.radians([joint.limits_deg[end] for joint in cell.joints]) for end in (0, 1))
+    random = np.random.default_rng(2)
+    shares = [
+        np.abs(pinocchio.computeGeneralizedGravity(model, data, random.uniform(low, high))) / limit_nm(cell)
+        for _ in range(4000)
+    ]
+    assert np.max(shares) <= 0.6
+    # The least strong enough that is sold: one that is weighed down, not all of them.
+    assert np.max(shares) > 0.3
+
+
+@pytest.mark.parametrize("joint_count", range(1, 8))
+def test_every_signal_is_wired_once_and_the_bus_carries_it(joint_count: int) -> None:
+    cell = cell_of(joint_count)
+    signals = [channel.signal for card in cell.card for channel in card.channel]
+    assert len(signals) == len(set(signals)) == 5 * joint_count
+    assert all(card.node_id == 0x10 + card.slot for card in cell.card)
+    assert cell_verdict(cell).fits
+
+
+def test_what_is_written_is_what_is_loaded_again(tmp_path: Path) -> None:
+    text, cell = write_cell(made_up_arm(3), Request(), Path())
+    (tmp_path / "my.toml").write_text(text)
+    assert load_cell(str(tmp_path / "my.toml")) == cell
+    assert text.count("assumed") > 50
+
+
+def test_a_file_is_found_from_where_the_cell_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "arms").mkdir()
+    (tmp_path / "cells").mkdir()
+    (tmp_path / "arms" / "mine.urdf").write_text(BENCH_ARM.read_text())
+    monkeypatch.chdir(tmp_path / "arms")
+    assert run(["new-cell", "--urdf", "mine.urdf", "--out", "../cells/mine.toml"]) == 0
+    monkeypatch.chdir(tmp_path)
+    cell = load_cell("cells/mine.toml")
+    assert cell.joint_names[0] == "waist"
+    assert all(joint.body is not None for joint in cell.joints)
+
+
+def test_seven_joints_at_a_thousandth_of_a_second_are_refused_with_the_arithmetic() -> None:
+    with pytest.raises(NewCellError) as caught:
+        cell_of(7, Request(cycle_us=1000))
+    # 21 inputs in six frames of 135 or 115 bits, seven outputs in two, two latches, SYNC: 1195 bits by hand.
+    assert "= 1195 bits" in str(caught.value)
+    assert "load with all that is cyclic: 122.1 %" in str(caught.value)
+    assert "--cycle-us 3000 fits" in str(caught.value)
+
+
+def test_a_slower_bus_gets_a_longer_cycle() -> None:
+    assert cell_of(2).bus.cycle_us == 2500
+    assert cell_of(2, Request(bitrate=125_000)).bus.cycle_us > 2500
+
+
+def test_a_file_that_is_there_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "my.toml"
+    out.write_text("mine")
+    assert run(["new-cell", "--joints", "1", "--out", str(out)]) == 2
+    assert out.read_text() == "mine"
+    assert "is there already" in capsys.readouterr().err
+    assert run(["new-cell", "--joints", "1", "--out", str(out), "--force"]) == 0
+    assert load_cell(str(out)).joint_names == ("shoulder",)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ([], "of which arm?"),
+        (["--joints", "3", "--urdf", "arm.urdf"], "of which arm?"),
+        (["--joints", "8"], "--joints 8: must be 1 to 7"),
+        (["--urdf", "missing.urdf"], "missing.urdf: no such file"),
+        (["--joints", "2", "--bitrate", "9600"], "bus.bitrate = 9600"),
+    ],
+)
+def test_what_cannot_be_written_is_refused(
+    words: list[str], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["new-cell", *words, "--out", str(tmp_path / "my.toml")]) == 2
+    assert expected in capsys.readouterr().err
+    assert not (tmp_path / "my.toml").exists()
