@@ -15,7 +15,7 @@ unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV CONDA_PREFIX UV_PROJECT_ENVIRONMENT U
 .NOTPARALLEL:
 .PHONY: help setup demo test soak check check-format check-lint check-types check-imports check-lock check-wheels \
 	check-docs check-install \
-	check-socketcan bench ablation matrix docs notice format lock clean
+	check-socketcan bench ablation matrix robots docs notice format lock clean
 
 help: ## List the targets
 	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12] [NO_UV=1] [JOBS=2]'
@@ -70,6 +70,9 @@ check-socketcan: setup ## Test emulator, controller and conformance over SocketC
 
 bench: setup ## Run the benchmarks
 	$(BIN)/python benchmarks/run.py $(ARGS)
+
+robots: setup ## Write docs/robots.md again: every law on arms of 1 to 7 joints; takes minutes (ARGS="--jobs 4")
+	$(BIN)/python scripts/robots.py $(ARGS)
 
 ablation: setup ## Write docs/ablation.md anew: what each term of the laws is worth; takes minutes (ARGS="--jobs 4")
 	$(BIN)/python scripts/ablation.py $(ARGS)

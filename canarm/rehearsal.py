@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from canarm_controller.errors import ControllerError, TrajectoryError
 from canarm_controller.laws.loading import LAWS
 from canarm_controller.reference.trajectory import BUILT_IN, make_trajectory
-from canarm_controller.run.controller import State
+from canarm_controller.run.state import State
 from canarm_emulator.errors import EmulatorError
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock

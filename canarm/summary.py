@@ -64,14 +64,17 @@ class Summary:
             lines.append(f"the trajectory begins at {self.approach_s:g} s, after a move to its first pose")
         lines[1:1] = [text for text in (self.starved, self.reason) if text]
         if self.joints:
-            lines.append(f"{'joint':<10}{'RMS error':>12}{'max error':>12}{'peak current':>14}{'ripple':>9}  amplifier")
+            width = max(10, *(len(name) + 2 for name in self.joints))
+            lines.append(
+                f"{'joint':<{width}}{'RMS error':>12}{'max error':>12}{'peak current':>14}{'ripple':>9}  amplifier"
+            )
         for name, joint in self.joints.items():
             saturated = (
                 f"saturated in {joint.saturated_cycles} cycles" if joint.saturated_cycles else "within its limit"
             )
             ripple = "-" if joint.speed_ripple is None else f"{100 * joint.speed_ripple:.1f} %"
             lines.append(
-                f"{name:<10}{_lsb(joint.rms_lsb):>12}{_lsb(joint.max_lsb):>12}{joint.peak_current_a:>12.3f} A"
+                f"{name:<{width}}{_lsb(joint.rms_lsb):>12}{_lsb(joint.max_lsb):>12}{joint.peak_current_a:>12.3f} A"
                 f"{ripple:>9}  {saturated}"
             )
         if self.faults:

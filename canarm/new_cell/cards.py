@@ -9,6 +9,8 @@ SLOTS = 7
 JOINTS_A_CARD, INPUTS_A_CARD = 4, 8
 """Channels of a DAC or latch card, and of an ADC card."""
 USUAL_FIRST_SLOT = 2
+PARTS_BITS = 8
+"""Of the DAC0808 and the ADC0809; any other resolution is that of cards that stand for no part."""
 CONVERSION_US = 100
 """Of the ADC0809 at 640 kHz."""
 
@@ -23,7 +25,7 @@ class PlannedCard:
     signals: tuple[str, ...]
 
 
-def plan_cards(joint_names: Sequence[str], sensing: Sequence[str]) -> list[PlannedCard]:
+def plan_cards(joint_names: Sequence[str], sensing: Sequence[str], bits: int) -> list[PlannedCard]:
     """DAC and latch cards for the drives, ADC cards for the sensors, each as few as there can be.
 
     Sensors go round the ADC cards, positions first: all cards sample them soon after SYNC, and scan for as short as can
@@ -32,10 +34,11 @@ def plan_cards(joint_names: Sequence[str], sensing: Sequence[str]) -> list[Plann
     inputs = [f"{joint}.{kind}" for kind in sensing for joint in joint_names]
     adc_count = -(-len(inputs) // INPUTS_A_CARD)
     drives = [joint_names[start : start + JOINTS_A_CARD] for start in range(0, len(joint_names), JOINTS_A_CARD)]
+    dac, adc = ("dac0808", "adc0809") if bits == PARTS_BITS else ("dac", "adc")
     wanted = [
-        *_several("dac", "dac0808", [[f"{joint}.current_command" for joint in group] for group in drives]),
+        *_several("dac", dac, [[f"{joint}.current_command" for joint in group] for group in drives]),
         *_several("latch", "sc300", [[f"{joint}.direction" for joint in group] for group in drives]),
-        *_several("adc", "adc0809", [inputs[first::adc_count] for first in range(adc_count)]),
+        *_several("adc", adc, [inputs[first::adc_count] for first in range(adc_count)]),
     ]
     if len(wanted) > SLOTS:
         raise NewCellError(

@@ -1,30 +1,40 @@
-"""Gains and limits of a new cell's controller, as tables of its file."""
+"""Gains and limits of a new cell's controller, as tables of its file. How gains follow from an arm, the laws say."""
 
 from collections.abc import Mapping
 from typing import Any
 
+from canarm_controller.laws.tuning import suggested_control
 from canarm_protocol.cell.model import Cell
 
-ROUGH: dict[str, dict[str, Any]] = {
-    "control": {"natural_frequency_rad_s": 12.0, "damping_ratio": 1.0, "standing_band_rad": 0.005},
-    "control.mras": {
-        "gamma_alpha": 0.02, "gamma_beta": 0.2, "gamma_bias": 20.0, "error_gain": 1.0, "error_rate_gain": 0.1,
-        "leakage": 0.3, "bias_limit_a": 0.6,
-    },
-    "control.mras_lyapunov": {
-        "gamma_position": 4.0, "gamma_velocity": 0.15, "gamma_bias": 60.0, "leakage": 0.5, "bias_limit_a": 0.6,
-    },
-    "control.slotine_li": {
-        "error_rate_rad_s": 25.0, "sliding_rate_rad_s": 40.0, "adaptation": 10.0, "leakage": 0.02,
-    },
-    "control.observer": {
-        "enabled": True, "position_noise_rad": 0.0077, "velocity_noise_rad_s": 0.0082, "acceleration_noise": 0.03,
-        "acceleration_bias_noise": 3.0, "tachometer_offset_noise": 0.004,
-    },
-    "supervision": {"missing_cycles": 16, "range_margin_deg": 3.0, "max_position_step_deg": 8.0},
-}  # fmt: skip
+PLACEHOLDER: dict[str, dict[str, Any]] = {
+    "control": {"natural_frequency_rad_s": 1.0, "damping_ratio": 1.0},
+    "control.mras": dict.fromkeys(
+        (
+            "gamma_alpha",
+            "gamma_beta",
+            "gamma_bias",
+            "error_gain",
+            "error_rate_gain",
+            "leakage",
+            "bias_limit_a",
+        ),
+        1.0,
+    ),
+}
+"""What a cell must have before there is an arm to take gains from."""
+MISSING_S, LEAST_MISSING = 0.04, 4
+"""Time without an input after which the controller stops, and the number of cycles that are always granted."""
+MARGIN_DEG = 3.0
+LARGEST_STEP_DEG = 8.0
 
 
-def control_tables(cell: Cell | None) -> Mapping[str, Mapping[str, Any]]:
-    """The tables `control` and `supervision` for `cell`, whose own are taken for none."""
-    return ROUGH
+def control_tables(cell: Cell | None, cycle_us: int) -> Mapping[str, Mapping[str, Any]]:
+    """The tables `control` and `supervision` for `cell`, whose own gains count for nothing; None before it is there."""
+    tables = PLACEHOLDER if cell is None else suggested_control(cell)
+    missing = max(LEAST_MISSING, round(MISSING_S * 1e6 / cycle_us))
+    supervision = {
+        "missing_cycles": missing,
+        "range_margin_deg": MARGIN_DEG,
+        "max_position_step_deg": LARGEST_STEP_DEG,
+    }
+    return {**tables, "supervision": supervision}

@@ -6,12 +6,13 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.schedulability import cell_verdict
 from canarm_protocol.errors import CellError
 
-from .request import NewCellError, Request
+from .request import DEFAULT_CYCLE_US, NewCellError, Request
 
 CYCLES_US = (2500, 3000, 4000, 5000, 8000, 10_000, 20_000, 40_000)
 """Tried one after the other where none is asked for."""
 HEARTBEAT_MS = 20
 CYCLES_A_HEARTBEAT = 2
+USUAL_DELAY_US = 500
 
 
 def fitting_cycle_us(request: Request, cell_of: Callable[[int], Cell]) -> int:
@@ -27,6 +28,10 @@ def fitting_cycle_us(request: Request, cell_of: Callable[[int], Cell]) -> int:
             return cycle_us
         refusals.append(problem)
     if request.cycle_us is None:
+        try:
+            cell_of(CYCLES_US[-1])
+        except CellError as error:  # another cycle would not help
+            raise NewCellError(str(error)) from None
         raise NewCellError(f"no cycle up to {CYCLES_US[-1]} us fits {request.bitrate} bit/s:\n{refusals[-1]}")
     longer = [each for each in CYCLES_US if each > request.cycle_us and _problem(cell_of, each) is None]
     advice = f"\n--cycle-us {longer[0]} fits" if longer else ""
@@ -46,3 +51,8 @@ def _problem(cell_of: Callable[[int], Cell], cycle_us: int) -> str | None:
 def heartbeat_ms(cycle_us: int) -> int:
     """The controller sends its heartbeat in its cycles: no more often than every second one."""
     return max(HEARTBEAT_MS, -(-CYCLES_A_HEARTBEAT * cycle_us // 1000))
+
+
+def compute_delay_us(cycle_us: int) -> int:
+    """What the controller takes: konkuk1's fifth of a cycle; short cycles have no more than an eighth to spare."""
+    return min(USUAL_DELAY_US, cycle_us // (5 if cycle_us >= DEFAULT_CYCLE_US else 8))

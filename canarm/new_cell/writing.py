@@ -21,7 +21,7 @@ from .sizing import (
     Friction,
     size_drives,
 )
-from .timing import fitting_cycle_us, heartbeat_ms
+from .timing import compute_delay_us, fitting_cycle_us, heartbeat_ms
 
 FULL_SCALE_V = 5.0
 NOISE_LSB = 0.3
@@ -42,7 +42,7 @@ def write_cell(arm: Arm, request: Request, folder: Path) -> tuple[str, Cell]:
 
     Raises `NewCellError` for what does not fit, and `CellError` or `ControllerError` for an arm that cannot be.
     """
-    cards = plan_cards([joint.name for joint in arm.joints], request.sensing)
+    cards = plan_cards([joint.name for joint in arm.joints], request.sensing, request.bits)
 
     def text(sizes: Sequence[DriveSize], cycle_us: int, control: Mapping[str, Mapping[str, Any]]) -> str:
         return "\n".join(_lines(arm, request, cards, sizes, cycle_us, control))
@@ -50,11 +50,12 @@ def write_cell(arm: Arm, request: Request, folder: Path) -> tuple[str, Cell]:
     def cell(*parts: Any) -> Cell:
         return parse_cell(text(*parts), arm.name, folder=folder)
 
-    endless, rough = [ENDLESS] * len(arm.joints), control_tables(None)
-    cycle_us = fitting_cycle_us(request, lambda cycle_us: cell(endless, cycle_us, rough))
+    endless = [ENDLESS] * len(arm.joints)
+    cycle_us = fitting_cycle_us(request, lambda cycle_us: cell(endless, cycle_us, control_tables(None, cycle_us)))
+    rough = control_tables(None, cycle_us)
     friction = [Friction(joint.viscous_nm_s, joint.coulomb_nm) for joint in arm.joints]
     sizes = size_drives(cell(endless, cycle_us, rough), friction, [_fastest(joint) for joint in arm.joints])
-    control = control_tables(cell(sizes, cycle_us, rough))
+    control = control_tables(cell(sizes, cycle_us, rough), cycle_us)
     return text(sizes, cycle_us, control), cell(sizes, cycle_us, control)
 
 
@@ -108,7 +109,7 @@ def _bus(request: Request, cycle_us: int) -> list[str]:
         _value("heartbeat_timeout_ms", 5 * own_ms, "silence after which cards and controller act"),
         _value("controller_node_id", 1),
         "bench_node_id = 0x70",
-        _value("compute_delay_us", min(500, cycle_us // 5), "from the last input to the outputs, assumed"),
+        _value("compute_delay_us", compute_delay_us(cycle_us), "from the last input to the outputs, assumed"),
     ]
 
 
@@ -186,9 +187,9 @@ def _card(card: PlannedCard, robot: str, request: Request) -> list[str]:
         _value("slot", card.slot),
         f"node_id = 0x{0x10 + card.slot:02X}",
     ]
-    if card.model == "adc0809":
+    if card.model in ("adc", "adc0809"):
         lines.append(_value("conversion_us", CONVERSION_US, "for each channel"))
-    if card.model != "sc300" and request.bits != 8:
+    if card.model in ("dac", "adc"):
         lines.append(_value("bits", request.bits))
     wires = [f'    {{ number = {place}, signal = "{signal}" }},' for place, signal in enumerate(card.signals, 1)]
     return [*lines, "channel = [", *wires, "]"]

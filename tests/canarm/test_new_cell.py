@@ -133,7 +133,8 @@ def test_a_file_that_is_there_is_left_alone(tmp_path: Path, capsys: pytest.Captu
         (["--joints", "3", "--urdf", "arm.urdf"], "of which arm?"),
         (["--joints", "8"], "--joints 8: must be 1 to 7"),
         (["--urdf", "missing.urdf"], "missing.urdf: no such file"),
-        (["--joints", "2", "--bitrate", "9600"], "bus.bitrate = 9600"),
+        (["--joints", "2", "--bitrate", "9600"], "canarm: arm2: bus.bitrate = 9600: must be 10000"),
+        (["--joints", "2", "--bits", "20"], "card 'adc'.bits = 20: must be at most 16"),
     ],
 )
 def test_what_cannot_be_written_is_refused(
