@@ -21,6 +21,8 @@ from .texts import Word
 from .trace import ErrorTrace
 
 TRACES_FROM_COLUMNS = 100
+SHARING_TRACES = 3
+"""Traces that share the room there is; more of them have a height of their own, and are scrolled."""
 
 
 class WordLine(Static):
@@ -106,12 +108,13 @@ class JointsPane(Vertical):
 
     DEFAULT_CSS = """
     JointsPane #traces { height: 1fr; }
+    JointsPane.-many ErrorTrace { height: 8; }
     JointsPane.-narrow #traces { display: none; }
     JointsPane.-narrow JointsTable { max-height: 100%; }
     """
 
     def __init__(self, cell: Cell) -> None:
-        super().__init__(id="pane-joints")
+        super().__init__(id="pane-joints", classes="-many" if len(cell.joint_names) > SHARING_TRACES else None)
         self._names = cell.joint_names
         self._shown: Counters | None = None
 
@@ -125,6 +128,10 @@ class JointsPane(Vertical):
     def on_resize(self, event: Resize) -> None:
         """Below `TRACES_FROM_COLUMNS` the table has all the room."""
         self.set_class(event.size.width < TRACES_FROM_COLUMNS, "-narrow")
+
+    def on_data_table_row_highlighted(self, event: DataTable.RowHighlighted) -> None:
+        """The trace of the joint at the cursor comes into view."""
+        self.query(ErrorTrace)[event.cursor_row].scroll_visible(animate=False)
 
     def show(self, snapshot: Snapshot) -> None:
         """Show `snapshot`, unless nothing has come since the last one."""
