@@ -15,12 +15,12 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 from cyclopts.config import Env
 
-from canarm_protocol.errors import BusError, ProtocolError
+from canarm_protocol.errors import CanarmError, ExitStatus
 
 from .stopping import interrupt_on_terminate
 from .usage import UsageError
 
-FAILED, WRONG_USAGE = 1, 2
+FAILED = ExitStatus.FAILED
 ENVIRONMENT_PREFIX = "CANARM_"
 LOG_LEVEL = f"{ENVIRONMENT_PREFIX}LOG"
 
@@ -82,13 +82,9 @@ def run(arguments: Sequence[str]) -> int:
         result = app(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         command = " ".join(("canarm", *(error.command_chain or ())))
-        return _complain(f"{' '.join(str(error).split())} See `{command} --help`.", WRONG_USAGE)
-    except UsageError as error:
-        return _complain(str(error), WRONG_USAGE)
-    except BusError as error:
-        return _complain(str(error), FAILED)
-    except ProtocolError as error:
-        return _complain(str(error), WRONG_USAGE)
+        return _complain(f"{' '.join(str(error).split())} See `{command} --help`.", ExitStatus.WRONG_INPUT)
+    except CanarmError as error:
+        return _complain(str(error), error.exit_status)
     except KeyboardInterrupt:
         return _complain("interrupted", FAILED)
     except BrokenPipeError as error:

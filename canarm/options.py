@@ -12,7 +12,6 @@ from cyclopts import Parameter, Token
 
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
-from canarm_protocol.errors import BusError
 from canarm_protocol.transport.port import BusPort, open_port, parse_bus_options
 from canarm_protocol.transport.socketcand import DEFAULT_PORT
 
@@ -330,14 +329,8 @@ class NamedBus:
         return replace(self, options={**self.options, ALLOW_REMOTE: True}) if self.interface == LOSSY else self
 
     def open(self) -> BusPort:
-        """Open it. Raises `UsageError` for options that its driver does not take, `BusError` for other failures."""
-        try:
-            return open_port(self.interface, self.channel, **self.options)
-        except BusError as error:
-            # Wrong options raise one of these in every driver.
-            if isinstance(error.__cause__, TypeError | ValueError | KeyError):
-                raise UsageError(str(error)) from None
-            raise
+        """Open it. Raises `BusError`."""
+        return open_port(self.interface, self.channel, **self.options)
 
 
 def check_pace(clock: str, pace: float | None) -> None:
@@ -369,10 +362,7 @@ def parse_address(option: str, text: str, any_port: bool = False, scheme: str = 
 
 
 def _named(option: str, interface: str | None, channel: str | None, words: Sequence[str]) -> NamedBus | None:
-    try:
-        options = parse_bus_options(words)
-    except BusError as error:
-        raise UsageError(str(error)) from None
+    options = parse_bus_options(words)
     if interface is None:
         if channel is not None or words:
             given = f"channel {channel}" if channel is not None else words[0]

@@ -2,10 +2,12 @@
 
 from collections.abc import Iterable, Sequence
 
+from canarm_protocol.errors import CanarmError
+
 DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY = "konkuk1", "mras", "sine"
 
 
-class UsageError(ValueError):
+class UsageError(CanarmError, ValueError):
     """What the user asked for cannot be: exit status 2, and in Python a `ValueError`."""
 
 

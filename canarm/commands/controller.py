@@ -89,12 +89,9 @@ def controller(
         robot_bus = NamedBus("canarm", ROBOT_BUS, {"host": host, "port": port})
         bench_bus = bench_bus or NamedBus("canarm", BENCH_BUS, {"host": host, "port": port})
     say = keep_stdout()
-    try:
-        built = make_controller(
-            nominal, control.law, control.trajectory, control.feedforward, Clock[clock.upper()], ticks, LISTEN_NS
-        )
-    except ControllerError as error:
-        raise UsageError(str(error)) from None
+    built = make_controller(
+        nominal, control.law, control.trajectory, control.feedforward, Clock[clock.upper()], ticks, LISTEN_NS
+    )
     warning = None if with_parent else traffic_warning(nominal, cell.cell)
     if warning is not None:
         _tell(warning)

@@ -11,8 +11,6 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from canarm_controller.errors import ControllerError
-from canarm_emulator.errors import TruthError
 from canarm_emulator.robot.truth import Truth as TrueRobot
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
@@ -164,11 +162,8 @@ def _controller_arguments(control: ControlOptions, address: str, seconds: float)
 def _check(cell: Cell, control: ControlOptions, clock: str, seconds: float, truth: Sequence[str]) -> None:
     """Find what is wrong with the command line before any process starts."""
     tick_count(cell, seconds)
-    try:
-        TrueRobot.from_settings(cell, parse_settings("--truth", truth))
-        make_controller(cell, control.law, control.trajectory, control.feedforward, Clock[clock.upper()])
-    except (TruthError, ControllerError) as error:
-        raise UsageError(str(error)) from None
+    TrueRobot.from_settings(cell, parse_settings("--truth", truth))
+    make_controller(cell, control.law, control.trajectory, control.feedforward, Clock[clock.upper()])
 
 
 def _served_host(serve: str) -> str:

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from canarm_emulator.errors import EmulatorError, TruthError
+from canarm_emulator.errors import EmulatorError
 from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.serving.hub import Hub
 from canarm_emulator.serving.recording import Recorder
@@ -116,10 +116,7 @@ def emulator(
     check_clock(world.clock, *buses.values())
     host, port = parse_address("--serve", serve, any_port=True)
     settings = parse_settings("--truth", world.truth)
-    try:
-        bench = make_bench(nominal, settings, Clock[world.clock.upper()], world.seed, world.wire)
-    except TruthError as error:
-        raise UsageError(str(error)) from None
+    bench = make_bench(nominal, settings, Clock[world.clock.upper()], world.seed, world.wire)
     script = None if world.faults is None else load_faults(world.faults, bench)
     stop = StopRequest(seconds, with_parent)
     with _recording(output.out), contextlib.ExitStack() as stack:
@@ -173,33 +170,22 @@ def emulator(
 
 
 def _serve(host: str, port: int, allow_remote: bool) -> Hub:
-    try:
-        return Hub(host, port, (ROBOT_BUS, BENCH_BUS), allow_remote=allow_remote)
-    except EmulatorError as error:
-        raise _refusal(error) from None
+    return Hub(host, port, (ROBOT_BUS, BENCH_BUS), allow_remote=allow_remote)
 
 
 def _offer_slcan(where: bool | str, allow_remote: bool) -> SlcanPort:
     """An adapter at a path or `socket://HOST:PORT`; with `True`, on a terminal with the usual name."""
     if where == "":
         raise UsageError("--slcan: the path is empty; give one, or --slcan alone for the usual name")
-    try:
-        if isinstance(where, str) and where.startswith(SOCKET_URL):
-            host, port = parse_address("--slcan", where, any_port=True, scheme=SOCKET_URL)
-            return SlcanSocket(host, port, allow_remote=allow_remote)
-        if isinstance(where, str) and os.name == "posix" and WINDOWS_PORT.fullmatch(where):
-            raise UsageError(
-                f"--slcan {where}: that is a serial port of Windows; this is the PATH of a link to a pseudo-terminal, "
-                f"such as /tmp/{where} (a serial adapter that is there already: -i slcan -c PORT)"
-            )
-        return SlcanTerminal(Path(where) if isinstance(where, str) else None)
-    except EmulatorError as error:
-        raise _refusal(error) from None
-
-
-def _refusal(error: EmulatorError) -> Exception:
-    """What the machine refuses has the machine's error as its cause; the rest is a wrong address."""
-    return (UsageError if error.__cause__ is None else BusError)(str(error))
+    if isinstance(where, str) and where.startswith(SOCKET_URL):
+        host, port = parse_address("--slcan", where, any_port=True, scheme=SOCKET_URL)
+        return SlcanSocket(host, port, allow_remote=allow_remote)
+    if isinstance(where, str) and os.name == "posix" and WINDOWS_PORT.fullmatch(where):
+        raise UsageError(
+            f"--slcan {where}: that is a serial port of Windows; this is the PATH of a link to a pseudo-terminal, "
+            f"such as /tmp/{where} (a serial adapter that is there already: -i slcan -c PORT)"
+        )
+    return SlcanTerminal(Path(where) if isinstance(where, str) else None)
 
 
 @contextlib.contextmanager

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from canarm_controller.errors import ControllerError
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 
@@ -79,10 +78,7 @@ def matrix(
     nominal = cell.load()
     settings = tuple(parse_settings("--set", cell.settings).items())
     scenario = Scenario(cell.cell, settings, law, trajectory, seed)
-    try:
-        make_controller(nominal, law, trajectory, None, Clock.SYNC)
-    except ControllerError as error:
-        raise UsageError(str(error)) from None
+    make_controller(nominal, law, trajectory, None, Clock.SYNC)
     if controller is not None:
         words_of(controller)
     cells = _chosen(nominal, only or (), cell.cell)

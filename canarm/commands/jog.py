@@ -10,7 +10,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from canarm_controller.errors import ClockMismatchError, ControllerError
+from canarm_controller.errors import ControllerError
 from canarm_controller.run.runner import LISTEN_NS
 from canarm_protocol.cell.wiring import card_nodes
 from canarm_protocol.clock import Clock
@@ -72,11 +72,6 @@ def jog(
         driver = Driver(master, port)
         try:
             return _session(driver, master, parser, given)
-        except ClockMismatchError as error:
-            raise UsageError(str(error).replace("this controller", "jog")) from None
-        except ControllerError as error:
-            _complain(str(error))
-            return FAILED
         finally:
             driver.end()
 

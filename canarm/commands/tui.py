@@ -5,10 +5,8 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from canarm_tui.app import run_dashboard
-from canarm_tui.errors import TuiError
 
 from ..options import BENCH_BUS, DEFAULT_ADDRESS, Address, BenchBusOptions, CellOptions, NamedBus, parse_address
-from ..usage import UsageError
 
 
 def tui(
@@ -28,7 +26,4 @@ def tui(
     nominal = cell.load()
     host, port = parse_address("--connect", connect)
     named = bus.named() or NamedBus("canarm", BENCH_BUS, {"host": host, "port": port})
-    try:
-        return run_dashboard(nominal, named.interface, named.channel, named.options)
-    except TuiError as error:
-        raise UsageError(str(error)) from None
+    return run_dashboard(nominal, named.interface, named.channel, named.options)

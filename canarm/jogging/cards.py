@@ -12,6 +12,7 @@ from canarm_protocol.cards import Wire
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.sensing import joint_sensors
 from canarm_protocol.cell.wiring import CardNode, DirectionBits, InputSlot, command_scale
+from canarm_protocol.errors import ExitStatus
 
 from .parsing import DIRECTION_NAMES, SdoRead, SdoWrite
 
@@ -20,6 +21,8 @@ UNITS = {Quantity.POSITION: "deg", Quantity.VELOCITY: "rad/s", Quantity.CURRENT:
 
 class JogError(ControllerError):
     """A command could not be carried out; the outputs are as they were, or off where the message says so."""
+
+    exit_status = ExitStatus.FAILED
 
 
 def error_register(node: CardNode) -> Generator[Ask, Frame, int]:

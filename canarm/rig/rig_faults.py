@@ -10,10 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
-from canarm_protocol.errors import ProtocolError
+from canarm_protocol.errors import CanarmError
 from canarm_protocol.faults.script import FaultScript, ParameterValue, clearing, parse_faults, read_faults, script_of
-
-from ..usage import UsageError
 
 FaultSource = Path | str | FaultScript
 UNNAMED = "set "
@@ -108,7 +106,7 @@ def plainly(call: Callable[[], T]) -> T:
     __tracebackhide__ = True
     try:
         return call()
-    except (ProtocolError, UsageError) as error:
+    except CanarmError as error:
         raise error.with_traceback(None) from None
 
 

@@ -1,7 +1,9 @@
 """Errors of the controller's side: one line each, saying what is wrong, where, and what would be right."""
 
+from canarm_protocol.errors import CanarmError, ExitStatus
 
-class ControllerError(Exception):
+
+class ControllerError(CanarmError):
     """Base of every error raised by `canarm_controller`."""
 
 
@@ -20,6 +22,8 @@ class LawError(ControllerError):
 class InterruptedRunError(ControllerError):
     """The user has asked to stop (Ctrl-C) while a law's own code ran."""
 
+    exit_status = ExitStatus.FAILED
+
 
 class MemoryImageError(ControllerError):
     """A table or a log does not fit the Apple II's memory."""
@@ -28,6 +32,10 @@ class MemoryImageError(ControllerError):
 class BringUpError(ControllerError):
     """The cards cannot be found, identified or configured, or the bus has another master."""
 
+    exit_status = ExitStatus.FAILED
+
 
 class ClockMismatchError(BringUpError):
     """The emulated world and the controller follow different clocks."""
+
+    exit_status = ExitStatus.WRONG_INPUT

@@ -1,7 +1,9 @@
 """Errors of the emulator: every message says what is wrong, where, and what would be right."""
 
+from canarm_protocol.errors import CanarmError, ExitStatus
 
-class EmulatorError(Exception):
+
+class EmulatorError(CanarmError):
     """Base of every error raised by `canarm_emulator`."""
 
 
@@ -11,3 +13,9 @@ class TruthError(EmulatorError):
 
 class HubError(EmulatorError):
     """The virtual bus cannot be served where it was asked for."""
+
+
+class RefusedError(HubError):
+    """The machine refuses to serve it there: a port that is taken, for example."""
+
+    exit_status = ExitStatus.FAILED

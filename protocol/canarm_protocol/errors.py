@@ -1,7 +1,29 @@
-"""Errors of the contract between the programs: every message says what is wrong, where, and what would be right."""
+"""The root of all errors, and those of the contract between the programs.
+
+Every message says what is wrong, where, and what would be right. An error that ends a command says with which status;
+the trees of the other packages hang on `CanarmError`.
+"""
+
+from enum import IntEnum
 
 
-class ProtocolError(Exception):
+class ExitStatus(IntEnum):
+    """How a command ends."""
+
+    DONE = 0
+    FAILED = 1
+    """The run failed, or ended in a safe stop."""
+    WRONG_INPUT = 2
+    """The command line, a cell or another file is wrong."""
+
+
+class CanarmError(Exception):
+    """Root of every error that is raised on purpose; `exit_status` is that of a command which it ends."""
+
+    exit_status = ExitStatus.WRONG_INPUT
+
+
+class ProtocolError(CanarmError):
     """Base of every error raised by `canarm_protocol`."""
 
 
@@ -19,6 +41,14 @@ class FrameError(ProtocolError):
 
 class BusError(ProtocolError):
     """A CAN bus cannot be opened, or is lost."""
+
+    exit_status = ExitStatus.FAILED
+
+
+class BusOptionsError(BusError):
+    """A bus is asked for with options that it does not take."""
+
+    exit_status = ExitStatus.WRONG_INPUT
 
 
 class FaultError(ProtocolError):

@@ -142,7 +142,7 @@ def test_another_clock_than_the_emulators_is_wrong_usage(canarm):
     emulator = canarm.emulator("sync")
     jog = canarm("jog", "--clock", "wall", *address(emulator), "--do", "read")
     assert jog.wait() == 2
-    assert "jog on --clock wall: start both with the same --clock" in jog.complaint
+    assert "its master on --clock wall: start both with the same --clock" in jog.complaint
 
 
 def test_without_an_emulator_it_says_how_to_start_one(canarm):

@@ -181,7 +181,7 @@ def test_different_clocks_are_refused_with_status_2(canarm, theirs, ours):
     emulator = canarm.emulator(theirs)
     controller = canarm.controller(emulator, ours, "--seconds", "1")
     assert controller.wait() == 2, controller
-    assert f"runs on --clock {theirs}, this controller on --clock {ours}" in controller.complaint
+    assert f"runs on --clock {theirs}, its master on --clock {ours}" in controller.complaint
     assert controller.json["state"] == "failed"
 
 

@@ -1,7 +1,9 @@
 """Errors of the dashboard. A lost bus is no error here: it is shown, and the dashboard stays."""
 
+from canarm_protocol.errors import CanarmError
 
-class TuiError(Exception):
+
+class TuiError(CanarmError):
     """Base of every error raised by `canarm_tui`."""
 
 

@@ -136,8 +136,7 @@ def _check_clock(node: CardNode, clock_mode: int) -> Conversation:
     if data[0] != clock_mode:
         theirs, ours = CLOCK_NAMES.get(data[0], str(data[0])), CLOCK_NAMES[clock_mode]
         raise ClockMismatchError(
-            f"{_name(node)} runs on --clock {theirs}, this controller on --clock {ours}: "
-            "start both with the same --clock"
+            f"{_name(node)} runs on --clock {theirs}, its master on --clock {ours}: start both with the same --clock"
         )
 
 

@@ -11,7 +11,7 @@ import os
 import socket
 from collections.abc import Iterator
 
-from ..errors import HubError
+from ..errors import HubError, RefusedError
 
 BACKLOG = 64
 """Connections that may wait to be accepted."""
@@ -99,7 +99,7 @@ def _listen(host: str, port: int, allow_remote: bool, option: str) -> socket.soc
         listener.setblocking(False)
     except OSError as error:
         listener.close()
-        raise HubError(_explain(error, where, option)) from error
+        raise RefusedError(_explain(error, where, option)) from error
     return listener
 
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.errors import ExitStatus
 from canarm_protocol.transport.port import BusPort, Discarded
 
 from ..errors import EmulatorError
@@ -30,6 +31,14 @@ _QUICKACK: int | None = getattr(socket, "TCP_QUICKACK", None)
 
 class SlcanError(EmulatorError):
     """An slcan adapter cannot be offered where it was asked for."""
+
+    exit_status = ExitStatus.WRONG_INPUT
+
+
+class SlcanRefusedError(SlcanError):
+    """The machine refuses it: a name that is taken, for example."""
+
+    exit_status = ExitStatus.FAILED
 
 
 class Line(Protocol):

@@ -13,7 +13,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from .slcan_port import QUEUE_BYTES, SOCKET_URL, SlcanError, SlcanPort
+from .slcan_port import QUEUE_BYTES, SOCKET_URL, SlcanError, SlcanPort, SlcanRefusedError
 
 _log = logging.getLogger(__name__)
 
@@ -46,7 +46,7 @@ class SlcanTerminal(SlcanPort):
             _make_link(self._link, self._name)
         except (OSError, termios_error()) as error:
             self.close()
-            raise SlcanError(f"--slcan: no pseudo-terminal to be had: {error.args[-1]}") from error
+            raise SlcanRefusedError(f"--slcan: no pseudo-terminal to be had: {error.args[-1]}") from error
         except SlcanError:
             self.close()
             raise
@@ -108,7 +108,7 @@ class SlcanTerminal(SlcanPort):
         try:
             self._make(pty.openpty)
             _make_link(self._link, self._name)
-        except (OSError, SlcanError, termios_error()) as error:
+        except (OSError, SlcanError, SlcanRefusedError, termios_error()) as error:
             self._hear()
             self._terminal.close()
             self._name = ""
@@ -145,11 +145,11 @@ def _make_link(link: Path, terminal: str) -> None:
             link.unlink()
         link.symlink_to(terminal)
     except FileExistsError as error:
-        raise SlcanError(
+        raise SlcanRefusedError(
             f"--slcan {link}: that name is taken; if no other emulator uses it, remove it, or choose another PATH"
         ) from error
     except OSError as error:
-        raise SlcanError(f"--slcan {link}: {error.strerror or error}; choose another PATH") from error
+        raise SlcanRefusedError(f"--slcan {link}: {error.strerror or error}; choose another PATH") from error
 
 
 class _TerminalLine:

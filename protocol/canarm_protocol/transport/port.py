@@ -14,7 +14,7 @@ import can
 from can.util import cast_from_string
 
 from ..canopen.frames import Frame
-from ..errors import BusError
+from ..errors import BusError, BusOptionsError
 from .hub_client import DEFAULT_CHANNEL, HubClientBus
 
 
@@ -87,22 +87,22 @@ def open_port(interface: str, channel: str | None = None, **options: Any) -> Bus
 def parse_bus_options(words: Iterable[str]) -> dict[str, str | int | float | bool]:
     """Read `key=value` words as python-can's `--bus-kwargs` does: numbers and true/false get their types.
 
-    Raises `BusError` for a word without `=`, a key given twice, and `interface` and `channel`, which have flags.
+    Raises `BusOptionsError` for a word without `=`, a key given twice, and `interface` and `channel`, which have flags.
     """
     options: dict[str, str | int | float | bool] = {}
     for word in words:
         key, equals, text = word.partition("=")
         name = key.replace("-", "_")
         if not equals or not name.isidentifier():
-            raise BusError(f"bus option {word!r}: write KEY=VALUE, such as port=29536")
+            raise BusOptionsError(f"bus option {word!r}: write KEY=VALUE, such as port=29536")
         if name in ("interface", "channel"):
-            raise BusError(f"bus option {word!r}: write -{name[0]} {text}")
+            raise BusOptionsError(f"bus option {word!r}: write -{name[0]} {text}")
         if name in options:
-            raise BusError(f"bus option {word!r}: {name} is given twice")
+            raise BusOptionsError(f"bus option {word!r}: {name} is given twice")
         try:
             options[name] = cast_from_string(text)
         except ValueError:
-            raise BusError(f"bus option {name}: a number of {len(text)} digits; no option takes that") from None
+            raise BusOptionsError(f"bus option {name}: a number of {len(text)} digits; no option takes that") from None
     return options
 
 
@@ -116,7 +116,7 @@ class _HubPort(BusPort):
         except can.CanError as error:
             raise BusError(str(error)) from error
         except (TypeError, ValueError) as error:
-            raise BusError(f"{bus_flags('canarm', channel, options)}: {error}") from error
+            raise BusOptionsError(f"{bus_flags('canarm', channel, options)}: {error}") from error
         self.description = self._bus.flags
 
     def send(self, frames: Sequence[Frame]) -> None:

@@ -18,7 +18,7 @@ from typing import Any
 import can
 
 from ..canopen.frames import Frame
-from ..errors import BusError
+from ..errors import BusError, BusOptionsError
 from .port import BusPort, Discarded, bus_flags
 
 MAX_FRAMES_PER_RECEIVE = 4096
@@ -36,6 +36,9 @@ ALLOW_REMOTE = "allow_remote"
 _HIGHEST_ID, _HIGHEST_EXTENDED_ID, _MOST_BYTES = 0x7FF, 0x1FFF_FFFF, 8
 Receive = Callable[[float], can.Message | None]
 _log = logging.getLogger(__name__)
+
+WRONG_OPTIONS = (TypeError, ValueError, KeyError)
+"""What every driver raises for options that it does not take."""
 
 
 def open_python_can_port(interface: str, channel: str | None, options: dict[str, Any]) -> BusPort:
@@ -62,7 +65,8 @@ class PythonCanPort(BusPort):
             self._bus: can.BusABC = self._open(interface, channel, options)
         # Drivers raise whatever they like, from ImportError to ctypes' own.
         except Exception as error:
-            raise BusError(f"{self.description}: {_explain(error, interface, channel)}") from error
+            kind = BusOptionsError if isinstance(error, WRONG_OPTIONS) else BusError
+            raise kind(f"{self.description}: {_explain(error, interface, channel)}") from error
 
     def _open(self, interface: str, channel: str | None, options: dict[str, Any]) -> can.BusABC:
         return can.Bus(interface=interface, channel=channel, **options)
@@ -291,6 +295,6 @@ def _explain(error: BaseException, interface: str, channel: str | None) -> str:
             return f"there is no such network interface; as root: ip link add {name} type vcan; ip link set {name} up"
         if error.errno == errno.EAFNOSUPPORT:
             return "this kernel has no SocketCAN; take another interface, such as canarm"
-    if isinstance(error, TypeError | ValueError | KeyError):
+    if isinstance(error, WRONG_OPTIONS):
         return f"wrong or missing options: {text}"
     return text
