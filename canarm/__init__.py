@@ -2,27 +2,33 @@
 
 from typing import TYPE_CHECKING, Any
 
+from canarm_protocol.faces import loader
+
 if TYPE_CHECKING:
+    from canarm_controller.run.state import State
+    from canarm_protocol.faults.bench_client import BenchClient
+
+    from .rig.bus_rig import BusRig
     from .rig.rig import Rig
 
     __version__: str
 
-__all__ = ["Rig", "__version__"]
+__all__ = ["BenchClient", "BusRig", "Rig", "State", "__version__"]
+
+_load = loader(
+    __name__, __all__, "canarm_controller.run.state", "canarm_protocol.faults.bench_client", ".rig.bus_rig", ".rig.rig"
+)
 
 
 def __getattr__(name: str) -> Any:
     """Load the rig, and the physics engine behind it, only when it is asked for: the command line need not wait for
     it.
     """
-    if name == "Rig":
-        from .rig.rig import Rig
-
-        return Rig
     if name == "__version__":
         from importlib.metadata import version
 
         return version("canarm")
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return _load(name)
 
 
 def __dir__() -> list[str]:

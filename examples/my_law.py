@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from canarm_controller.dynamics import NominalArm
 from canarm_controller.laws import ControlLaw, Cycle
-from canarm_protocol.cell.model import Control
+from canarm_protocol.cell import Control
 
 STIFFNESS, DAMPING = 144.0, 24.0
 """1/s² and 1/s, times the joint's inertia: poles at 12 rad/s, critically damped."""

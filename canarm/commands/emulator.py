@@ -13,7 +13,6 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from canarm_emulator.errors import EmulatorError
 from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.serving.hub import Hub
 from canarm_emulator.serving.recording import Recorder
@@ -24,7 +23,6 @@ from canarm_emulator.wire.bus_trouble import BusTrouble
 from canarm_emulator.wire.wire import Wire as WireModel
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.errors import BusError
 from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.runs.run_folder import claim_run_folder, update_run_file
 from canarm_protocol.transport.port import BusPort
@@ -143,10 +141,7 @@ def emulator(
         if warning is not None:
             _tell(warning)
         runner = EmulatorRunner(bench, hub, ports, recorder, world.sync_timeout, stop.is_due, _tell, script)
-        try:
-            runner.run()
-        except EmulatorError as error:
-            raise BusError(str(error)) from None
+        runner.run()
         summary = {
             "cell": nominal.name,
             "clock": world.clock,

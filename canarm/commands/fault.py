@@ -9,10 +9,10 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 
 from canarm_protocol.errors import FaultError
+from canarm_protocol.faults.bench_client import BenchClient
 from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.faults.script import FaultScript, script_of
 
-from ..bench_client import BenchClient
 from ..fault_text import catalogue_lines, parse_parameters, select_taps, status_lines
 from ..options import BenchAttachOptions, CellOptions, Flag, Seconds, named_file
 from ..rig.rig_faults import read_script
@@ -40,9 +40,9 @@ def list_(
     Needs no running bench.
     """
     # Reads every fault there is, which the other commands leave to the bench.
-    from canarm_emulator.faults.catalogue import as_plain, catalogue
+    from canarm_emulator.faults.catalogue import as_plain, catalogue_of
 
-    taps = select_taps(as_plain(catalogue(cell.load())), tap)
+    taps = select_taps(as_plain(catalogue_of(cell.load())), tap)
     print(json.dumps(taps) if json_ else "\n".join(catalogue_lines(taps)))
     return 0
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
-from canarm_emulator.faults.catalogue import catalogue
+from canarm_emulator.faults.catalogue import catalogue_of
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
 
@@ -56,7 +56,7 @@ def cells_of(cell: Cell, only: Sequence[str] = ()) -> list[MatrixCell]:
     """
     everything = [
         MatrixCell(tap.name, fault.name, fault.family.value, fault.needs_wire, fault.is_dangerous)
-        for tap, fault, _ in catalogue(cell)
+        for tap, fault, _ in catalogue_of(cell)
     ]
     return [each for each in everything if not only or any(_fits(each, pattern) for pattern in only)]
 

@@ -17,13 +17,13 @@ from canarm_protocol.canopen.frames import HIGHEST_NODE_ID, NmtState
 from canarm_protocol.cell.bench_objects import TRUE_ANGLE, TRUE_COMMAND, TRUE_SPEED, sdo_channel
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
+from canarm_protocol.faults.bench_client import BenchClient
 from canarm_protocol.faults.fault_events import FaultEvent
 from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.faults.script import FaultScript
 from canarm_protocol.transport.port import BusPort, open_port
 from canarm_protocol.transport.sdo_session import SdoSession
 
-from ..bench_client import BenchClient
 from ..child import Child
 from ..reports.run_plot import plot_run
 from ..rig.bus_rig import BENCH_BUS, HOST, port_of

@@ -14,12 +14,12 @@ from canarm_controller.run.state import State
 from canarm_controller.supervision.detection import Detection
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.errors import BusError, FaultError
+from canarm_protocol.faults.bench_client import BenchClient
 from canarm_protocol.faults.fault_events import FaultEvent
 from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.faults.script import FaultScript
 from canarm_protocol.transport.port import open_port
 
-from ..bench_client import BenchClient
 from ..bus_choice import VIRTUAL_BUSES, BusChoice
 from ..child import Child
 from ..session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, tick_count

@@ -6,13 +6,19 @@ from canarm_protocol.errors import CanarmError, ExitStatus
 class EmulatorError(CanarmError):
     """Base of every error raised by `canarm_emulator`."""
 
+    exit_status = ExitStatus.FAILED
+
 
 class TruthError(EmulatorError):
     """A key or value of `--truth` is wrong."""
 
+    exit_status = ExitStatus.WRONG_INPUT
+
 
 class HubError(EmulatorError):
     """The virtual bus cannot be served where it was asked for."""
+
+    exit_status = ExitStatus.WRONG_INPUT
 
 
 class RefusedError(HubError):

@@ -1,6 +1,6 @@
 """A drive wire that breaks ends in torque off, within the fault-tolerant time interval of 100 ms."""
 
-from canarm.rig.rig import State
+from canarm import State
 
 FTTI_S = 0.1
 

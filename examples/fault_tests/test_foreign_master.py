@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from canarm_protocol.canopen.frames import NmtCommand, NmtState
+from canarm_protocol.canopen import NmtCommand, NmtState
 
 MASTER = Path(__file__).parents[1] / "canopen_master.py"
 DAC, LATCH, ADC = 0x12, 0x13, 0x14

@@ -1,6 +1,6 @@
 """TPDOs that do not arrive: a few are bridged, none at all is a safe stop."""
 
-from canarm.rig.rig import State
+from canarm import State
 
 ADC_TPDO2 = 0x294
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from canarm.rig.rig import State
+from canarm import State
 
 FLOOR_RAD_S = 0.125
 """5 % of the tachometer's full scale: a fault that changes less cannot be told from noise."""

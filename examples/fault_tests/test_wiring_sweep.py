@@ -2,14 +2,13 @@
 
 import pytest
 
-from canarm_emulator.faults.catalogue import catalogue
-from canarm_emulator.faults.declaration import Family
-from canarm_protocol.cell.cell_file import load_cell
+from canarm_emulator.faults import Family, catalogue_of
+from canarm_protocol.cell import load_cell
 
 TAPS = ("joint2.potentiometer", "joint2.tachometer")
 WIRING = [
     (entry.tap.name, entry.fault.name)
-    for entry in catalogue(load_cell("konkuk1"))
+    for entry in catalogue_of(load_cell("konkuk1"))
     if entry.fault.family is Family.WIRING and entry.tap.name in TAPS
 ]
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from canarm import Rig
-from canarm.bench_client import BenchClient
+from canarm import BenchClient, Rig
 from canarm.cli import run
 from canarm.fault_text import parse_parameters, status_lines
 from canarm_emulator.faults.declaration import declared_faults
@@ -44,7 +43,7 @@ fault = "payload-change"
 """
 HAMMER = """
 import sys
-from canarm.bench_client import BenchClient
+from canarm import BenchClient
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.errors import FaultError
 from canarm_protocol.transport.port import open_port

@@ -28,7 +28,7 @@ from canarm.matrix.table import Matrix, Row, as_csv
 from canarm.matrix.text_report import as_text
 from canarm.matrix.undetectable import DECLARED_UNDETECTABLE, HIGHEST_SHARE
 from canarm.usage import UsageError
-from canarm_emulator.faults.catalogue import catalogue
+from canarm_emulator.faults.catalogue import catalogue_of
 from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell, Quantity
@@ -269,7 +269,9 @@ def test_zero_outputs_and_nmt_stop_are_seen_on_the_bus() -> None:
 
 def test_the_plan_has_every_fault_at_every_tap() -> None:
     cells = cells_of(CELL)
-    assert [(each.tap, each.fault) for each in cells] == [(tap.name, fault.name) for tap, fault, _ in catalogue(CELL)]
+    assert [(each.tap, each.fault) for each in cells] == [
+        (tap.name, fault.name) for tap, fault, _ in catalogue_of(CELL)
+    ]
     assert {each.family for each in cells_of(CELL, ["bus"])} == {"bus"}
     assert [each.name for each in cells_of(CELL, ["joint2.wire wire-broken"])] == ["joint2.wire wire-broken"]
 

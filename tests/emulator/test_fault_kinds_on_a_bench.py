@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import pytest
 
-from canarm_emulator.faults.catalogue import Entry, catalogue
+from canarm_emulator.faults.catalogue import Entry, catalogue_of
 from canarm_emulator.faults.declaration import Family, TapKind
 from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
@@ -29,7 +29,7 @@ BEGIN, END, CYCLES = 30, 110, 130
 TRUTH = Truth.from_settings(CELL, {"joint2.supply_v": "8", "joint3.supply_v": "8"})
 FAMILIES = (Family.SIGNAL, Family.CONVERTER, Family.WIRING, Family.ACTUATOR)
 MEASURING = (TapKind.SENSOR, TapKind.ADC_CODE)
-ENTRIES = [entry for entry in catalogue(CELL) if entry.fault.family in FAMILIES]
+ENTRIES = [entry for entry in catalogue_of(CELL) if entry.fault.family in FAMILIES]
 
 
 class Cycle(NamedTuple):

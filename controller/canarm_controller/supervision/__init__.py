@@ -1,1 +1,13 @@
-"""What a controller notices of its robot: measurements, commands and arrivals judged against each other."""
+"""Watching a run: what is judged from the measurements, and what follows."""
+
+from typing import TYPE_CHECKING
+
+from canarm_protocol.faces import loader
+
+if TYPE_CHECKING:
+    from .detection import DETECTORS, Detection, Detector, Reaction
+    from .supervisor import Supervisor, Verdict
+
+__all__ = ["DETECTORS", "Detection", "Detector", "Reaction", "Supervisor", "Verdict"]
+
+__getattr__ = loader(__name__, __all__, ".detection", ".supervisor")

@@ -21,7 +21,7 @@ class Entry(NamedTuple):
     parameters: tuple[Parameter, ...]
 
 
-def catalogue(cell: Cell) -> list[Entry]:
+def catalogue_of(cell: Cell) -> list[Entry]:
     """Every fault at every tap of `cell` that supports it, in the order of the signal path."""
     faults = declared_faults()
     return [

@@ -65,9 +65,9 @@ class FaultBench(Bench):
 
     def plain_catalogue(self) -> list[dict[str, Any]]:
         """What can be injected where, for JSON: one object per tap."""
-        from .catalogue import as_plain, catalogue
+        from .catalogue import as_plain, catalogue_of
 
-        return as_plain(catalogue(self.cell))
+        return as_plain(catalogue_of(self.cell))
 
     def load(self) -> None:
         """Load now what the first fault would need: several cycles of the wall clock."""
