@@ -20,10 +20,10 @@ from measure import Ratio, Row
 from canarm.session import make_bench, make_controller
 from canarm_controller.run.runner import Runner, RunResult
 from canarm_controller.run.state import State
-from canarm_emulator.serving.arrival import SyncArrival
 from canarm_emulator.serving.hub import Hub
 from canarm_emulator.serving.hub_events import Detached, Event, Received
 from canarm_emulator.serving.runner import EmulatorRunner
+from canarm_emulator.serving.sync_intervals import SyncIntervals
 from canarm_protocol.canopen.frames import Cob, sync_frame
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
@@ -45,7 +45,7 @@ class MeasuringHub(Hub):
     def __init__(self, connection: Connection, period_ns: int) -> None:
         super().__init__("127.0.0.1", 0)
         self._connection, self._period_ns = connection, period_ns
-        self._arrival = SyncArrival(period_ns)
+        self._intervals = SyncIntervals(period_ns)
         connection.send(self.address[1])
 
     def poll(self, timeout_s: float) -> list[Event]:
@@ -54,10 +54,10 @@ class MeasuringHub(Hub):
         for event in events:
             if type(event) is Received:
                 if event.frame.can_id == Cob.SYNC:
-                    self._arrival.arrival(now_ns)
-            elif type(event) is Detached and event.channel == "can0" and self._arrival.count:
-                self._connection.send(self._arrival.summary())
-                self._arrival = SyncArrival(self._period_ns)
+                    self._intervals.note(now_ns)
+            elif type(event) is Detached and event.channel == "can0" and self._intervals.count:
+                self._connection.send(self._intervals.summary())
+                self._intervals = SyncIntervals(self._period_ns)
         return events
 
 

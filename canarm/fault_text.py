@@ -60,7 +60,7 @@ def _nearest_tap(pattern: str, names: Sequence[str]) -> str:
 
 
 def catalogue_lines(taps: Iterable[Mapping[str, Any]]) -> Iterator[str]:
-    """A line a tap, a fault and a parameter."""
+    """One line per tap, fault and parameter."""
     for tap in taps:
         unit = f" [{tap['unit']}]" if tap["unit"] else ""
         yield f"{tap['tap']}{unit}: {tap['about']}"
@@ -83,7 +83,7 @@ def _limits(parameter: Mapping[str, Any]) -> str:
 
 
 def status_lines(status: Mapping[str, Any]) -> Iterator[str]:
-    """Whether a run is on, a line a set, and one a fault that acts now."""
+    """Whether a run is on, one line per set, and one per fault that acts now."""
     is_on = status["running"]
     run = (
         f"a run is on, cycle {status['cycle']}" if is_on else "no run is on: at and cycle count from the next NMT start"

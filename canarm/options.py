@@ -128,7 +128,7 @@ Words = Annotated[list[str], Parameter(negative=(), metavar="KEY=VALUE", show_de
 Settings = Annotated[Words, Parameter(consume_multiple=False)]
 """One KEY=VALUE an option."""
 BusWords = Annotated[Words, Parameter(consume_multiple=True)]
-"""As many KEY=VALUE after one option as there are, as python-can's own tools take them."""
+"""An option takes as many KEY=VALUE words as follow it, as python-can's own tools do."""
 MoreBusWords = Annotated[
     str, Parameter(help="Options KEY=VALUE of the robot's bus, as after --bus-kwargs.", show_env_var=False)
 ]

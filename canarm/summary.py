@@ -4,21 +4,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from canarm_controller.bus.assessment import JointFigures
 from canarm_controller.supervision.detection import Detection
 
 MOST_DETECTIONS = 8
-"""Of those, a summary for people shows the first."""
-
-
-@dataclass(frozen=True, slots=True)
-class JointFigures:
-    """Figures of one joint; None where not known. Errors are true minus reference, in steps of the position sensor."""
-
-    rms_lsb: float | None
-    max_lsb: float | None
-    peak_current_a: float
-    saturated_cycles: int
-    speed_ripple: float | None
+"""A summary for people shows this many of the first ones."""
 
 
 @dataclass(frozen=True, slots=True)

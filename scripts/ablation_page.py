@@ -115,7 +115,7 @@ def page(results: Results) -> str:
 
 
 def misfits(results: Results) -> list[Finding]:
-    """Findings that the figures do not bear out: their words in `ablation_findings` are to be written anew."""
+    """Findings that the figures do not bear out: their words in `ablation_findings` are to be written again."""
     return [finding for finding in findings(Reader(results)) if not finding.holds]
 
 

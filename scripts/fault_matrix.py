@@ -1,4 +1,4 @@
-"""Run the fault matrix of konkuk1 and compare it with its golden copy, or write that anew. Takes minutes.
+"""Run the fault matrix of konkuk1 and compare it with its golden copy, or write that again. Takes minutes.
 
 The golden copy holds verdict, detector and latency of every cell. Exit status 1 if anything differs by more than a
 cycle, or the run is interrupted.
@@ -50,7 +50,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: %(default)s)")
     parser.add_argument(
-        "--update-golden", action="store_true", help="write the golden copy and the page's figures anew"
+        "--update-golden", action="store_true", help="write the golden copy and the page's figures again"
     )
     arguments = parser.parse_args(words)
     scenario = Scenario()

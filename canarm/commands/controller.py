@@ -49,7 +49,7 @@ from ..options import (
 from ..session import make_controller, provenance, tick_count, traffic_warning
 from ..stdout import keep_stdout
 from ..stopping import StopRequest
-from ..summary import JointFigures, Summary, detections_as_plain
+from ..summary import Summary, detections_as_plain
 from ..usage import UsageError
 
 
@@ -260,16 +260,7 @@ def _summary(
         starved=result.starved,
         approach_s=controller.loop.trajectory.approach_s,
         real_time_factor=result.real_time_factor if result.ticks else None,
-        joints={
-            name: JointFigures(
-                figures.rms_lsb,
-                figures.max_lsb,
-                figures.peak_current_a,
-                figures.saturated_cycles,
-                figures.speed_ripple,
-            )
-            for name, figures in result.joints.items()
-        },
+        joints=result.joints,
         out=None if out is None else str(out),
         detections=detections_as_plain(controller.detections),
     )

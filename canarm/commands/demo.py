@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from canarm_controller.bus.assessment import JointFigures
 from canarm_emulator.robot.truth import Truth as TrueRobot
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
@@ -45,7 +46,7 @@ from ..options import (
 from ..serving import attach_flags, is_remote
 from ..session import make_bench, make_controller, tick_count, traffic_warning
 from ..stdout import keep_stdout
-from ..summary import JointFigures, Summary
+from ..summary import Summary
 from ..usage import UsageError, parse_settings
 
 START_S = 60.0

@@ -249,7 +249,7 @@ def _figures(bench: FaultBench, runner: EmulatorRunner) -> dict[str, Any]:
         "stalls": runner.stalls,
         "run_ons": runner.run_ons,
         "faults": bench.device.faults.begun,
-        **({"sync_arrival": runner.arrival.summary()} if bench.clock is Clock.WALL else {}),
+        **({"sync_arrival": runner.sync_intervals.summary()} if bench.clock is Clock.WALL else {}),
         **({} if bench.wire is None else {"wire": _wire_figures(bench.wire, bench.trouble)}),
         "current_limited_steps": {
             name: {"d669": limited.d669, "supply": limited.supply}

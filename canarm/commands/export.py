@@ -32,7 +32,7 @@ def export(
 ) -> int:
     """Describe a cell to other tools: EDS and DCF for CANopen masters, DBC for whatever decodes CAN."""
     if bus is not None and format_ != "dbc":
-        raise UsageError(f"--bus {bus}: only a dbc has one file a bus; leave it out")
+        raise UsageError(f"--bus {bus}: only a dbc has one file per bus; leave it out")
     if out is None and format_ != "dbc":
         raise UsageError(f"export {format_}: writes several files; name a folder with --out DIR")
     texts = EXPORTERS[format_](cell.load())

@@ -51,7 +51,7 @@ def matrix(
         str | None,
         Parameter(
             metavar="COMMAND",
-            help="Another controller than ours, started anew for each run; {host} and {port} are where the virtual bus "
+            help="Another controller than ours, started for each run; {host} and {port} are where the virtual bus "
             "is. Judged by what is seen on the bus. --law and --trajectory are then its own business.",
         ),
     ] = None,

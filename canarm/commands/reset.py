@@ -1,6 +1,7 @@
 """`canarm reset`: the robot of a running bench, off and on again."""
 
-from ..bench_client import BenchClient
+from canarm_protocol.faults.bench_client import BenchClient
+
 from ..options import BenchAttachOptions, CellOptions
 
 

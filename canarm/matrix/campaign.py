@@ -143,5 +143,5 @@ def _load(scenario: Scenario) -> Cell:
 
 @functools.lru_cache(maxsize=4)
 def _twin(scenario: Scenario, with_wire: bool) -> Evidence:
-    """The fault-free run of our own controller; once a process."""
+    """The fault-free run of our own controller; once per process."""
     return run_in_rig(scenario, _load(scenario), None, with_wire)

@@ -1,4 +1,4 @@
-"""What the matrix runs: its cells, one a fault at a tap, and the scenario that all of them share. Nothing runs here."""
+"""What the matrix runs: its cells, one per fault at a tap, and the scenario that all share. Nothing runs here."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -280,7 +280,7 @@ class CanarmBench(FaultControl):
 
     @contextlib.contextmanager
     def _client(self) -> Iterator[tuple[BusPort, BenchClient]]:
-        """The bench bus, opened anew: on one that nobody reads, a controller's reports would pile up meanwhile."""
+        """The bench bus, opened again: on one that nobody reads, a controller's reports would pile up meanwhile."""
         with (
             open_port("canarm", BENCH_BUS, host=HOST, port=self.port) as port,
             BenchClient(port, self.cell, ANSWER_S) as client,

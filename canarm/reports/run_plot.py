@@ -14,7 +14,7 @@ from ..rig.rig_joint import Floats, RigJoint
 from .line_plot import Axis, Curve, Mark, Panel, draw
 
 COLUMNS = 600
-"""So many pairs of least and greatest value are drawn of a longer curve: more than the picture has pixels."""
+"""A longer curve is drawn by this many pairs of least and greatest value, more than the picture has pixels."""
 PANEL_HEIGHT = 150
 BEFORE_S, AFTER_S = 0.3, 0.5
 """How much is shown before the first fault, and after the last detection."""

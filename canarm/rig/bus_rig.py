@@ -10,6 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from canarm_controller.bus.assessment import JointFigures
 from canarm_controller.run.state import State
 from canarm_controller.supervision.detection import Detection
 from canarm_protocol.cell.cell_file import load_cell
@@ -23,7 +24,7 @@ from canarm_protocol.transport.port import open_port
 from ..bus_choice import VIRTUAL_BUSES, BusChoice
 from ..child import Child
 from ..session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, tick_count
-from ..summary import JointFigures, Summary
+from ..summary import Summary
 from ..usage import UsageError, value_text
 from .arguments import as_text, checked_seed
 from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question

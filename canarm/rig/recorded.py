@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from canarm_controller.bus.assessment import JointFigures
 from canarm_controller.run.recording import SIGNALS_FILE as CONTROLLER_FILE
 from canarm_controller.supervision.detection import Detection, Reaction
 from canarm_emulator.serving.recording import SIGNALS_FILE as ROBOT_FILE
@@ -18,7 +19,6 @@ from canarm_protocol.cell.sensing import position_steps_rad
 from canarm_protocol.faults.fault_events import FAULT_BEGINS, FAULT_ENDS, FaultEvent, event_from_plain
 from canarm_protocol.runs.run_folder import EVENTS_FILE, SIGNALS_FOLDER
 
-from ..summary import JointFigures
 from .findings import Noticed
 from .rig_joint import SIGNALS, TRUE_SIGNALS, Floats, Joints, RigJoint, Span
 

@@ -48,7 +48,7 @@ class Rig(FaultControl):
 
     `cell` is a name, a file or a `Cell`. `law`, `trajectory` and `feedforward` are as on the command line; `law` may be
     a class or a function of the `Cycle` too (`load_law`), `trajectory` a DataFrame, a dict of columns, an array
-    (n, joints) in rad with a row a cycle, or a function of the time in s (`make_trajectory`). `truth` and `settings`
+    (n, joints) in rad with a row per cycle, or a function of the time in s (`make_trajectory`). `truth` and `settings`
     are what `--truth` and `--set` take, `wire` is `--wire`, `faults` is a fault file, its text or a script
     (`inject_file`). `history_s` bounds the histories: older cycles are forgotten, and a question about them raises
     `UsageError`. `out` names a run folder. A rig that is finished and has never run warns (`RigWarning`).

@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from canarm_controller.bus.assessment import JointFigures
 from canarm_emulator.bench.bench import CycleTruth
 from canarm_emulator.bench_node.assessor import Assessor
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.model import Cell
 
-from ..summary import JointFigures
 from .rig_joint import SIGNALS, TRUE_SIGNALS, Floats, Span
 
 

@@ -10,9 +10,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from canarm_controller.bus.assessment import JointFigures
 from canarm_protocol.cell.cell_messages import nearest
 
-from ..summary import JointFigures
 from ..usage import UsageError
 from .findings import HALF_NS, Finding
 

@@ -4,7 +4,15 @@ from collections.abc import Sequence
 
 
 class Cycle:
-    """What a law sees in one cycle, filled anew by the loop; one entry a joint in every sequence, which is a tuple.
+    """One cycle of control, filled step by step; one entry per joint in every sequence, which is a tuple.
+
+    | fields | filled by | when |
+    |---|---|---|
+    | `position_rad`, `velocity_rad_s`, `current_a` | the inputs, with what was measured | the inputs are complete |
+    | the same | the arm watch, where it replaces a sensor | after that, before the law |
+    | `tick`, `reference_rad` and its two derivatives | `ControlLoop.look_up` | before the law |
+    | `feedforward_nm` | `ControlLoop.torque_nm` | before the law |
+    | `applied_nm`, `saturated` | `ControlLoop.outputs` | after the law: it sees them in the next cycle |
 
     `feedforward_nm` is the feed-forward torque for this command; `applied_nm` is what the amplifier could deliver of
     the last command, and `saturated` whether that was less than asked for. A law has an object of its own: what it

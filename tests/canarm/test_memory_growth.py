@@ -21,7 +21,7 @@ def test_objects_do_not_grow_once_the_rings_are_full() -> None:
             gc.collect()
             counts.append(len(gc.get_objects()))
             rig.run(1000 * CYCLE_S)
-        # One object a cycle would be a thousand more.
+        # One object per cycle would be a thousand more.
         assert max(counts) - min(counts) < 100
 
 

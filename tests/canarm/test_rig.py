@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -73,7 +74,7 @@ def test_the_example_of_the_design_runs() -> None:
 
 
 def test_only_what_is_asked_for_is_imported() -> None:
-    assert canarm.__all__ == ["Rig", "__version__"]
+    assert canarm.__all__ == ["BenchClient", "BusRig", "Rig", "State", "__version__"]
     with pytest.raises(AttributeError, match="no attribute 'Rg'"):
         canarm.Rg  # noqa: B018
 
@@ -389,7 +390,7 @@ def test_a_length_that_is_none_is_refused_and_nothing_has_begun(seconds: float) 
         ({"history_s": 0.0}, ValueError, "history_s 0: must be at least one cycle"),
         ({"history_s": -5.0}, ValueError, "history_s -5: must be at least one cycle"),
     ],
-    ids=str,
+    ids=lambda value: re.sub(r" at 0x[0-9a-f]+", "", str(value)),
 )
 def test_an_argument_that_cannot_be_is_refused_in_a_line(
     arguments: dict[str, object], error: type[Exception], message: str

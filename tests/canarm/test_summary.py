@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from canarm.summary import JointFigures, Summary
+from canarm.summary import Summary
+from canarm_controller.bus.assessment import JointFigures
 
 GOOD = JointFigures(rms_lsb=0.0612345678, max_lsb=0.17, peak_current_a=0.817, saturated_cycles=0, speed_ripple=0.021)
 UNKNOWN = JointFigures(rms_lsb=None, max_lsb=None, peak_current_a=0.0, saturated_cycles=0, speed_ripple=None)

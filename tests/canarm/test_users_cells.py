@@ -65,7 +65,7 @@ def test_another_bit_rate_gets_a_cycle_that_it_can_carry(bitrate: int, cycle_us:
 
 
 def test_a_cycle_that_the_bit_rate_cannot_carry_is_refused_with_the_arithmetic() -> None:
-    with pytest.raises(NewCellError, match=r"125000 bit/s x 1000 us = 125 bits a cycle"):
+    with pytest.raises(NewCellError, match=r"125000 bit/s x 1000 us = 125 bits per cycle"):
         cell_of(request=Request(cycle_us=1000, bitrate=125_000))
 
 

@@ -68,7 +68,7 @@ def test_the_library_sees_an_error_begin_and_end(link) -> None:
     link.until(lambda: node.emcy.active, "EMCY")
     (lost,) = node.emcy.active
     assert (lost.code, lost.register) == (0x8130, 0x11)
-    watch(node, 5000)  # the entry is written anew: monitoring begins anew
+    watch(node, 5000)  # the entry is written again: monitoring begins again
     link.send(MASTER_HEARTBEAT, b"\x05")
     link.until(lambda: not node.emcy.active, "end of the error")
     assert node.sdo[0x1001].raw == 0

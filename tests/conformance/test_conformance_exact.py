@@ -178,7 +178,7 @@ def test_the_inhibit_time_keeps_emcys_apart(exact) -> None:
 
 
 def test_an_rpdo_deadline_is_missed_exactly_at_its_time(exact) -> None:
-    """0x1401:5; monitoring begins with the first frame and begins anew with each."""
+    """0x1401:5; monitoring begins with the first frame and begins again with each."""
     exact.card(DAC).sdo[0x1401][5].raw = 30
     exact.nmt(START, DAC)
     run(exact, 100)

@@ -154,7 +154,7 @@ def run_closed_loop(
 def sensed(
     state: list[float], speeding: tuple[float, float], noise_lsb: NDArray[np.float64]
 ) -> tuple[list[float], list[float]]:
-    """Positions and speeds as the ADC gives them: potentiometers first, 100 µs a channel, zero between two codes."""
+    """Positions and speeds as the ADC gives them: potentiometers first, 100 µs per channel, zero between two codes."""
     positions = [quantised(state[i] + state[2 + i] * i * CONVERSION_S, POSITION_LSB_RAD, noise_lsb[i]) for i in (0, 1)]
     speeds = [
         quantised(state[2 + i] + speeding[i] * (2 + i) * CONVERSION_S, SPEED_LSB_RAD_S, noise_lsb[2 + i])

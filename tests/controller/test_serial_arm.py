@@ -322,7 +322,7 @@ NAN, INFINITY = float("nan"), float("inf")
         (((0.0, 0.0), (0.0, 0.0), (0.0, 0.0, 0.0)), r"qdd has shape \(3,\); must be \(2,\)"),
         (((0.0,), (0.0, 0.0), (0.0, 0.0)), r"q has shape \(1,\); must be \(2,\)"),
         ((0.0, (0.0, 0.0), (0.0, 0.0)), r"q has shape \(\); must be \(2,\)"),
-        ((("a", "b"), (0.0, 0.0), (0.0, 0.0)), r"q = \('a', 'b'\); must be one number a joint"),
+        ((("a", "b"), (0.0, 0.0), (0.0, 0.0)), r"q = \('a', 'b'\); must be one number per joint"),
     ],
 )
 def test_a_bad_state_is_refused_with_quantity_and_joint(

@@ -16,7 +16,7 @@ import pytest
 
 from canarm_emulator.bench_node.fault_objects import event_text
 from canarm_emulator.faults import declaration
-from canarm_emulator.faults.declaration import Context, JointFault, NodeFault, NodePort, SignalFault, TapKind
+from canarm_emulator.faults.declaration import Context, JointFault, NodeFault, NodeHandle, SignalFault, TapKind
 from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.faults.parameters import choice, level, of_tap, parameter
 from canarm_emulator.faults.turns import SetState
@@ -659,10 +659,10 @@ def test_a_filter_that_fails_ends_its_fault_and_lets_all_pass(filter_name: str, 
     class Sieve(NodeFault, name="sieve", acts_on=[TapKind.NODE]):
         """Its filter fails at the first SYNC or frame."""
 
-        def act(self, node: NodePort, now_ns: int) -> None:
+        def act(self, node: NodeHandle, now_ns: int) -> None:
             getattr(node, filter_name)(no_sync if filter_name == "set_sync_filter" else lambda frame: 7)
 
-        def end(self, node: NodePort, now_ns: int) -> None:
+        def end(self, node: NodeHandle, now_ns: int) -> None:
             getattr(node, filter_name)(None)
 
     run, events = Run(), []

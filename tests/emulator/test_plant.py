@@ -338,7 +338,7 @@ def test_a_wire_that_turns_elastic_keeps_joint_and_motor_together() -> None:
 @pytest.mark.parametrize(
     ("before", "after", "twist_deg", "kept_deg"),
     [
-        (BROKEN, ELASTIC, 400.0, 0.0),  # tied anew
+        (BROKEN, ELASTIC, 400.0, 0.0),  # tied again
         (BROKEN, SLACK, -400.0, -5.0),
         (SLACK, ELASTIC, 3.0, 0.0),  # the slack is wound up
         (SLACK, ELASTIC, 5.5, 0.5),  # and the tension stays

@@ -690,7 +690,7 @@ def watch_two(node: Node) -> None:
 
 
 def test_every_entry_of_the_heartbeat_consumer_watches_its_node(node: Node) -> None:
-    """CiA 301, 7.5.2.19: an entry a node, each with its own time."""
+    """CiA 301, 7.5.2.19: an entry per node, each with its own time."""
     watch_two(node)
     assert node.read(0x1016) == 4
     assert set(node.slave.watched_node_ids) == {MASTER, SECOND_MASTER}

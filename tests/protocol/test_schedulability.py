@@ -126,7 +126,7 @@ def test_konkuk1_does_not_fit_at_125_kbit(konkuk1: Cell, nodes: tuple[CardNode, 
     verdict = cell_verdict(at(konkuk1, bitrate=125_000), nodes)
     assert not verdict.fits
     assert verdict.load == pytest.approx(1.56)
-    assert "125000 bit/s x 2500 us = 312 bits a cycle" in verdict.lines[0]
+    assert "125000 bit/s x 2500 us = 312 bits per cycle" in verdict.lines[0]
     assert any(line.startswith("RPDO2 of dac 0x312: without a bound, limit 2500 us: TOO") for line in verdict.lines)
     assert verdict.lines[-1].startswith("does not fit: raise bus.bitrate")
 

@@ -34,7 +34,7 @@ class ClearScreen(ModalScreen[tuple[str | None] | None]):
         self._choices: tuple[str | None, ...] = (None, *names)
 
     def compose(self) -> ComposeResult:
-        """All, and a line a set."""
+        """All, and one line per set."""
         with Vertical() as box:
             box.border_title, box.border_subtitle = "Clear", "enter clears │ escape closes"
             yield OptionList(*(Option(Content(ALL if name is None else name)) for name in self._choices))

@@ -67,7 +67,7 @@ class FaultPanel(Static):
 
 
 class JointsTable(DataTable[Content]):
-    """A row a joint; only cells whose text changed are written."""
+    """A row per joint; only cells whose text changed are written."""
 
     DEFAULT_CSS = "JointsTable { height: auto; max-height: 60%; padding: 0 0 0 1; }"
 

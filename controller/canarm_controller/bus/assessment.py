@@ -1,7 +1,7 @@
 """What the test bench says of a run, read from its node at the end. A controller never needs it; people do."""
 
 import struct
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from canarm_protocol.cell import bench_objects as objects
@@ -11,8 +11,11 @@ from canarm_protocol.transport.sdo_session import SdoSession
 
 
 @dataclass(frozen=True, slots=True)
-class JointAssessment:
-    """Figures of one joint. Errors are true minus reference in steps of the position sensor, settling left out."""
+class JointFigures:
+    """Figures of one joint; None where not known.
+
+    Errors are true minus reference, in steps of the position sensor, settling left out.
+    """
 
     rms_lsb: float | None
     max_lsb: float | None
@@ -20,12 +23,8 @@ class JointAssessment:
     saturated_cycles: int
     speed_ripple: float | None
 
-    def as_json(self) -> dict[str, Any]:
-        """The figures as they stand in the summary, rounded to what they mean."""
-        return {key: round(value, 4) if isinstance(value, float) else value for key, value in asdict(self).items()}
 
-
-def read_assessment(session: SdoSession, cell: Cell) -> dict[str, JointAssessment]:
+def read_assessment(session: SdoSession, cell: Cell) -> dict[str, JointFigures]:
     """The bench's figures by joint name. Raises `SdoAborted`, `BusError`, or `ProtocolError` for another bench's."""
 
     def number(index: int, subindex: int, format_: str = "<f") -> Any:
@@ -39,7 +38,7 @@ def read_assessment(session: SdoSession, cell: Cell) -> dict[str, JointAssessmen
     figures = {}
     for position, name in enumerate(cell.joint_names, start=1):
         ripple = number(objects.SPEED_RIPPLE, position)
-        figures[name] = JointAssessment(
+        figures[name] = JointFigures(
             rms_lsb=number(objects.RMS_ERROR, position) if is_assessed else None,
             max_lsb=number(objects.MAX_ERROR, position) if is_assessed else None,
             peak_current_a=number(objects.PEAK_CURRENT, position),

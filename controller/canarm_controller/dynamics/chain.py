@@ -20,7 +20,7 @@ Vector = tuple[float, float, float]
 Tensor = tuple[float, float, float, float, float, float]
 
 MAX_JOINTS = 7
-"""As many as the schema of a cell allows."""
+"""The schema of a cell allows no more."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,11 +13,13 @@ from .chain import Floats
 
 
 def check_state(joint_names: Sequence[str], **quantities: object) -> None:
-    """Raise `DynamicsError` unless every quantity has one finite number a joint; says which one of which joint."""
+    """Raise `DynamicsError` unless every quantity has one finite number per joint; says which one of which joint."""
     for name, values in quantities.items():
         numbers = _as_floats(name, values)
         if numbers.shape != (len(joint_names),):
-            raise DynamicsError(f"{name} has shape {numbers.shape}; must be ({len(joint_names)},): one number a joint")
+            raise DynamicsError(
+                f"{name} has shape {numbers.shape}; must be ({len(joint_names)},): one number per joint"
+            )
         for joint, value in zip(joint_names, numbers, strict=True):
             if not isfinite(value):
                 raise DynamicsError(f"{name} of {joint} = {value}; must be finite")
@@ -46,4 +48,4 @@ def _as_floats(name: str, values: object) -> Floats:
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
-        raise DynamicsError(f"{name} = {values!r}; must be one number a joint") from None
+        raise DynamicsError(f"{name} = {values!r}; must be one number per joint") from None

@@ -28,7 +28,7 @@ GROUND = ChainLink("ground", 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0),
 
 @dataclass(frozen=True, slots=True)
 class DriveTerms:
-    """What the drives add to the torque, one entry a joint: J·q̈ + Fv·q̇ + Fc·tanh(q̇/v_s)."""
+    """What the drives add to the torque, one entry per joint: J·q̈ + Fv·q̇ + Fc·tanh(q̇/v_s)."""
 
     rotor_inertia_kg_m2: Sequence[Value]
     viscous_nm_s: Sequence[Value]

@@ -38,7 +38,7 @@ class SerialArm:
     τ = D(q)·q̈ + H(q, q̇) + G(q) + N²J_rotor·q̈ + Fv·q̇ + Fc·tanh(q̇/v_s), with v_s = `COULOMB_SMOOTHING_RAD_S`. The rotors
     turn about their own joints only: their gyroscopic torques are left out, as the gears of these arms allow.
 
-    Functions of one state take a sequence of floats for each of q, q̇ (rad/s) and q̈ (rad/s²), one number a joint:
+    Functions of one state take a sequence of floats for each of q, q̇ (rad/s) and q̈ (rad/s²), one number per joint:
 
     - `torque_nm(q, qd, qdd)`: inverse dynamics with the drives; made for the control cycle;
     - `coriolis(q, qd)`, `gravity(q)`: H and G of the links;

@@ -60,7 +60,7 @@ class JointObserver:
 
 
 class ArmState:
-    """State and reference at the moment a law computes for, one entry a joint.
+    """State and reference at the moment a law computes for, one entry per joint.
 
     A command computed in cycle k acts from SYNC k+1 on; until then the last one acts, `cycle.applied_nm`. With the
     observer on, the law sees state and reference at SYNC k+1, filtered and predicted, and the cycle of delay is gone
@@ -85,7 +85,7 @@ class ArmState:
         self.reference_rad_s: Sequence[float] = zeros
 
     def start(self, position_rad: Sequence[float], velocity_rad_s: Sequence[float]) -> None:
-        """Begin anew at the measured state."""
+        """Begin again at the measured state."""
         for joint, position, velocity in zip(self._joints, position_rad, velocity_rad_s, strict=bool(self._joints)):
             joint.start(position, velocity)
         self._is_first = True

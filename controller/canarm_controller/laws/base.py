@@ -39,7 +39,7 @@ class ControlLaw(ABC):
     def start(
         self, position_rad: Sequence[float], velocity_rad_s: Sequence[float], amplitude_rad: Sequence[float]
     ) -> None:
-        """Begin anew at the measured state. `amplitude_rad` is the trajectory's, half of peak to peak, one a joint."""
+        """Begin again at the measured state. `amplitude_rad` is half of the trajectory's peak to peak, per joint."""
 
     @abstractmethod
     def update(self, cycle: Cycle) -> Sequence[float]:
@@ -49,7 +49,7 @@ class ControlLaw(ABC):
         """
 
     def internals(self) -> Mapping[str, Sequence[float]]:
-        """Named inner values for display and recording, one entry a joint, units in the names; none by default.
+        """Named inner values for display and recording, one entry per joint, units in the names; none by default.
 
         Names are ASCII identifiers such as `bias_a`, and the same in every cycle.
         """

@@ -7,6 +7,7 @@ from canarm_protocol.cell.model import Control
 
 from ..dynamics import Arm
 from .base import ControlLaw, Cycle
+from .error_weights import error_weights
 
 SMALLEST_AMPLITUDE_RAD = 0.1
 """A joint that moves less excites nothing to adapt to; its adaptation gains stay finite."""
@@ -119,9 +120,7 @@ class _JointMras:
         self._leak = period_s * self._gains.leakage
         self._gain_bias = period_s * self._gains.gamma_bias
         self._bias_limit_a = self._gains.bias_limit_a
-        q1, q2 = 2.0 * omega**2, 1.0
-        self._p12 = q1 / (2.0 * omega**2)
-        self._p22 = (q2 + 2.0 * self._p12) / (4.0 * zeta * omega)
+        self._p12, self._p22 = error_weights(omega, zeta)
         self.start(0.0, 0.0, 0.0)
 
     def start(self, position_rad: float, velocity_rad_s: float, amplitude_rad: float) -> None:

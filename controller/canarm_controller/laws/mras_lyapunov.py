@@ -10,6 +10,7 @@ from ..errors import LawError
 from ..estimation.arm_model import arm_model
 from ..estimation.observer import ArmState
 from .base import ControlLaw, Cycle
+from .error_weights import error_weights
 from .standing import StandingHold
 
 LOWEST, HIGHEST = 0.35, 3.0
@@ -126,9 +127,7 @@ class _JointLyapunov:
         self._gain_bias = period_s * gains.gamma_bias
         self._leak = period_s * gains.leakage
         self._bias_limit_a = gains.bias_limit_a
-        q1, q2 = 2.0 * omega**2, 1.0
-        self._p12 = q1 / (2.0 * omega**2)
-        self._p22 = (q2 + 2.0 * self._p12) / (4.0 * zeta * omega)
+        self._p12, self._p22 = error_weights(omega, zeta)
         self.start(0.0, 0.0)
 
     def start(self, position_rad: float, velocity_rad_s: float) -> None:

@@ -89,7 +89,7 @@ class Blended(Trajectory):
 
 
 def blend_from(trajectory: Trajectory, start_rad: Sequence[float], blend_s: float = BLEND_S) -> Trajectory:
-    """`trajectory`, entered from rest at the measured pose `start_rad` (one angle a joint) within `blend_s`.
+    """`trajectory`, entered from rest at the measured pose `start_rad` (one angle per joint) within `blend_s`.
 
     Raises `TrajectoryError` if the start lies outside the joint limits, or so far off that a joint would be too fast.
     """

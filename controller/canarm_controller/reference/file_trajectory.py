@@ -128,7 +128,7 @@ class FileTrajectory(OwnBeginning):
 
 
 class FunctionTrajectory(OwnBeginning):
-    """The angles in rad, one a joint, that `angles_rad` returns for a time in s; speeds are differences over 2 ms."""
+    """The angles in rad, one per joint, that `angles_rad` returns for a time in s; speeds are differences over 2 ms."""
 
     def __init__(self, limits: Limits, angles_rad: Callable[[float], Sequence[float]]) -> None:
         super().__init__(limits, (0.0,) * len(limits.joint_names))

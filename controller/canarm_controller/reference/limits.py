@@ -39,7 +39,7 @@ class Sampled(Protocol):
 
 @dataclass(frozen=True)
 class Limits:
-    """What the joints can do and their sensors can see, one entry a joint, and the cycle at which it is checked.
+    """What the joints can do and their sensors can see, one entry per joint, and the cycle at which it is checked.
 
     `arm` is the nominal model that says which current a motion takes; without one, current is not checked.
     """

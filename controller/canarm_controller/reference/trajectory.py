@@ -102,7 +102,7 @@ def make_trajectory(spec: object, cell: Cell) -> Trajectory:
     """The trajectory that is meant: "sine", "trapezoid", the path of a CSV file; in Python a table or a function too.
 
     Behind the path, `:monotone`, `:spline` or `:samples` chooses what lies between the rows; see `Interpolation`. A
-    DataFrame, or a dict of columns, is as the file; an array (n, joints) has the angles in rad, a row a cycle; a
+    DataFrame, or a dict of columns, is as the file; an array (n, joints) has the angles in rad, a row per cycle; a
     function returns them for a time in s, from 0 on.
 
     Raises `TrajectoryError` when there is no such thing, when the file is wrong, or when a joint cannot follow.
@@ -146,7 +146,7 @@ def _given(spec: Any, limits: Limits) -> Trajectory:
     if angles.ndim != 2 or angles.shape[1] != joints or len(angles) < 3 or not np.isfinite(angles).all():
         raise TrajectoryError(
             f"trajectory: an array of shape {angles.shape}; must be (n, {joints}) with n of at least 3 and finite: "
-            "angles in rad, one row a cycle"
+            "angles in rad, one row per cycle"
         )
     times: Floats = np.arange(len(angles), dtype=np.float64) * limits.period_s
     return FileTrajectory(limits, times, angles, Interpolation.SAMPLES)

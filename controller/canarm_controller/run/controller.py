@@ -14,11 +14,11 @@ from canarm_protocol.cell.wiring import CardNode, InputSlot, OutputFrames
 from canarm_protocol.clock import Clock
 
 from ..bus.master import Ask, Conversation, Silence, bring_up, read_input, start_frames, stop_frames
-from ..errors import BringUpError, ControllerError, InterruptedRunError
+from ..errors import BringUpError, ControllerError
 from ..supervision.arm_watch import ArmWatch
 from ..supervision.arrivals import Arrivals
 from ..supervision.detection import DETECTORS, Detection, Reaction
-from ..supervision.supervisor import Supervisor, Verdict
+from ..supervision.supervisor import Supervisor, Verdict, law_verdict
 from .awaited_inputs import AwaitedInputs
 from .detection_log import DetectionLog
 from .loop import OFF, ControlLoop
@@ -214,7 +214,7 @@ class Controller:
         try:
             tell()
         except ControllerError as error:
-            self._judge(_law_verdict(error))
+            self._judge(law_verdict(error))
         except OSError as error:
             self._judge(Verdict("recording-failed", str(error)))
 
@@ -322,7 +322,7 @@ class Controller:
         try:
             torque_nm = self.loop.torque_nm()
         except ControllerError as error:
-            self._judge(_law_verdict(error))
+            self._judge(law_verdict(error))
             return None
         verdict = self._supervisor.command(torque_nm)
         self._judge(verdict)
@@ -395,8 +395,3 @@ class Controller:
         else:
             outputs = self._zero if step.torque_nm is None else self._outputs.pack(*self.loop.outputs(step.torque_nm))
             self.outbox += [Frame(cob_id, data) for cob_id, data in outputs]
-
-
-def _law_verdict(error: ControllerError) -> Verdict:
-    """Ctrl-C may find the law at work: then the user has stopped the robot, not the law."""
-    return Verdict("interrupted" if isinstance(error, InterruptedRunError) else "law-failed", str(error))

@@ -165,7 +165,7 @@ class ControlLoop:
         return codes, directions
 
     def internals(self) -> Mapping[str, Sequence[float]]:
-        """The law's named inner values. Raises `LawError` where they are not a number a joint for every name.
+        """The law's named inner values. Raises `LawError` where they are not a number per joint for every name.
 
         A law of the user's is asked once a cycle, recorded or not, so that a run ends alike everywhere.
         """

@@ -16,7 +16,7 @@ STALL_NS = 100_000_000
 """A longer delay is a stall: the machine slept, or the process was stopped. Cards wait no longer for our heartbeat."""
 
 LAG_NS = 100_000_000
-"""So much lockstep may run faster than its pace to make up for a hitch; more would be seen as a jump."""
+"""Lockstep may run so much faster than its pace to make up for a hitch; more would be seen as a jump."""
 
 
 class Pacer:

@@ -13,7 +13,7 @@ from canarm_protocol.transport.port import BusPort
 from canarm_protocol.transport.realtime import Collector, undisturbed
 from canarm_protocol.transport.sdo_session import SdoSession
 
-from ..bus.assessment import JointAssessment, name_internals, read_assessment
+from ..bus.assessment import JointFigures, name_internals, read_assessment
 from ..errors import ControllerError
 from .controller import Controller
 from .pacing import LockstepPace, Pacer
@@ -40,7 +40,7 @@ class RunResult:
     late: int
     real_time_factor: float
     pacing: Pacer | None
-    joints: dict[str, JointAssessment] = field(default_factory=dict)
+    joints: dict[str, JointFigures] = field(default_factory=dict)
     note: str | None = None
     """Why something is missing in `joints`, if it is."""
     starved: str | None = None
@@ -275,7 +275,7 @@ class Runner:
                 self._note = f"no bench node answers: {error}"
                 self._bench = None
 
-    def _assess(self) -> dict[str, JointAssessment]:
+    def _assess(self) -> dict[str, JointFigures]:
         if self._controller.tick < 0:
             return {}
         self._publish(everything=True)
@@ -292,7 +292,7 @@ class Runner:
         pacer = self._pacer
         return pacer.late + pacer.missed if pacer else 0
 
-    def _result(self, joints: dict[str, JointAssessment]) -> RunResult:
+    def _result(self, joints: dict[str, JointFigures]) -> RunResult:
         controller, pacer = self._controller, self._pacer
         wall_s = (self._ended_ns - self._started_ns) * 1e-9
         virtual_s = (controller.tick + 1) * controller.loop.period_s

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from canarm_protocol.canopen.frames import ErrorCode
 
 WINDOW_NS = 1_000_000_000
-"""So long what was left out explains what is seen: filters of the watch forget in a tenth of a second or two."""
+"""What was left out explains what is seen for so long: filters of the watch forget in a tenth of a second or two."""
 ENOUGH_CYCLES = 16
 """Cycles left out within `WINDOW_NS` from which on the run is starved; fewer, here and there, the watch bears."""
 LAW_SHARE = 0.5

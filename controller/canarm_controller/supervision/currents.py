@@ -126,7 +126,7 @@ class CurrentWatch:
         return off_a
 
     def forget(self) -> None:
-        """A cycle of unknown length: begin anew."""
+        """A cycle of unknown length: begin again."""
         self.cycles, self._flutter_a = 0, 0.0
         self._ballot.clear()
 

@@ -16,6 +16,7 @@ from canarm_protocol.cell.sensing import joint_sensors
 from canarm_protocol.cell.wiring import CardNode
 from canarm_protocol.errors import FrameError
 
+from ..errors import ControllerError, InterruptedRunError
 from ..laws.failure import shown
 from .nominal import sensor_nominal
 from .thresholds import longest_step_rad, missing_cycles, range_rad
@@ -38,7 +39,7 @@ class Verdict:
     detector: str
     detail: str
     where: str | None = None
-    """Name of a joint or card, if it is one's."""
+    """Name of the joint or card concerned; None where it is the run as a whole."""
 
     def __str__(self) -> str:
         return f"{self.detector}: {self.detail}"
@@ -147,7 +148,7 @@ class Supervisor:
         return None
 
     def _late(self, step_ns: int) -> Verdict | None:
-        """Cycles are counted anew from a TIME that is ahead of them."""
+        """Cycles are counted again from a TIME that is ahead of them."""
         self.late_ns = step_ns - self._cycle_ns
         self._first_time_ns, self._times = self._last_time_ns, 0
         self._late_cycles += 1
@@ -239,3 +240,8 @@ def _foreign_time(what: str) -> Verdict:
     return Verdict(
         FOREIGN_MASTER, f"TIME that does not belong to this cycle ({what}): another producer of TIME is on the bus"
     )
+
+
+def law_verdict(error: ControllerError) -> Verdict:
+    """What a law's own code raised. Ctrl-C may find it at work: then the user has stopped the robot, not the law."""
+    return Verdict("interrupted" if isinstance(error, InterruptedRunError) else "law-failed", str(error))

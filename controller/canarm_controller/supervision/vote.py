@@ -23,7 +23,7 @@ class Ballot:
         self.clear()
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Begin again."""
         self._due: list[float] = []
         self._unexplained: list[float] = []
         self._due2 = self._product = 0.0

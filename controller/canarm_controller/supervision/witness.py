@@ -18,7 +18,7 @@ MISMATCH_GAIN = 1.0 / 16.0
 UNREST_FACTOR = 2.5
 """Of the speed's limits, while the payload's weight is not known or after a time that was known badly."""
 LONGEST_GAP_S = 0.1
-"""After a longer gap residuals begin anew."""
+"""After a longer gap residuals begin again."""
 GAP_FACTOR = 6.0
 """Of the limit of the speed: over 50 ms friction may have turned its sign, and payload 12 rad/s² too little."""
 STUCK_HASTE = 1.45
@@ -136,7 +136,7 @@ class JointWitness(SensorLess):
     def glimpse(self, x: float, v: float, acceleration: float, x_code: int, v_code: int, is_gap: bool) -> bool:
         """As `step`, but when this was measured is known badly: integrate, and judge only what time does not enter.
 
-        `is_gap`: so badly that the residuals begin anew.
+        `is_gap`: so badly that the residuals begin again.
         """
         self._blurred_until = self.cycles + self._timing.blurred
         if self.mode is Mode.STEP:

@@ -40,7 +40,7 @@ RUN_ON_NS = 500_000_000
 IDLE_STEP_NS = 5_000_000
 """The world follows in pieces of this length while no SYNC asks for more."""
 SILENT_CYCLES = 4
-"""After so many cycles without SYNC the truth is told nevertheless: a test wants to see what the arm does then."""
+"""The truth is told after this many cycles without SYNC as well: a test wants to see what the arm does then."""
 SETTLE_NS = 100_000_000
 """What a wire has not carried after so much time, it never will: nobody is left to acknowledge."""
 _SYNC = int(Cob.SYNC)

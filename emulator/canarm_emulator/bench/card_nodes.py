@@ -50,7 +50,7 @@ class CardNodes:
         return False
 
     def refresh(self) -> None:
-        """A card has booted, stopped, or changed its state or configuration: who runs and takes what is found anew."""
+        """A card has booted, stopped, or changed its state or configuration: find out who runs and takes what."""
         hooks = self._hooks
         cards = (*self.slaves, *hooks.doubles.values())
         self.running = [slave for slave in cards if slave.bus_name not in hooks.halted]
@@ -67,7 +67,7 @@ class CardNodes:
         self.schedule()
 
     def schedule(self) -> None:
-        """Find out anew when a card has something to do."""
+        """Find out again when a card has something to do."""
         self.next_due_ns = min([slave.next_due_ns for slave in self.running], default=NEVER)
 
     def hurry(self) -> None:

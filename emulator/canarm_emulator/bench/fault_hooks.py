@@ -1,6 +1,6 @@
 """What faults have changed about the nodes, messages and time of a bench; on a sound bench all of it is empty.
 
-State only: the bench asks it on its way; `card_port.py` and the points of `faults/` write it.
+State only: the bench asks it on its way; `card_handle.py` and the points of `faults/` write it.
 """
 
 from collections.abc import Callable, Hashable

@@ -96,7 +96,7 @@ class JointScore:
 
 
 class Assessor:
-    """Figures of a run, begun anew at every cycle 0."""
+    """Figures of a run; they begin again at every cycle 0."""
 
     def __init__(self, cell: Cell) -> None:
         self._lsb_rad = position_steps_rad(cell)

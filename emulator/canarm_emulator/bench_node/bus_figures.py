@@ -13,11 +13,11 @@ from ..node.io_device import Getter
 from ..wire.bus_trouble import BusTrouble
 from ..wire.confinement import ErrorState
 from ..wire.wire import Wire
-from ..wire.wire_node import Node
+from ..wire.wire_node import WireNode
 
 LOAD_WINDOW_NS = 1_000_000_000
 LOAD_REFRESH_NS = 100_000_000
-"""The load of the last second is reckoned anew after so much time: it takes a look at every frame of that second."""
+"""The load of the last second is worked out again after so much time: it takes a look at every frame of that second."""
 NAN = float("nan")
 _STATE_NUMBERS = {ErrorState.ACTIVE: 0, ErrorState.PASSIVE: 1, ErrorState.BUS_OFF: 2}
 
@@ -94,7 +94,7 @@ _FIGURES: dict[int, Callable[[BusFigures], float]] = {
     objects.ERROR_FRAMES: lambda bus: bus.error_frames,
     objects.LOST_FRAMES: lambda bus: bus.lost_frames,
 }
-_CARD_FIGURES: dict[int, Callable[[Node], int]] = {
+_CARD_FIGURES: dict[int, Callable[[WireNode], int]] = {
     objects.TRANSMIT_ERRORS: lambda node: node.tec,
     objects.RECEIVE_ERRORS: lambda node: node.rec,
     objects.ERROR_STATE: lambda node: _STATE_NUMBERS[node.state],

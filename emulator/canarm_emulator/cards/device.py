@@ -67,7 +67,7 @@ class AdcRegisters(RegisterCard, Protocol):
 
 
 class DacDevice:
-    """0x6411: one signed, left-adjusted 16-bit value a converter. They are unipolar: negative values give 0.
+    """0x6411: one signed, left-adjusted 16-bit value per converter. They are unipolar: negative values give 0.
 
     0x6410 and 0x6412 are the same in 8 and in 32 bits.
     """
@@ -151,7 +151,7 @@ class LatchDevice:
 
 
 class AdcDevice:
-    """0x6401: one signed, left-adjusted 16-bit value a channel, as of the last scan or the last read outside the cycle.
+    """0x6401: one signed, left-adjusted 16-bit value per channel, as of the last scan or read outside the cycle.
 
     0x6400 and 0x6402 are the same in 8 and in 32 bits.
     `sample(channel)` gives the volts at a pin now.

@@ -1,4 +1,4 @@
-"""The direction latch SC300: an octal latch behind an I/O selector, two bits a joint.
+"""The direction latch SC300: an octal latch behind an I/O selector, two bits per joint.
 
 No data sheet of the part is known; it is modelled like a 74LS374. Register 0 is the latch; every address of the slot
 selects it, since an I/O selector decodes none of A3-A0.

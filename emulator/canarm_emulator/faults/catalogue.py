@@ -33,7 +33,7 @@ def catalogue_of(cell: Cell) -> list[Entry]:
 
 
 def as_plain(entries: list[Entry]) -> list[dict[str, Any]]:
-    """The catalogue as plain values, for JSON: one object a tap."""
+    """The catalogue as plain values, for JSON: one object per tap."""
     taps: dict[str, dict[str, Any]] = {}
     for tap, fault, parameters in entries:
         described = taps.setdefault(

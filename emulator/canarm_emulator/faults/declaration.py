@@ -119,7 +119,7 @@ class Fault(ABC):
 
     declared_at: ClassVar[str]
     """File and line."""
-    places: ClassVar[frozenset[TapKind]] = frozenset()
+    able_at: ClassVar[frozenset[TapKind]] = frozenset()
     """The kinds of tap where the base can act at all."""
 
     def __init_subclass__(
@@ -141,7 +141,7 @@ class Fault(ABC):
             _DECLARED.update({(name, kind): cls for kind in cls.acts_on})
 
     def begin(self, context: Context) -> None:  # noqa: B027
-        """It becomes active. Called anew at every activation, on a fresh object."""
+        """It becomes active. Called at every activation, on a fresh object."""
 
 
 _DECLARED: dict[tuple[str, TapKind], type[Fault]] = {}
@@ -161,13 +161,13 @@ def _check_place(fault: type[Fault]) -> None:
     where = f"{fault.declared_at}: fault {fault.name!r}"
     if not fault.acts_on:
         raise FaultError(f"{where}: acts_on is empty; must be kinds of tap, such as SCALAR_KINDS")
-    beyond = [kind.name for kind in TapKind if kind in fault.acts_on - fault.places]
+    beyond = [kind.name for kind in TapKind if kind in fault.acts_on - fault.able_at]
     if beyond:
-        able = ", ".join(kind.name for kind in TapKind if kind in fault.places)
+        able = ", ".join(kind.name for kind in TapKind if kind in fault.able_at)
         raise FaultError(f"{where}: acts_on has {', '.join(beyond)}; with its base it can act on {able}")
     for kind in TapKind:
         other = _DECLARED.get((fault.name, kind)) if kind in fault.acts_on else None
-        # The same lines again are a module that is imported anew, or under another name.
+        # The same lines again are a module that is imported again, or under another name.
         if other is not None and other.declared_at != fault.declared_at:
             raise FaultError(
                 f"{where}: the name is taken at {kind.name} ({kind.value}) by {other.declared_at}; choose another name"
@@ -177,7 +177,7 @@ def _check_place(fault: type[Fault]) -> None:
 class SignalFault(Fault):
     """Changes the number at a scalar tap, or the two bits of a latch tap."""
 
-    places = SCALAR_KINDS | {TapKind.LATCH}
+    able_at = SCALAR_KINDS | {TapKind.LATCH}
 
     @abstractmethod
     def apply(self, value: float, now_ns: int) -> float:
@@ -190,7 +190,7 @@ class SignalFault(Fault):
 class JointFault(Fault):
     """Changes the truth of a joint: its mechanics, motor or supply."""
 
-    places = frozenset({TapKind.SUPPLY, TapKind.MOTOR, TapKind.LINK, TapKind.DRIVE_WIRE})
+    able_at = frozenset({TapKind.SUPPLY, TapKind.MOTOR, TapKind.LINK, TapKind.DRIVE_WIRE})
 
     varies: ClassVar[bool] = False
     """Whether `change` is to be asked every cycle; otherwise only when some fault of the arm begins or ends."""
@@ -206,7 +206,7 @@ class JointFault(Fault):
 class MessageFault(Fault):
     """Changes which frames go on in one direction of the robot's bus, and when. SYNC and TIME never come here."""
 
-    places = frozenset({TapKind.MESSAGES})
+    able_at = frozenset({TapKind.MESSAGES})
 
     @abstractmethod
     def pass_on(self, frame: Frame, now_ns: int) -> Iterable[tuple[int, Frame]]:
@@ -227,7 +227,7 @@ class MessageFault(Fault):
 class BusFault(Fault, needs_wire=True):
     """Acts on the wire model."""
 
-    places = frozenset({TapKind.BUS})
+    able_at = frozenset({TapKind.BUS})
 
     @abstractmethod
     def act(self, wire: "Wire", now_ns: int) -> None:
@@ -238,20 +238,20 @@ class BusFault(Fault, needs_wire=True):
 
 
 class NodeFault(Fault):
-    """Changes how a node behaves, through its `NodePort`."""
+    """Changes how a node behaves, through its `NodeHandle`."""
 
-    places = frozenset({TapKind.NODE})
+    able_at = frozenset({TapKind.NODE})
 
     @abstractmethod
-    def act(self, node: "NodePort", now_ns: int) -> None:
+    def act(self, node: "NodeHandle", now_ns: int) -> None:
         """Called when it begins and then once a cycle."""
 
     @abstractmethod
-    def end(self, node: "NodePort", now_ns: int) -> None:
+    def end(self, node: "NodeHandle", now_ns: int) -> None:
         """It is over."""
 
 
-class NodePort(ABC):
+class NodeHandle(ABC):
     """What a fault can do to a node; the bench supplies it."""
 
     @abstractmethod
@@ -264,11 +264,11 @@ class NodePort(ABC):
 
     @abstractmethod
     def boot(self, now_ns: int) -> None:
-        """Power on or reset: everything anew, with a boot-up message."""
+        """Power on or reset: everything as at the start, with a boot-up message."""
 
     @abstractmethod
     def resume(self, now_ns: int) -> None:
-        """Go on after a time in which nothing ran: timers that fell due meanwhile start anew."""
+        """Go on after a time in which nothing ran: timers that fell due meanwhile start again."""
 
     @abstractmethod
     def command(self, state: str, now_ns: int) -> None:
@@ -306,7 +306,7 @@ class NodePort(ABC):
 class ClockFault(Fault):
     """Changes how long a cycle of the bench lasts in lockstep, or how its clock runs."""
 
-    places = frozenset({TapKind.CLOCK})
+    able_at = frozenset({TapKind.CLOCK})
 
     @abstractmethod
     def period_ns(self, nominal_ns: int, now_ns: int) -> int:

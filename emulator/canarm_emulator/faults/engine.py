@@ -21,11 +21,11 @@ from canarm_protocol.faults.fault_events import FaultEvent
 from canarm_protocol.faults.script import FaultScript, FaultSet, Trigger
 
 from ..robot.world import JointState
+from .bench_points import BusPoint, ClockPoint, NodePoint
 from .catalogue import PlannedFault
 from .declaration import Context, Fault, Tap, TapKind
 from .guard import failure_text, guard
 from .messages import MessagePoint
-from .places import BusPoint, ClockPoint, NodePoint
 from .points import Point, TruthPoint, signal_point
 from .taps import taps_of
 from .turns import Configuration, SetState, SetStatus, Turn, Values

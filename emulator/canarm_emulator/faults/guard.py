@@ -11,7 +11,7 @@ from typing import Any
 from canarm_protocol.canopen.frames import Frame
 
 from ..robot.truth import JointTruth
-from .declaration import Fault, NodePort
+from .declaration import Fault, NodeHandle
 
 LONGEST = 300
 """Characters of a failure's text."""
@@ -24,7 +24,7 @@ def guard(fault: Fault, report: Callable[[Exception], None]) -> None:
     def guarded(call: Callable[..., Any], neutral: Callable[..., Any], checked: Callable[[Any], Any]) -> Any:
         def called(*arguments: Any) -> Any:
             nonlocal has_failed
-            if arguments and isinstance(arguments[0], NodePort):
+            if arguments and isinstance(arguments[0], NodeHandle):
                 arguments = (_GuardedPort(arguments[0], guarded), *arguments[1:])
             if not has_failed:
                 try:
@@ -45,7 +45,7 @@ def guard(fault: Fault, report: Callable[[Exception], None]) -> None:
 class _GuardedPort:
     """A node's port: the filters that a fault hands over are checked as its own calls are."""
 
-    def __init__(self, port: NodePort, guarded: Callable[..., Callable[..., Any]]) -> None:
+    def __init__(self, port: NodeHandle, guarded: Callable[..., Callable[..., Any]]) -> None:
         self._port, self._guarded = port, guarded
 
     def __getattr__(self, name: str) -> Any:

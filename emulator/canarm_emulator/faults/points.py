@@ -42,7 +42,7 @@ class Point(ABC):
 
 class SignalPoint(Point):
     """A scalar tap. `install` puts a distortion into the signal path or takes it out (None); `pass_on` makes an output
-    pass through it anew.
+    pass through it again.
     """
 
     def __init__(

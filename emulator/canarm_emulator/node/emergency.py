@@ -17,7 +17,7 @@ GENERIC_ERROR, COMMUNICATION_ERROR = 0x01, 0x10
 """Bits of the error register (CiA 301, 7.5.2.2)."""
 HISTORY_LENGTH = 4
 LONGEST_QUEUE = 16
-"""So many messages wait for the inhibit time to end; the register and the history show what those beyond it said."""
+"""This many messages wait for the inhibit time to end; register and history show what those beyond them said."""
 
 
 class EmergencyProducer:

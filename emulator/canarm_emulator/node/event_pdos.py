@@ -70,7 +70,7 @@ class EventPdos:
         self._schedule()
 
     def restart(self, now_ns: int) -> None:
-        """Go on after a standstill: event timers and scans start anew, what had to wait is sent."""
+        """Go on after a standstill: event timers and scans start again, what had to wait is sent."""
         for pdo in self._pdos:
             pdo.free_ns = max(pdo.free_ns, now_ns) if pdo.is_pending else pdo.free_ns
             pdo.timer_due_ns = now_ns + pdo.timer_ns if pdo.timer_due_ns != NEVER else NEVER

@@ -4,16 +4,17 @@ What a lost heartbeat brings about is the node's business.
 """
 
 from canarm_protocol.canopen.dictionary import CONSUMER_HEARTBEAT
+from canarm_protocol.canopen.frames import HIGHEST_NODE_ID
 from canarm_protocol.canopen.sdo import AbortCode
 
 from ..timing import MILLISECOND, NEVER
 from .store import ObjectStore, SdoRefused
 
-NODE_IDS = range(1, 128)
+NODE_IDS = range(1, HIGHEST_NODE_ID + 1)
 
 
 class HeartbeatConsumer:
-    """The entries of 0x1016, one a node. One without a time, or with a node-ID of nobody, is not used."""
+    """The entries of 0x1016, one per node. One without a time, or with a node-ID of nobody, is not used."""
 
     def __init__(self, store: ObjectStore) -> None:
         self.due_ns = NEVER
@@ -42,7 +43,7 @@ class HeartbeatConsumer:
         return bool(self._lost)
 
     def rewrite(self, subindex: int, value: int) -> None:
-        """An entry is about to be written: its monitoring begins anew. Raises `SdoRefused` for a node twice."""
+        """An entry is about to be written: its monitoring begins again. Raises `SdoRefused` for a node twice."""
         node_id, time_ns = _entry(value)
         others = [entry for entry in self._subindices() if entry != subindex]
         if time_ns and node_id in NODE_IDS and any(self._read(entry) == node_id for entry in others):

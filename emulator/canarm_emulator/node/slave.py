@@ -30,7 +30,7 @@ from canarm_protocol.canopen.sdo import AbortCode
 
 from ..timing import MICROSECOND, MILLISECOND, NEVER
 from ..wire.confinement import ErrorState
-from . import parameters
+from . import save_and_restore
 from .analogue_events import AnalogueEvents
 from .emergency import EmergencyProducer
 from .event_pdos import EVENT_TIMER
@@ -106,7 +106,7 @@ class Slave:
         self.state = NmtState.PRE_OPERATIONAL
 
     def resume(self, now_ns: int) -> None:
-        """Go on after a standstill of the node: heartbeat, time-outs and the timers of PDOs start anew."""
+        """Go on after a standstill of the node: heartbeat, time-outs and the timers of PDOs start again."""
         if self._heartbeat_due_ns != NEVER:
             self._heartbeat_due_ns = now_ns
         self._watch.reset()
@@ -312,8 +312,8 @@ class Slave:
             setter(self._store.variable(index, subindex).decode_raw(data))
             return True
         value = int.from_bytes(data, "little")
-        if index in parameters.SIGNATURES:
-            parameters.obey(self._store, index, subindex, value)
+        if index in save_and_restore.SIGNATURES:
+            save_and_restore.obey(self._store, index, subindex, value)
             return True
         if index < APPLICATION_OBJECTS:
             self._configure(index, subindex, value)

@@ -163,7 +163,7 @@ class Drive:
         return self.target_a + (old_current_a - self.target_a) * math.exp(-elapsed_s / self.time_constant_s)
 
     def refresh_command(self) -> None:
-        """Work out the command anew: from the DAC's output through op-amp and D669 stage to the bridge."""
+        """Work out the command: from the DAC's output through op-amp and D669 stage to the bridge."""
         if not self.is_on:
             self.command_a = 0.0
             return

@@ -121,7 +121,7 @@ class Plant:
         return plant
 
     def strike(self, impulse_nm_s: Sequence[float]) -> None:
-        """Let impulses act on the joints' links, one a joint: the speeds jump by M⁻¹ times the impulse."""
+        """Let impulses act on the joints' links, one per joint: the speeds jump by M⁻¹ times the impulse."""
         self._position[:] = self.angle
         mujoco.mj_fwdPosition(self._model, self._data)
         impulse, jump = np.zeros((1, len(self.speed))), np.zeros((1, len(self.speed)))
@@ -130,7 +130,7 @@ class Plant:
         self.set_state(self.angle, (np.array(self.speed) + jump[0]).tolist())
 
     def step(self, torque_nm: Sequence[float], step_s: float) -> None:
-        """Advance by `step_s` under constant motor torques, one a joint. `angle` and `speed` become new lists.
+        """Advance by `step_s` under constant motor torques, one per joint. `angle` and `speed` become new lists.
 
         MuJoCo's semi-implicit Euler (v += h·a(q), q += h·v) with half a drift before and half a drift less after is
         position Verlet: second order, no energy drift of an undamped wire, and one force evaluation a step. The

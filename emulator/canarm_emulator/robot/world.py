@@ -120,7 +120,7 @@ class World:
         self._drives[joint_index].distort_current(distortion)
 
     def refresh_command(self, joint_index: int) -> None:
-        """Let the joint's amplifier follow its input anew."""
+        """Let the joint's amplifier follow its input again."""
         self._drives[joint_index].refresh_command()
 
     @property

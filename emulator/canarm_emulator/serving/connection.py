@@ -17,7 +17,7 @@ python-can's client breaks when a frame shares a TCP segment with the `< ok >` o
 MOST_SUBSCRIPTIONS = 4096
 """IDs that one client can subscribe to."""
 SHORTEST_STATISTICS_S = 0.01
-"""As often as socketcand itself looks whether they are due (statistics.c)."""
+"""socketcand itself looks this often whether they are due (statistics.c)."""
 
 
 @dataclass(frozen=True, slots=True)

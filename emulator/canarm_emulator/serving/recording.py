@@ -25,7 +25,7 @@ _COLUMNS = (
     "motor_angle_rad",
     "motor_speed_rad_s",
 )
-"""As in `world.JointState`."""
+"""The columns are those of `world.JointState`."""
 EMERGENCY_LENGTH = 8
 
 

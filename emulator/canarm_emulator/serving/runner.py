@@ -18,10 +18,10 @@ from ..bench_node.bus_figures import ClientCounts
 from ..bench_node.fault_objects import event_text
 from ..faults.fault_bench import FaultBench
 from ..timing import NEVER
-from .arrival import SyncArrival
 from .hub import Hub
 from .hub_events import Attached, Detached, Event, Ready, Received, Unreadable
 from .recording import Recorder
+from .sync_intervals import SyncIntervals
 
 ROBOT_BUS, BENCH_BUS = "can0", "bench"
 LISTENER_NS = 1_500_000_000
@@ -32,7 +32,7 @@ IDLE_S = 0.05
 PORT_POLL_S = 0.001
 """How often a port is looked at that offers nothing to wait for."""
 STALL_NS = 10_000_000
-"""So much longer than asked for between two looks at the clock is the machine's fault, not the robot's."""
+"""A wait that lasts so much longer than asked for is the machine's fault, not the robot's."""
 LONGEST_REPLAY_NS = 1_000_000_000
 """Of a stall, so much is caught up; what goes beyond it virtual time leaves out."""
 SHORTEST_FRAME_BITS = 47
@@ -85,7 +85,7 @@ class EmulatorRunner:
         self._sent_cycle = -1
         self._last_look_ns = time.monotonic_ns()
         self._start_ns = self._last_look_ns
-        self.arrival = SyncArrival(bench.cell.bus.cycle_ns)
+        self.sync_intervals = SyncIntervals(bench.cell.bus.cycle_ns)
         """How regularly SYNC comes on the wall clock."""
         self.stalls = 0
         """How often the machine kept the emulator from running for longer than `STALL_NS`."""
@@ -199,7 +199,7 @@ class EmulatorRunner:
             if is_sync(frame):
                 self._sync_sender, self._last_heard_ns = origin, now_ns
                 if self._bench.clock is Clock.WALL:
-                    self.arrival.arrival(now_ns)
+                    self.sync_intervals.note(now_ns)
                 if self._is_behind:
                     self._advance_to_sync(now_ns - self._start_ns)
                 self._last_sync_time_ns = self._bench.time_ns

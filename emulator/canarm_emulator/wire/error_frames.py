@@ -9,7 +9,7 @@ from canarm_protocol.canopen.frames import ERROR_FLAG, Frame
 
 from .confinement import PASSIVE_LIMIT, ErrorKind, ErrorState
 from .wire_events import ErrorFrame, StateChange
-from .wire_node import Node
+from .wire_node import WireNode
 
 
 class ErrorClass(IntFlag):
@@ -38,7 +38,7 @@ _PROTOCOL_ERRORS = {
 }
 
 
-def error_frame(event: ErrorFrame | StateChange, was: ErrorState, node: Node | None) -> Frame:
+def error_frame(event: ErrorFrame | StateChange, was: ErrorState, node: WireNode | None) -> Frame:
     """The error frame for an event at `node`, whose state `was` that before; None for one that has left the bus.
 
     BUSERROR is set where an error on the bus is the cause: not when a node becomes error-active again.

@@ -21,7 +21,7 @@ from .confinement import SUSPEND_BITS, ErrorKind, ErrorState
 from .wire_errors import Attempt, Disturbance, Disturbances, Identifier, foresee
 from .wire_events import Delivery, ErrorFrame, StateChange
 from .wire_load import BusLoad
-from .wire_node import LONGEST_QUEUE, Node, Queueing, Waiting
+from .wire_node import LONGEST_QUEUE, Queueing, Waiting, WireNode
 
 SECOND_NS = 10**9
 
@@ -44,8 +44,8 @@ class Wire:
             raise ValueError(f"bitrate {bitrate} bit/s: a bit must last a whole number of ns, as at 125000 or 1000000")
         self.time_ns = start_ns
         self.events: list[ErrorFrame | StateChange] = []
-        self._nodes: dict[Hashable, Node] = {}
-        self._waiting: list[Node] = []
+        self._nodes: dict[Hashable, WireNode] = {}
+        self._waiting: list[WireNode] = []
         self._attempt: Attempt | None = None
         """The transmission on the wire."""
         self._plan: Attempt | None = None
@@ -54,14 +54,14 @@ class Wire:
         self._worst_ns: dict[int, int] = {}
         self._load = BusLoad(start_ns, history_ns)
         self._disturbances = Disturbances()
-        self._recovering: list[Node] = []
+        self._recovering: list[WireNode] = []
         self._on_bus = 0
         self._is_troubled = False
         for name in nodes:
             self.attach(name)
 
     @property
-    def nodes(self) -> Mapping[Hashable, Node]:
+    def nodes(self) -> Mapping[Hashable, WireNode]:
         """Every attached node's controller."""
         return self._nodes
 
@@ -85,11 +85,11 @@ class Wire:
             due_ns = min(due_ns, *back_ns)
         return due_ns
 
-    def attach(self, name: Hashable, queueing: Queueing = Queueing.FIFO) -> Node:
+    def attach(self, name: Hashable, queueing: Queueing = Queueing.FIFO) -> WireNode:
         """A node joins the bus, error-active. Raises `ValueError` when it is there already."""
         if name in self._nodes:
             raise ValueError(f"node {name!r} is on the bus already; detach it first")
-        node = self._nodes[name] = Node(name, queueing)
+        node = self._nodes[name] = WireNode(name, queueing)
         self._count_on_bus()
         return node
 
@@ -119,7 +119,7 @@ class Wire:
         self._count_on_bus()
 
     def reset(self, name: Hashable) -> None:
-        """A node's CAN controller starts anew: error-active, with nothing to send. Raises `ValueError`."""
+        """A node's CAN controller starts again: error-active, with nothing to send. Raises `ValueError`."""
         node = self._node(name)
         node.reset()
         node.recovering_from_ns, node.ready_ns = None, 0
@@ -127,7 +127,7 @@ class Wire:
             self._recovering.remove(node)
         self._drop_queue(node)
 
-    def _drop_queue(self, node: Node) -> None:
+    def _drop_queue(self, node: WireNode) -> None:
         node.discarded += len(node.queue)
         node.queue.clear()
         if node in self._waiting:
@@ -235,7 +235,7 @@ class Wire:
         """Load of the busiest stretch of `history_ns` so far, wherever it began; of all the time while that is less."""
         return self._load.peak(self.time_ns)
 
-    def _node(self, name: Hashable) -> Node:
+    def _node(self, name: Hashable) -> WireNode:
         try:
             return self._nodes[name]
         except KeyError:
@@ -345,14 +345,14 @@ class Wire:
             node.receive_error(signal.first_to_see_suffer and node in attempt.faulty)
         self._conclude(attempt, before)
 
-    def _states(self) -> dict[Node, ErrorState]:
+    def _states(self) -> dict[WireNode, ErrorState]:
         return {node: node.state for node in self._nodes.values()}
 
-    def _receivers(self, attempt: Attempt) -> list[Node]:
+    def _receivers(self, attempt: Attempt) -> list[WireNode]:
         senders = {node for node, _ in attempt.senders}
         return [node for node in self._nodes.values() if node not in senders and node.is_on_bus]
 
-    def _send_again(self, node: Node, waiting: Waiting) -> None:
+    def _send_again(self, node: WireNode, waiting: Waiting) -> None:
         """A frame goes back in front of what came later; in bus-off, or off the bus, all that waits is lost."""
         if not node.is_on_bus or self._nodes.get(node.name) is not node:
             node.discarded += 1 + len(node.queue)
@@ -364,7 +364,7 @@ class Wire:
             self._waiting.append(node)
         node.put_back(waiting)
 
-    def _conclude(self, attempt: Attempt, before: Mapping[Node, ErrorState]) -> None:
+    def _conclude(self, attempt: Attempt, before: Mapping[WireNode, ErrorState]) -> None:
         """Tell of changed states; keep passive senders off the bus for the time of suspend transmission."""
         for node, state in before.items():
             if node.state is not state:

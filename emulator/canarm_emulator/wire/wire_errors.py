@@ -11,11 +11,11 @@ from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.transport.bits import TAIL_BITS, arbitration_bits, wire_bits
 
 from .confinement import DELIMITER_BITS, ErrorKind, Signal, bit_error, collision, local_crc_error, no_acknowledge
-from .wire_node import Node, Waiting
+from .wire_node import Waiting, WireNode
 
 Identifier = tuple[int, bool]
 """Identifier of a frame, and whether it is extended."""
-Sender = tuple[Node, Waiting]
+Sender = tuple[WireNode, Waiting]
 
 
 @dataclass(slots=True)
@@ -41,10 +41,10 @@ class Attempt:
     start_ns: int
     end_ns: int
     transmitters: list[Sender]
-    losers: Sequence[Node] = ()
+    losers: Sequence[WireNode] = ()
     kind: ErrorKind | None = None
     signal: Signal | None = None
-    faulty: Sequence[Node] = ()
+    faulty: Sequence[WireNode] = ()
     """Receivers that find a CRC error by themselves."""
     beaten: Sequence[Sender] = ()
     """Error-passive transmitters of another frame with the same identifier: their bit error disturbs nobody."""
@@ -106,7 +106,7 @@ class Disturbances:
             del self._pending[(frame.can_id, frame.is_extended)]
 
 
-def foresee(attempt: Attempt, nodes: Iterable[Node], disturbance: Disturbance | None, bit_ns: int) -> None:
+def foresee(attempt: Attempt, nodes: Iterable[WireNode], disturbance: Disturbance | None, bit_ns: int) -> None:
     """Work out how `attempt` ends among `nodes`."""
     if _collide(attempt, bit_ns):
         return

@@ -35,7 +35,7 @@ class Waiting(NamedTuple):
     bits: int
 
 
-class Node(Counters):
+class WireNode(Counters):
     """One node's CAN controller. To be read; `Wire` alone changes it."""
 
     __slots__ = (

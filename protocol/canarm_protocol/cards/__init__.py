@@ -1,4 +1,4 @@
-"""The kinds of cards that a cell may hold: a descriptor each, and the registry of them."""
+"""The kinds of cards that a cell may hold: one descriptor each, and the registry of them."""
 
 from .kind import CardKind, Codec, Place, Settings, Wire
 from .registry import KINDS

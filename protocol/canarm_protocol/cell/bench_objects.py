@@ -38,7 +38,7 @@ CONTROLLER_STATES: dict[int, str] = {0: "idle", 1: "bringing up", 2: "running", 
 INTERNALS = 4
 """How many of a law's internal quantities a joint can publish: 0x2131 to 0x2134, named in 0x2130."""
 SDO_CHANNELS = 9
-"""SDO channels beside the default one (0x1201 and up), one a client: two clients on one channel break each other."""
+"""SDO channels beside the default one (0x1201 and up), one per client: two clients on one channel break each other."""
 CONTROLLER_CHANNEL = 1
 CLIENT_CHANNELS = range(2, 9)
 """Those that clients claim: each writes a number of its own to CHANNEL_OWNER over CLAIM_CHANNEL and reads it back."""

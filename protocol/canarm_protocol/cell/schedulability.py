@@ -174,7 +174,7 @@ def cell_verdict(cell: Cell, nodes: Sequence[CardNode] | None = None, with_time:
     cycle_bits = sum(message.bits for message in cycle)
     available = bus.bitrate * bus.cycle_us // 1_000_000
     lines = [
-        f"{bus.bitrate} bit/s x {bus.cycle_us} us = {available} bits a cycle; "
+        f"{bus.bitrate} bit/s x {bus.cycle_us} us = {available} bits per cycle; "
         "lengths are with worst-case stuffing and intermission",
         f"every cycle: {' + '.join(f'{message.name} {message.bits}' for message in cycle)} = {cycle_bits} bits",
         f"load with all that is cyclic: {100 * load:.1f} %",

@@ -25,7 +25,7 @@ from .fault_toml import as_toml
 from .script import LARGEST_TEXT, FaultScript, clearing
 
 RENEW_S = objects.CLAIM_S / 2
-"""After so long a silence the channel may be another's soon, so it is claimed anew before it is used."""
+"""The channel may soon be another's after so long a silence, so it is claimed again before it is used."""
 MOST_READS = 1000
 """Bound on reading what came while nobody looked: a bus never falls silent while telemetry runs."""
 _REFUSED = "refused: "
@@ -82,7 +82,7 @@ class BenchClient:
         return dict(json.loads(self._read(objects.FAULT_STATUS)))
 
     def catalogue(self) -> list[dict[str, Any]]:
-        """One object a tap: tap, about, unit, kind, and faults with their parameters."""
+        """One object per tap: tap, about, unit, kind, and faults with their parameters."""
         return list(json.loads(self._unpacked(objects.PACKED_CATALOGUE)))
 
     def events(self) -> list[dict[str, Any]]:

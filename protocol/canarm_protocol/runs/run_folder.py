@@ -185,7 +185,7 @@ class CanLog(_LineFile):
 
 
 class SignalLog(_LineFile):
-    """Signals of a run as CSV, a row a cycle. The first two columns are `tick` and `time_s`; units are in the names."""
+    """Signals of a run as CSV, one row per cycle. The first columns are `tick` and `time_s`; units are in the names."""
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         super().__init__(path)

@@ -24,7 +24,7 @@ EXTENDED_HEADER_BITS = 1 + 11 + 2 + 18 + 1 + 2 + 4
 BASE_ARBITRATION_BITS, EXTENDED_ARBITRATION_BITS = 1 + 11 + 1, 1 + 11 + 2 + 18 + 1
 """SOF to RTR: bits in which a node may lose arbitration without an error."""
 STUFF_RUN = 5
-"""After so many equal bits the transmitter inserts a bit of the other value (ISO 11898-1, bit stuffing)."""
+"""The transmitter inserts a bit of the other value after so many equal ones (ISO 11898-1, bit stuffing)."""
 
 MAX_BASE_ID, MAX_EXTENDED_ID, MAX_DATA = 0x7FF, 0x1FFF_FFFF, 8
 _EXTENSION_MASK = 0x3_FFFF

@@ -19,7 +19,7 @@ COLLECT_CYCLES = 400
 MARGIN = 3
 """A collection begins when this many times as long as the last one took is left of the cycle."""
 PATIENCE = 10
-"""After so many times `COLLECT_CYCLES` without a free moment the collection is made all the same: memory is bounded."""
+"""The collection is made after so many times `COLLECT_CYCLES` even without a free moment: memory is bounded."""
 
 _PR_SET_TIMERSLACK, _PR_GET_TIMERSLACK = 29, 30  # linux/prctl.h
 _MCL_CURRENT = 1  # asm-generic/mman-common.h; the few machines with another number refuse this one

@@ -12,7 +12,7 @@ from .wiring import OPEN_OHM, with_resistance
 
 CURRENT, LATCH, MOTOR = (frozenset({kind}) for kind in (TapKind.CURRENT, TapKind.LATCH, TapKind.MOTOR))
 IDLE_CYCLES = 4
-"""After so many cycles in which no current was asked for, the bridge has been off."""
+"""The bridge has been off when no current was asked for in this many cycles."""
 COOLED = 0.5
 """A thermal switch closes again at this share of the current at which it opens."""
 

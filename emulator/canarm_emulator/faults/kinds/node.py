@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from canarm_protocol.canopen.frames import Cob, Frame
 
-from ..declaration import Context, Family, NodeFault, NodePort, TapKind
+from ..declaration import Context, Family, NodeFault, NodeHandle, TapKind
 from ..parameters import choice, parameter
 
 _NODE = (TapKind.NODE,)
@@ -16,30 +16,30 @@ class _Once(NodeFault):
 
     _has_acted: bool = False
 
-    def act(self, node: NodePort, now_ns: int) -> None:
+    def act(self, node: NodeHandle, now_ns: int) -> None:
         """The first time only."""
         if not self._has_acted:
             self._has_acted = True
             self.strike(node, now_ns)
 
-    def strike(self, node: NodePort, now_ns: int) -> None:
+    def strike(self, node: NodeHandle, now_ns: int) -> None:
         """What it does."""
         raise NotImplementedError
 
-    def end(self, node: NodePort, now_ns: int) -> None:
+    def end(self, node: NodeHandle, now_ns: int) -> None:
         """Nothing to be undone."""
 
 
 @dataclass
 class Crash(_Once, name="crash", family=Family.NODE, acts_on=_NODE):
-    """The card loses its power: outputs go off, and it boots anew when the fault ends."""
+    """The card loses its power: outputs go off, and it boots again when the fault ends."""
 
-    def strike(self, node: NodePort, now_ns: int) -> None:
+    def strike(self, node: NodeHandle, now_ns: int) -> None:
         """Off."""
         node.set_alive(False)
         node.lose_power()
 
-    def end(self, node: NodePort, now_ns: int) -> None:
+    def end(self, node: NodeHandle, now_ns: int) -> None:
         """On again."""
         node.set_alive(True)
         node.boot(now_ns)
@@ -52,11 +52,11 @@ class Hang(_Once, name="hang", family=Family.NODE, acts_on=_NODE, is_dangerous=T
     Its CAN controller stands still as well, and acknowledges nothing.
     """
 
-    def strike(self, node: NodePort, now_ns: int) -> None:
+    def strike(self, node: NodeHandle, now_ns: int) -> None:
         """Stand still."""
         node.set_alive(False)
 
-    def end(self, node: NodePort, now_ns: int) -> None:
+    def end(self, node: NodeHandle, now_ns: int) -> None:
         """Go on."""
         node.set_alive(True)
         node.resume(now_ns)
@@ -66,7 +66,7 @@ class Hang(_Once, name="hang", family=Family.NODE, acts_on=_NODE, is_dangerous=T
 class Reset(_Once, name="reset", family=Family.NODE, acts_on=_NODE):
     """The card's processor is reset, once: it boots, with outputs at their error values, and waits for NMT start."""
 
-    def strike(self, node: NodePort, now_ns: int) -> None:
+    def strike(self, node: NodeHandle, now_ns: int) -> None:
         """Boot."""
         node.boot(now_ns)
 
@@ -83,22 +83,22 @@ class LateBoot(_Once, name="late-boot", family=Family.NODE, acts_on=_NODE):
         """When it will have booted."""
         self._due_ns = context.now_ns + round(self.delay * 1e9)
 
-    def strike(self, node: NodePort, now_ns: int) -> None:
+    def strike(self, node: NodeHandle, now_ns: int) -> None:
         """Off."""
         node.set_alive(False)
         node.lose_power()
 
-    def act(self, node: NodePort, now_ns: int) -> None:
+    def act(self, node: NodeHandle, now_ns: int) -> None:
         """Boot when it is time."""
         super().act(node, now_ns)
         if now_ns >= self._due_ns:
             self._boot(node, now_ns)
 
-    def end(self, node: NodePort, now_ns: int) -> None:
+    def end(self, node: NodeHandle, now_ns: int) -> None:
         """It boots now, if it has not."""
         self._boot(node, now_ns)
 
-    def _boot(self, node: NodePort, now_ns: int) -> None:
+    def _boot(self, node: NodeHandle, now_ns: int) -> None:
         if not self._is_up:
             self._is_up = True
             node.set_alive(True)
@@ -114,11 +114,11 @@ class DuplicateNodeId(_Once, name="duplicate-node-id", family=Family.NODE, acts_
     equal ones are one.
     """
 
-    def strike(self, node: NodePort, now_ns: int) -> None:
+    def strike(self, node: NodeHandle, now_ns: int) -> None:
         """It boots."""
         node.add_double(now_ns)
 
-    def end(self, node: NodePort, now_ns: int) -> None:
+    def end(self, node: NodeHandle, now_ns: int) -> None:
         """It is taken away."""
         node.remove_double()
 
@@ -129,7 +129,7 @@ class WrongNmtState(_Once, name="wrong-nmt-state", family=Family.NODE, acts_on=_
 
     state: str = choice("the state that it enters", ("pre-operational", "stopped"))
 
-    def strike(self, node: NodePort, now_ns: int) -> None:
+    def strike(self, node: NodeHandle, now_ns: int) -> None:
         """Change the state."""
         node.command(self.state, now_ns)
 
@@ -141,7 +141,7 @@ class SyncMissed(_Once, name="sync-missed", family=Family.NODE, acts_on=_NODE):
     every: int = parameter("of so many SYNCs one is missed; 1: all of them", "", 1, 1, 1000, is_whole=True)
     _count: int = 0
 
-    def strike(self, node: NodePort, now_ns: int) -> None:
+    def strike(self, node: NodeHandle, now_ns: int) -> None:
         """Watch the SYNCs."""
         node.set_sync_filter(self._passes)
 
@@ -149,7 +149,7 @@ class SyncMissed(_Once, name="sync-missed", family=Family.NODE, acts_on=_NODE):
         self._count += 1
         return self._count % self.every != 0
 
-    def end(self, node: NodePort, now_ns: int) -> None:
+    def end(self, node: NodeHandle, now_ns: int) -> None:
         """It sees all again."""
         node.set_sync_filter(None)
 
@@ -158,7 +158,7 @@ class SyncMissed(_Once, name="sync-missed", family=Family.NODE, acts_on=_NODE):
 class HeartbeatLost(_Once, name="heartbeat-lost", family=Family.NODE, acts_on=_NODE):
     """The card sends everything but its heartbeat, and no boot-up message either."""
 
-    def strike(self, node: NodePort, now_ns: int) -> None:
+    def strike(self, node: NodeHandle, now_ns: int) -> None:
         """Watch what it sends."""
         node.set_send_filter(self.passes)
 
@@ -166,7 +166,7 @@ class HeartbeatLost(_Once, name="heartbeat-lost", family=Family.NODE, acts_on=_N
         """All but 0x700 + node-ID."""
         return None if frame.can_id & ~0x7F == Cob.HEARTBEAT else frame
 
-    def end(self, node: NodePort, now_ns: int) -> None:
+    def end(self, node: NodeHandle, now_ns: int) -> None:
         """All goes out again."""
         node.set_send_filter(None)
 
@@ -175,11 +175,11 @@ class HeartbeatLost(_Once, name="heartbeat-lost", family=Family.NODE, acts_on=_N
 class SdoAbort(_Once, name="sdo-abort", family=Family.NODE, acts_on=_NODE):
     """The card refuses every SDO transfer with "general error"."""
 
-    def strike(self, node: NodePort, now_ns: int) -> None:
+    def strike(self, node: NodeHandle, now_ns: int) -> None:
         """Refuse."""
         node.set_sdo_refusal(True)
 
-    def end(self, node: NodePort, now_ns: int) -> None:
+    def end(self, node: NodeHandle, now_ns: int) -> None:
         """Obey again."""
         node.set_sdo_refusal(False)
 
@@ -191,11 +191,11 @@ class LineBroken(_Once, name="line-broken", family=Family.NODE, acts_on=_NODE):
     On the wire it acknowledges nothing; what it sends meanwhile is lost, and does not move its error counters.
     """
 
-    def strike(self, node: NodePort, now_ns: int) -> None:
+    def strike(self, node: NodeHandle, now_ns: int) -> None:
         """Cut."""
         node.set_deaf(True)
 
-    def end(self, node: NodePort, now_ns: int) -> None:
+    def end(self, node: NodeHandle, now_ns: int) -> None:
         """Mended."""
         node.set_deaf(False)
 
@@ -206,10 +206,10 @@ class ClockDrift(_Once, name="clock-drift", family=Family.NODE, acts_on=_NODE):
 
     rate: float = parameter("how much longer its periods last", "%", 400.0, -90.0, 10_000.0)
 
-    def strike(self, node: NodePort, now_ns: int) -> None:
+    def strike(self, node: NodeHandle, now_ns: int) -> None:
         """Slow down."""
         node.set_timer_scale(1.0 + self.rate / 100)
 
-    def end(self, node: NodePort, now_ns: int) -> None:
+    def end(self, node: NodeHandle, now_ns: int) -> None:
         """As it should be."""
         node.set_timer_scale(1.0)

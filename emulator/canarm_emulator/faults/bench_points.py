@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from .card_port import CardPort
-from .declaration import BusFault, ClockFault, Context, Fault, NodeFault, NodePort, Tap
+from .card_handle import CardHandle
+from .declaration import BusFault, ClockFault, Context, Fault, NodeFault, NodeHandle, Tap
 from .points import Point
 
 if TYPE_CHECKING:
@@ -42,12 +42,12 @@ class NodePoint(Point):
 
     def __init__(self, bench: "Bench", tap: Tap) -> None:
         self._bench, self._node_id = bench, tap.node_id
-        self._faults: list[tuple[NodeFault, NodePort, int]] = []
+        self._faults: list[tuple[NodeFault, NodeHandle, int]] = []
         """Each with a port of its own, and the time at which it began."""
 
     def _add(self, fault: Fault, context: Context) -> None:
         assert isinstance(fault, NodeFault)
-        port = CardPort(self._bench, self._node_id)
+        port = CardHandle(self._bench, self._node_id)
         self._faults.append((fault, port, context.now_ns))
         fault.act(port, context.now_ns)
 

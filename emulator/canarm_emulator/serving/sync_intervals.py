@@ -12,7 +12,7 @@ PAUSE_NS = 1_000_000_000
 heartbeat."""
 
 
-class SyncArrival:
+class SyncIntervals:
     """Intervals between SYNCs that should come every `period_ns`."""
 
     def __init__(self, period_ns: int) -> None:
@@ -26,7 +26,7 @@ class SyncArrival:
         self.pauses = 0
         """Silences longer than `PAUSE_NS` between two SYNCs, such as from one run to the next. They are no jitter."""
 
-    def arrival(self, now_ns: int) -> None:
+    def note(self, now_ns: int) -> None:
         """A SYNC has arrived."""
         last_ns, self._last_ns = self._last_ns, now_ns
         self.count += 1

@@ -1,4 +1,4 @@
-"""What a fault can do to a card: the bench's side of `faults.declaration.NodePort`.
+"""What a fault can do to a card: the bench's side of `faults.declaration.NodeHandle`.
 
 Every fault has a port of its own, so that one fault's end leaves alone what another has done to the same card.
 """
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from canarm_protocol.canopen.frames import NmtCommand
 
 from ..bench.fault_hooks import CardTrouble, SecondCard, SendFilter, SyncFilter
-from .declaration import NodePort
+from .declaration import NodeHandle
 
 if TYPE_CHECKING:
     from ..bench.bench import Bench
@@ -23,7 +23,7 @@ _COMMANDS = {
 }
 
 
-class CardPort(NodePort):
+class CardHandle(NodeHandle):
     """One fault's hands on the card of `bench` with a node-ID."""
 
     def __init__(self, bench: "Bench", node_id: int) -> None:
@@ -57,7 +57,7 @@ class CardPort(NodePort):
         self._bench.nodes.refresh()
 
     def resume(self, now_ns: int) -> None:
-        """Timers begin anew. A card that another fault keeps dead does not go on."""
+        """Timers begin again. A card that another fault keeps dead does not go on."""
         if self._slave.node_id in self._hooks.halted:
             return
         self._slave.resume(now_ns)

@@ -1,0 +1,11 @@
+"""How much an error and its rate count in an adaptation that Lyapunov's second method has found to be stable."""
+
+
+def error_weights(omega_rad_s: float, damping: float) -> tuple[float, float]:
+    """p12 and p22 of z = p12·e + p22·ė for a reference model of second order.
+
+    They are entries of the P that solves AᵀP + PA = -Q for the model's A and Q = diag(q1, q2) with q1 = 2ωn², q2 = 1.
+    """
+    q1, q2 = 2.0 * omega_rad_s**2, 1.0
+    p12 = q1 / (2.0 * omega_rad_s**2)
+    return p12, (q2 + 2.0 * p12) / (4.0 * damping * omega_rad_s)
