@@ -42,7 +42,7 @@ def drive(network: canopen.Network, folder: Path, seconds: float) -> float:
     for tick in range(round(seconds / CYCLE_S)):
         if tick % HEARTBEAT_CYCLES == 0:
             network.send_message(0x701, b"\x05")
-        network.sync.transmit(tick % 240 + 1)
+        network.sync.transmit()
         if is_lockstep:
             time_objects.get(timeout=5.0)  # TIME ends the cycle: every input is here
         else:

@@ -7,7 +7,7 @@ from canarm_controller.bus.master import Ask, carry_out
 from canarm_controller.errors import ControllerError
 from canarm_protocol.canopen.dictionary import ERROR_REGISTER, variable_at
 from canarm_protocol.canopen.frames import Frame
-from canarm_protocol.canopen.sdo import Transfer, download, upload
+from canarm_protocol.canopen.sdo import LARGEST_NUMBER, Transfer, download, upload
 from canarm_protocol.cards import Wire
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.sensing import joint_sensors
@@ -27,7 +27,7 @@ class JogError(ControllerError):
 
 def error_register(node: CardNode) -> Generator[Ask, Frame, int]:
     """Object 0x1001. Raises `JogError`."""
-    return (yield from _transfer(node, upload(ERROR_REGISTER, 0)))[0]
+    return (yield from _transfer(node, upload(ERROR_REGISTER, 0, LARGEST_NUMBER)))[0]
 
 
 def read_outputs(
@@ -39,7 +39,7 @@ def read_outputs(
         return
     for channel in card.channel:
         joint, place = cell.far_joint(card, channel), card.kind.place(card, channel.number)
-        data = yield from _transfer(node, upload(place.index, place.subindex))
+        data = yield from _transfer(node, upload(place.index, place.subindex, LARGEST_NUMBER))
         code = int.from_bytes(data, "little") >> place.start_bit + card.codec.shift & card.codec.full_scale
         if card.kind.takes is Wire.DIRECTION:
             directions[joint] = DirectionBits(code)

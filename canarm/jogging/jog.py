@@ -11,9 +11,9 @@ from collections.abc import Generator
 from canarm_controller.bus.master import Ask, Silence, bring_up, read_input, start_frames, stop_frames
 from canarm_controller.run.pacing import Pacer
 from canarm_controller.supervision.supervisor import Supervisor, Verdict
-from canarm_protocol.canopen.dictionary import SYNC_OVERFLOW, default_value
 from canarm_protocol.canopen.frames import Cob, ErrorCode, Frame, NmtState, heartbeat_frame, sync_frame
 from canarm_protocol.canopen.pdo import PdoLayout
+from canarm_protocol.cell.configuration import SYNC_COUNTER
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.sensing import joint_sensors
 from canarm_protocol.cell.wiring import CardNode, DirectionBits, InputSlot, OutputFrames, input_slots
@@ -76,7 +76,7 @@ class Jog:
         self._heartbeat_ns = cell.bus.heartbeat_ms * 1_000_000
         self._heartbeat_cycles = max(1, cell.bus.heartbeat_ms * 1000 // cell.bus.cycle_us)
         self._next_heartbeat_ns: int | None = None
-        self._overflow = default_value(nodes[0].dictionary, SYNC_OVERFLOW)
+        self._overflow = SYNC_COUNTER
 
     def begin(self, listen_ns: int) -> Work:
         """Listen for another controller, then find, check, configure and start the cards. Raises `ControllerError`."""

@@ -22,7 +22,7 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import BusError
 from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.faults.script import FaultScript, FaultSet, FaultSpec, Trigger
-from canarm_protocol.runs.run_folder import CAN_LOG_FILE, SIGNALS_FOLDER
+from canarm_protocol.runs.run_folder import CAN_LOG_FILE, LOG_START_S, SIGNALS_FOLDER
 
 from ..child import END_S, Child
 from ..options import BENCH_BUS, DEFAULT_HOST
@@ -227,4 +227,10 @@ def _frames(log: Path) -> Iterator[Received]:
         identifier, _, data = text.partition("#")
         is_extended, is_remote = len(identifier) > _STANDARD_DIGITS, data.startswith("R")
         payload = b"" if is_remote else bytes.fromhex(data)
-        yield Received(float(stamp.strip("()")), Frame(int(identifier, 16), payload, is_extended, is_remote))
+        yield Received(_log_time_s(stamp), Frame(int(identifier, 16), payload, is_extended, is_remote))
+
+
+def _log_time_s(stamp: str) -> float:
+    """Time since power-on of `(seconds.microseconds)`, the nearest float to it."""
+    seconds, _, fraction = stamp.strip("()").partition(".")
+    return float(f"{int(seconds) - LOG_START_S}.{fraction}")

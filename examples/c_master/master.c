@@ -172,13 +172,12 @@ static int drive(int is_lockstep, long cycles, double *joint2_deg)
     int codes[2 * JOINTS] = {128, 128, 128, 128}; /* two potentiometers, two tachometers */
     int64_t next_ns = now_ns();
     for (long tick = 0; tick < cycles && !is_interrupted; tick++) {
-        const uint8_t counter = (uint8_t)(tick % 240 + 1);
         if (tick % HEARTBEAT_CYCLES == 0 && send_frame(HEARTBEAT + MASTER, &operational, 1) != OK)
             return FAILED;
         next_ns += CYCLE_NS;
         if (next_ns < now_ns())
             next_ns = now_ns(); /* the machine stalled: go on from here instead of catching up */
-        if (send_frame(SYNC, &counter, 1) != OK || get_inputs(is_lockstep, next_ns, codes) != OK)
+        if (send_frame(SYNC, NULL, 0) != OK || get_inputs(is_lockstep, next_ns, codes) != OK)
             return FAILED;
         double current_a[JOINTS];
         for (int joint = 0; joint < JOINTS; joint++) {

@@ -22,6 +22,7 @@ import numpy as np
 import pytest
 
 from canarm_protocol.cell.cell_file import shipped_cells
+from canarm_protocol.runs.run_folder import LOG_START_S
 
 DEADLINE_S = 60.0 * float(os.environ.get("PATIENCE", "1"))
 """Far longer than anything takes: a busy machine must not fail a test. PATIENCE=10 is for emulated machines."""
@@ -208,9 +209,12 @@ class RunFolder:
         return dict(json.loads((self.path / "run.json").read_text()))
 
     def frames(self) -> list[can.Message]:
-        """Every frame of can0.log."""
+        """Every frame of can0.log, with its time since power-on."""
         with can.LogReader(self.path / "can0.log") as reader:
-            return list(reader)
+            messages = list(reader)
+        for message in messages:
+            message.timestamp -= LOG_START_S
+        return messages
 
     def signals(self, name: str) -> dict[str, Any]:
         """The columns of a CSV file; every row has every column."""

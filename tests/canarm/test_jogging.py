@@ -1,5 +1,7 @@
 """Jogging against the emulated bench in one process: the two cores joined by a list, in virtual time on both clocks."""
 
+from collections.abc import Callable
+
 import pytest
 
 from canarm.jogging.cards import JogError
@@ -48,7 +50,7 @@ class Table:
             while True:
                 answers = [frame for frame in self.exchange(ask.frames) if ask.is_answer(frame)]
                 if not answers:
-                    self.wait(ask.limit_ns)
+                    answers = [frame for frame in self.wait(ask.limit_ns, ask.is_answer) if ask.is_answer(frame)]
                 ask = work.send(answers[0]) if answers else work.throw(Silence())
         except StopIteration as done:
             return list(done.value)
@@ -67,14 +69,17 @@ class Table:
             self.jog.receive(frame, self.jog.now_ns)
         return received
 
-    def wait(self, time_ns: int) -> None:
-        """On the wall clock the world goes on meanwhile, and heartbeats go out."""
+    def wait(self, time_ns: int, is_enough: Callable[[Frame], bool] = lambda frame: False) -> list[Frame]:
+        """On the wall clock the world goes on meanwhile, and heartbeats go out, until a frame comes that is enough."""
         end_ns = self.jog.now_ns + time_ns
         while self.jog.now_ns < end_ns:
             self.jog.now_ns = min(self.jog.now_ns + MILLISECOND, end_ns)
             if self.jog.clock is Clock.WALL:
                 self.bench.advance(self.jog.now_ns)
-            self.exchange(self.jog.heartbeat_if_due())
+            received = self.exchange(self.jog.heartbeat_if_due())
+            if any(map(is_enough, received)):
+                return received
+        return []
 
     def commands_a(self) -> list[float]:
         return [joint.command_a for joint in self.bench.world.state()]

@@ -44,7 +44,7 @@ LINKS = (
     "socketcan-sync",
     "socketcan-wall",
 )
-RESET_NODE = 0x81
+RESET_NODE, RESET_COMMUNICATION = 0x81, 0x82
 SYNC, TIME = 0x080, 0x100
 
 
@@ -87,7 +87,6 @@ class Link:
         self.network = canopen.Network()
         self.network.listeners.append(self._hear)
         self._news = threading.Condition()
-        self._counter = 0
 
     def _hear(self, message: can.Message) -> None:
         with self._news:
@@ -103,10 +102,9 @@ class Link:
         )
 
     def sync(self, counter: int | None = None) -> None:
-        """A SYNC with its counter (0x1019 is 240), the next unless given; in lockstep it has acted on return."""
-        self._counter = counter or self._counter % 240 + 1
+        """A SYNC, with a counter only if one is given (0x1019 is 0); in lockstep it has acted on return."""
         times = len(self.data(TIME))
-        self.send(SYNC, bytes((self._counter,)))
+        self.send(SYNC, b"" if counter is None else bytes((counter,)))
         if self.clock is Clock.SYNC:
             self._wait(lambda: len(self.data(TIME)) > times, "TIME after SYNC")
 
@@ -153,8 +151,15 @@ class Link:
                 assert self._news.wait(limit - time.monotonic()), f"{what}: not within {DEADLINE_S:g} s"
 
     def nmt(self, command: int, node_id: int = 0) -> None:
-        """An NMT command, to all nodes with 0."""
+        """An NMT command, to all nodes with 0. After a reset they have booted on return."""
+        is_reset = command in (RESET_NODE, RESET_COMMUNICATION)
+        targets = [each for each in NODE_IDS if node_id in (0, each) and is_reset]
+        before = {each: self._boot_ups(each) for each in targets}
         self.send(0x000, bytes((command, node_id)))
+        self._wait(lambda: all(self._boot_ups(each) > count for each, count in before.items()), "boot-up")
+
+    def _boot_ups(self, node_id: int) -> int:
+        return self.data(0x700 + node_id).count(b"\0")
 
     def card(self, node_id: int) -> canopen.RemoteNode:
         """The library's view of a card, from its EDS."""

@@ -104,11 +104,11 @@ def test_switching_monitoring_off_after_a_loss_ends_the_error(link) -> None:
 def test_a_sync_of_another_length_is_reported_until_a_right_one_comes(link) -> None:
     """0x1019, EMCY 0x8240 (unexpected SYNC data length)."""
     for node_id in (DAC, LATCH):
-        link.card(node_id).sdo[0x1019].raw = 0
+        link.card(node_id).sdo[0x1019].raw = 240
     link.sync()
     assert link.await_frames(0x080 + DAC) == [bytes.fromhex("4082110000000000")]
-    assert link.data(0x080 + ADC) == []
-    link.send(0x080)
+    assert link.data(0x080 + ADC) == []  # whose 0x1019 is 0, as a stock master expects it
+    link.sync(1)
     link.await_frames(0x080 + ADC)
     assert link.await_frames(0x080 + DAC, 2)[1] == OVER
 

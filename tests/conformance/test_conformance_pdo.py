@@ -79,7 +79,7 @@ def test_a_tpdo_of_type_0_follows_a_sync_only_after_its_data_have_changed(link) 
     for _ in range(3):
         link.cycle(TPDO3)
     assert link.data(TPDO2) == [b"\0"]
-    link.send(0x080)  # without its counter: EMCY 0x8240
+    link.send(0x080, b"\x01")  # with a counter, which nobody asked for: EMCY 0x8240
     link.await_frames(0x080 + ADC)
     link.await_frames(TPDO2, 2)
     link.cycle(TPDO3)
@@ -88,6 +88,7 @@ def test_a_tpdo_of_type_0_follows_a_sync_only_after_its_data_have_changed(link) 
 
 def test_the_sync_start_value_says_which_counter_is_the_first(link) -> None:
     """0x1801:6 with 0x1019: the nth SYNC from that one on."""
+    link.card(ADC).sdo[0x1019].raw = 240
     configure(link.card(ADC), 0x1801, kind=2, start=30)
     link.nmt(START, ADC)
     counters = []

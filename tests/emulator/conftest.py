@@ -93,7 +93,7 @@ class Driven:
                 found += self.send(*frames)
                 self.bench.advance(self.bench.time_ns + 600_000)
                 frames = []
-            found += self.send(*frames, sync_frame(1))
+            found += self.send(*frames, sync_frame(None))
             self.sent += 1
             self.joints.append(tuple(self.bench.world.state()))
         return found

@@ -105,7 +105,7 @@ def hear(client: BusPort, until: Callable[[Frame], bool]) -> list[Frame]:
 
 def cycle(client: BusPort, *frames: Frame) -> list[Frame]:
     """One lockstep cycle of a controller: outputs and SYNC out, everything up to TIME in."""
-    client.send([*frames, sync_frame(1)])
+    client.send([*frames, sync_frame(None)])
     return hear(client, lambda frame: frame.can_id == TIME)
 
 
@@ -183,7 +183,7 @@ def test_when_the_sender_of_sync_falls_silent_the_world_runs_on_once() -> None:
     with serving(sync_timeout_s=0.2) as emulator:
         controller = emulator.client()
         start_watched(controller)
-        controller.send([*outputs(40), sync_frame(1)])
+        controller.send([*outputs(40), sync_frame(None)])
         hear(controller, is_emcy)
         emulator.until(lambda: bool(emulator.told))
         assert emulator.told == ["no SYNC for 0.2 s: virtual time ran on by 600 ms"]
@@ -196,7 +196,7 @@ def test_the_sender_of_sync_may_take_its_time_as_long_as_it_says_something() -> 
     with serving(sync_timeout_s=0.2) as emulator:
         controller = emulator.client()
         start_watched(controller)
-        controller.send([*outputs(40), sync_frame(1)])
+        controller.send([*outputs(40), sync_frame(None)])
         end_s = time.monotonic() + 0.6
         while time.monotonic() < end_s:
             controller.send([heartbeat_frame(1, NmtState.OPERATIONAL)])
@@ -263,7 +263,7 @@ def recorded(folder: Path, is_busy: bool) -> dict[str, bytes]:
         for k in range(60):
             cycle(controller, HEARTBEAT, *outputs(40 + k % 16))
             if dashboard:
-                dashboard.send([LISTENER, sync_frame(1), Frame(0x670, next(download(0x1017, 0, b"\x01\x00")))])
+                dashboard.send([LISTENER, sync_frame(None), Frame(0x670, next(download(0x1017, 0, b"\x01\x00")))])
                 ask_bench(dashboard)
         cycle(controller, nmt_frame(NmtCommand.PRE_OPERATIONAL))  # or the world would run on when the controller leaves
     return {name: (folder / name).read_bytes() for name in ("can0.log", "signals/robot.csv")}
@@ -295,7 +295,7 @@ def test_on_the_wall_clock_the_world_moves_by_itself() -> None:
         while len(beats) < 3:
             beats += [frame for frame in hear(client, lambda frame: frame.can_id == 0x712) if frame.can_id == 0x712]
         assert set(beats) == {heartbeat_frame(0x12, NmtState.PRE_OPERATIONAL)}
-        client.send([nmt_frame(NmtCommand.START), sync_frame(1)])
+        client.send([nmt_frame(NmtCommand.START), sync_frame(None)])
         hear(client, lambda frame: frame.can_id == 0x394)
 
 
@@ -324,7 +324,7 @@ class ListPort(BusPort):
 
 
 def test_further_ports_are_part_of_their_bus() -> None:
-    port, bench_port = ListPort(nmt_frame(NmtCommand.START), sync_frame(1)), ListPort(LISTENER)
+    port, bench_port = ListPort(nmt_frame(NmtCommand.START), sync_frame(None)), ListPort(LISTENER)
     with serving(ports={"can0": [port], "bench": [bench_port]}) as emulator:
         emulator.until(lambda: bool(port.sent) and port.sent[-1].can_id == TIME)
         assert [frame.can_id for frame in port.sent] == [0x712, 0x713, 0x714, 0x294, 0x394, TIME]
@@ -394,7 +394,7 @@ def test_syncs_that_queued_up_in_a_stall_came_one_cycle_apart_until_now(
 ) -> None:
     bench = FaultBench(CELL, Truth.from_settings(CELL), Clock.WALL, 0)
     hub = Hub(port=0)
-    sync = Received("can0", 1, sync_frame(1))
+    sync = Received("can0", 1, sync_frame(None))
     answers = iter([[Received("can0", 1, nmt_frame(NmtCommand.START)), sync], [sync] * queued])
     is_stalled = iter([False, True])
 

@@ -57,7 +57,7 @@ class Run:
         for _ in range(count):
             for cob_id, data in OUTPUTS.pack(codes, (COUNTER_CLOCKWISE, COUNTER_CLOCKWISE)):
                 self.bench.receive(Frame(cob_id, data.ljust(8, b"\0") if cob_id == DAC_COB_ID else data))
-            self.bench.receive(sync_frame(1))
+            self.bench.receive(sync_frame(None))
             self.codes.append(tuple(joint.command_a for joint in self.bench.world.state()))
             self.bench.records.clear()
 
@@ -94,7 +94,7 @@ def test_time_and_cycles_count_from_the_first_sync_after_nmt_start() -> None:
     run = Run(is_started=False)
     run.inject("parallel = true\n" + fault_set("a", "at = 0.05") + fault_set("b", "cycle = 3", tap="joint3.latch"))
     for _ in range(100):
-        run.bench.receive(sync_frame(1))
+        run.bench.receive(sync_frame(None))
     assert run.happened == []
     run.bench.receive(nmt_frame(NmtCommand.START))
     run.cycles(30)
@@ -449,7 +449,7 @@ def test_times_count_from_cycle_0_where_the_first_set_comes_in_mid_run() -> None
         if cycle == 5:
             bench.faults.on_event = lambda event: begun.append(event.cycle)
             bench.inject(parse_faults(fault_set("a", "at = 0.02")))
-        bench.receive(sync_frame(1))
+        bench.receive(sync_frame(None))
     assert begun == [8]
 
 
@@ -671,7 +671,7 @@ def test_a_filter_that_fails_ends_its_fault_and_lets_all_pass(filter_name: str, 
     run.cycles(10)
     assert run.states() == {"a": ENDED}
     assert events[-1].failure.startswith(f"failed: {failure}")
-    run.bench.receive(sync_frame(1))
+    run.bench.receive(sync_frame(None))
     assert {0x294, 0x394} <= {record.frame.can_id for record in run.bench.records}
 
 

@@ -238,8 +238,8 @@ def exchange(node: Node, *requests: str) -> list[str]:
         (["2117100003000000", "0d00000000000000"], ["8017100012000706", "8000000001000405"]),  # announces too much
         (["2117100001000000"], ["8017100013000706"]),  # announces too little
         (["21171000ffffffff"], ["8017100012000706"]),
-        (["a017100000000000"], ["8017100001000405"]),  # block upload
-        (["c217100000000000"], ["8017100001000405"]),  # block download
+        (["a017100000000000"], ["8017100002000405"]),  # block upload, no segments wanted
+        (["c217100000000000"], ["8017100013000706"]),  # block download of nothing
         (["e017100000000000"], ["8017100001000405"]),
         (["8017100000000405"], []),
         (["4008100000000000", "8008100000000405", "6000000000000000"], ["410810000c000000", "8000000001000405"]),
@@ -836,3 +836,88 @@ def test_an_error_that_began_in_stopped_is_told_when_stopped_ends(node: Node) ->
     assert emergencies(node) == []
     node.slave.on_nmt(NmtCommand.PRE_OPERATIONAL, MILLISECOND)
     assert emergencies(node) == [(0x8120, 0x11)]
+
+
+# Node guarding and life guarding (CiA 301, 7.2.8.3.2.1)
+
+
+def guard(node: Node, now_ns: int) -> list[bytes]:
+    node.take()
+    node.slave.on_remote(0x700 + NODE_ID, now_ns)
+    return [frame.data for _, frame in node.take() if frame.can_id == 0x700 + NODE_ID]
+
+
+def test_a_guarding_master_gets_the_state_and_a_toggling_bit(node: Node) -> None:
+    assert guard(node, 0) == [b"\x7f"]
+    node.slave.on_nmt(START, 1)
+    assert guard(node, 2) == [b"\x85"]
+    assert guard(node, 3) == [b"\x05"]
+    node.slave.on_nmt(STOP, 4)
+    assert guard(node, 5) == [b"\x84"]
+    node.slave.on_nmt(NmtCommand.RESET_COMMUNICATION, 6)
+    assert guard(node, 7) == [b"\x7f"]  # the first answer after boot-up has toggle bit 0
+
+
+def test_a_node_with_a_heartbeat_is_not_guarded(node: Node) -> None:
+    node.write(0x1017, 0, 20, 2)
+    assert guard(node, 0) == []
+
+
+def test_a_master_that_guards_no_longer_is_lost_after_its_life_time(node: Node) -> None:
+    node.write(0x100C, 0, 50, 2)
+    node.write(0x100D, 0, 3, 1)
+    node.slave.on_nmt(START, 0)
+    node.rpdo(b"\0\x22" + bytes(6))
+    node.slave.on_sync(b"", 0)
+    assert node.slave.next_due_ns == NEVER  # monitoring begins with the first question
+    guard(node, 1000)
+    assert node.slave.next_due_ns == 1000 + 150 * MILLISECOND
+    node.run_until(1000 + 150 * MILLISECOND)
+    assert node.slave.state is NmtState.PRE_OPERATIONAL
+    assert node.outputs() == [0, 0, 0, 0]
+    assert [(t, frame.data[:3]) for t, frame in node.take()] == [(1000 + 150 * MILLISECOND, b"\x30\x81\x11")]
+    node.slave.on_remote(0x700 + NODE_ID, 200 * MILLISECOND)
+    assert [frame.data[:3] for _, frame in node.take()][-1] == b"\0\0\0"
+
+
+def test_guard_times_of_0_guard_nothing(node: Node) -> None:
+    node.write(0x100C, 0, 50, 2)
+    guard(node, 0)
+    assert node.slave.next_due_ns == NEVER
+
+
+def test_a_card_holds_its_eds() -> None:
+    sent: list[Frame] = []
+    device = DacDevice(Dac0808Card(lambda channel, fraction: None), 8, 4, lambda: 0)
+    dictionary = dictionary_of("dac0808")
+    slave = Slave("dac", NODE_ID, dictionary, device, lambda _, frame: sent.append(frame), 1, b"[FileInfo]")
+    slave.boot(0)
+    slave.on_sdo(0x612, bytes.fromhex("4021100000000000"), 0)
+    slave.on_sdo(0x612, bytes.fromhex("6000000000000000"), 0)
+    assert [frame.data[1:] for frame in sent[1:]] == [b"\x21\x10\0\x0a\0\0\0", b"[FileIn"]
+
+
+# Boot time
+
+
+def test_a_card_that_takes_its_time_to_boot_is_silent_and_safe_until_its_boot_up(node: Node) -> None:
+    node.slave.boot_ns = 10 * MILLISECOND
+    node.write(0x1017, 0, 4, 2)
+    node.slave.on_nmt(START, 0)
+    node.rpdo(b"\0\x22" + bytes(6))
+    node.slave.on_sync(b"", 0)
+    node.take()
+    node.slave.on_nmt(NmtCommand.RESET_NODE, 5)
+    assert node.slave.next_due_ns == 5 + 10 * MILLISECOND
+    assert node.outputs() == [0, 0, 0, 0]
+    node.slave.on_sdo(0x612, bytes.fromhex("4000100000000000"), 6)
+    node.slave.on_nmt(START, 7)
+    node.slave.on_sync(b"", 8)
+    node.slave.on_heartbeat(MASTER, 9)
+    node.slave.on_remote(0x700 + NODE_ID, 10)
+    node.run_until(9 * MILLISECOND)
+    assert node.take() == []
+    node.run_until(10 * MILLISECOND + 5)
+    assert node.take() == [(10 * MILLISECOND + 5, Frame(0x700 + NODE_ID, b"\0"))]
+    assert node.slave.state is NmtState.PRE_OPERATIONAL
+    assert node.read(0x1017) == 0

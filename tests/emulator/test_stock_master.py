@@ -99,12 +99,19 @@ def test_the_library_gets_abort_codes(link: Link) -> None:
         assert caught.value.code == code
 
 
-def test_the_librarys_block_transfer_is_refused_and_the_channel_stays_usable(link: Link) -> None:
+def test_the_library_reads_in_blocks_and_the_channel_stays_usable(link: Link) -> None:
     dac = link.card(DAC)
-    with pytest.raises(canopen.SdoAbortedError) as caught:
-        dac.sdo.open(0x1008, 0, "rb", block_transfer=True)
-    assert caught.value.code == 0x0504_0001
+    with dac.sdo.open(0x1008, 0, "rb", block_transfer=True) as file:
+        assert file.read() == b"DAC0808 card"
     assert dac.sdo[0x1008].raw == "DAC0808 card"
+
+
+def test_a_node_is_added_with_the_eds_that_the_card_holds(link: Link) -> None:
+    """As python-canopen documents it: `network.add_node(6, upload_eds=True)`."""
+    for card in CELL.card:
+        node = link.add_node(card.node_id, upload_eds=True)
+        assert node.sdo["Manufacturer device name"].raw == link.card(card.node_id).sdo[0x1008].raw
+        assert sorted(node.object_dictionary) == sorted(link.card(card.node_id).object_dictionary)
 
 
 def test_the_library_configures_pdos_and_runs_a_synchronous_cycle(link: Link) -> None:
@@ -157,12 +164,12 @@ def test_the_library_sees_a_lost_heartbeat_and_its_return(link: Link) -> None:
 
 
 def test_remote_frames_are_not_taken_for_data(link: Link) -> None:
-    """Node guarding is not offered, and other services are not asked for; the frames do nothing."""
+    """The services that they name are not asked for so; the frames do nothing."""
     dac = link.card(DAC)
     link.nmt.state = "OPERATIONAL"
-    for can_id in (0x700 + DAC, 0x300 + DAC, 0x284, 0x000, 0x080):
+    for can_id in (0x300 + DAC, 0x284, 0x000, 0x080):
         link.send_message(can_id, b"", remote=True)
-    assert link.bench.ignored_frames == 5
+    assert link.bench.ignored_frames == 4
     assert dac.emcy.log == []
 
 

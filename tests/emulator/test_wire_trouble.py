@@ -68,7 +68,7 @@ def cycles(bench: FaultBench, count: int, *frames: Frame, origin: object = MASTE
     for _ in range(count):
         for frame in frames:
             bench.receive(frame, origin)
-        bench.receive(sync_frame(1), origin)
+        bench.receive(sync_frame(None), origin)
     return list(bench.records)
 
 
@@ -219,14 +219,14 @@ def test_a_clients_frames_are_lost_and_counted_until_its_node_has_recovered(make
 
 def test_on_the_wall_clock_the_sync_of_a_client_in_bus_off_is_lost_too(make_bench: MakeBench) -> None:
     bench = make_bench(Clock.WALL)
-    bench.receive(sync_frame(1), MASTER)
+    bench.receive(sync_frame(None), MASTER)
     bench.trouble.held.add(MASTER)
     bench.wire.corrupt(0x312, times=ERRORS_TO_BUS_OFF, bit=20)
     bench.receive(CURRENTS, MASTER)
     bench.advance(bench.time_ns + 20_000_000)
     cycle, lost = bench.cycle, bench.trouble.lost_frames
     bench.records.clear()
-    bench.receive(sync_frame(1), MASTER)
+    bench.receive(sync_frame(None), MASTER)
     assert (bench.cycle, bench.records, bench.trouble.lost_frames) == (cycle, [], lost + 1)
 
 
@@ -382,7 +382,7 @@ def test_receive_errors_are_shown_as_they_are(make_bench: MakeBench) -> None:
     """The card that finds a CRC error alone sees the others answer its flag: 1 (rule a) and 8 (rule b)."""
     bench = make_bench()
     bench.wire.corrupt(0x394, receivers=[LATCH])
-    bench.receive(sync_frame(1), MASTER)
+    bench.receive(sync_frame(None), MASTER)
     # The retransmission, received, takes one off (rule h).
     assert number(bench, 0x2311, 2) == 1 + 8 - 1
     assert number(bench, 0x2310, 3) == 8 - 1

@@ -39,7 +39,7 @@ def cycle(bench: FaultBench, *frames: Frame) -> list[Record]:
     bench.records.clear()
     for frame in frames:
         bench.receive(frame, MASTER)
-    bench.receive(sync_frame(1), MASTER)
+    bench.receive(sync_frame(None), MASTER)
     return list(bench.records)
 
 
@@ -149,12 +149,12 @@ def test_on_the_wall_clock_the_wire_carries_everything_from_power_on(make_bench:
     assert bench.records == []
     question = Frame(0x614, bytes.fromhex("4000100000000000"))
     bench.receive(question, MASTER)
-    bench.receive(sync_frame(1), MASTER)
+    bench.receive(sync_frame(None), MASTER)
     bench.advance(20 * CYCLE_NS)
     found = {record.frame.can_id: record.time_ns for record in bench.records}
     # What the master sends has lower identifiers than the boot-up messages, which wait since power-on.
     end_ns = -INTERMISSION_BITS * BIT_NS
-    for frame in (nmt_frame(NmtCommand.START), question, sync_frame(1)):
+    for frame in (nmt_frame(NmtCommand.START), question, sync_frame(None)):
         end_ns += (INTERMISSION_BITS + frame_bits(frame)) * BIT_NS
         assert found[frame.can_id] == end_ns
     # The card's controller sends in order, so that its answer comes behind its own boot-up message.
@@ -186,16 +186,16 @@ def test_a_flood_delays_sync_by_its_share_of_the_wire(make_bench: MakeBench) -> 
     flood = Frame(0x001, bytes(8))
     for _ in range(100):
         bench.receive(flood, "flood")
-    bench.receive(sync_frame(1), MASTER)
+    bench.receive(sync_frame(None), MASTER)
     bench.records.clear()
     bench.advance(20 * CYCLE_NS)
     flood_ns = 100 * (frame_bits(flood) + INTERMISSION_BITS) * BIT_NS
-    assert end_of(bench.records, Cob.SYNC) == CYCLE_NS + flood_ns + frame_bits(sync_frame(1)) * BIT_NS
+    assert end_of(bench.records, Cob.SYNC) == CYCLE_NS + flood_ns + frame_bits(sync_frame(None)) * BIT_NS
 
 
 def test_on_the_wall_clock_frames_arrive_when_the_wire_has_carried_them(make_bench: MakeBench) -> None:
     bench = make_bench(clock=Clock.WALL)
-    bench.receive(sync_frame(1), MASTER)
+    bench.receive(sync_frame(None), MASTER)
     bench.advance(CYCLE_NS)
     bench.records.clear()
     bench.receive(CURRENTS, MASTER)

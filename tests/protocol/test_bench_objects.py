@@ -1,5 +1,6 @@
 """The bench node's dictionary and PDOs: complete for every joint, and no COB-ID twice on its bus."""
 
+import configparser
 import io
 
 import canopen
@@ -108,3 +109,26 @@ def test_the_eds_describes_the_objects_of_faults_to_any_tool() -> None:
         0x2405: (u8, "ro"),
     }
     assert (dictionary[0x2410].data_type, dictionary[0x2410].access_type, dictionary[0x2410].max) == (u8, "rw", 1)
+
+
+def sections() -> configparser.ConfigParser:
+    text = export_eds(CELL)[f"{CELL.name}_bench.eds"]
+    parser = configparser.ConfigParser(interpolation=None)
+    parser.optionxform = str  # type: ignore[assignment,method-assign]
+    parser.read_string(text)
+    return parser
+
+
+def test_independent_readers_take_the_eds() -> None:
+    """What two of them refused: PDOMapping where nothing can be mapped, and an error history that cannot be cleared."""
+    parser = sections()
+    domains = [name for name in parser.sections() if parser[name].get("DataType") == "0x000F"]
+    assert domains
+    assert not [name for name in domains if "PDOMapping" in parser[name]]
+    assert parser["1003sub0"]["AccessType"] == "rw"  # CiA 301, 7.5.2.4: writing 0 clears it
+
+
+def test_the_eds_says_which_channels_can_be_claimed() -> None:
+    parser, channels = sections(), range(1, SDO_CHANNELS + 1)
+    access = {channel: parser[f"2420sub{channel:X}"]["AccessType"] for channel in channels}
+    assert [channel for channel, kind in access.items() if kind == "rw"] == list(CLIENT_CHANNELS)

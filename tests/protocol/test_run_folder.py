@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -55,8 +56,24 @@ def test_python_can_reads_every_frame_back(tmp_path_factory, records: list[tuple
         messages = list(reader)
     found = [Frame(m.arbitration_id, bytes(m.data), m.is_extended_id, m.is_remote_frame) for m in messages]
     assert found == [frame for _, frame in records]
-    assert [m.timestamp for m in messages] == pytest.approx([time_ns // 1000 * 1e-6 for time_ns, _ in records])
+    assert [m.timestamp for m in messages] == pytest.approx([1.0 + time_ns // 1000 * 1e-6 for time_ns, _ in records])
     assert {m.channel for m in messages} == {"can0"}
+
+
+def test_can_utils_log2asc_takes_the_log_from_its_first_frame(tmp_path) -> None:
+    """can-utils 2020.11 takes a start second of 0 as unset, and then every frame of that second is the first."""
+    with CanLog(tmp_path / "can0.log") as log:
+        for step in range(3):
+            log.write(step * 2_500_000, Frame(0x80, bytes((step + 1,))))
+    assert (tmp_path / "can0.log").read_text().splitlines()[0] == "(0000000001.000000) can0 080#01"
+    log2asc = shutil.which("log2asc")
+    if log2asc is None:
+        pytest.skip("can-utils are not installed")
+    asc = subprocess.run(
+        [log2asc, "-I", str(tmp_path / "can0.log"), "can0"], check=True, capture_output=True, text=True
+    )
+    stamps = [line.split()[0] for line in asc.stdout.splitlines() if " Rx " in line]
+    assert stamps == ["0.000000", "0.002500", "0.005000"]
 
 
 def test_signals_are_a_csv_with_a_row_a_cycle(tmp_path) -> None:

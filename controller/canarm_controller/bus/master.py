@@ -16,7 +16,7 @@ from canarm_protocol.canopen.dictionary import (
     variable_at,
 )
 from canarm_protocol.canopen.frames import Cob, Frame, NmtCommand, NmtState, heartbeat_frame, nmt_frame
-from canarm_protocol.canopen.sdo import SdoAborted, Transfer, abort_request, download, upload
+from canarm_protocol.canopen.sdo import LARGEST_NUMBER, SdoAborted, Transfer, abort_request, download, upload
 from canarm_protocol.cell.configuration import Setting, card_settings
 from canarm_protocol.cell.model import Bus
 from canarm_protocol.cell.wiring import CardNode
@@ -152,7 +152,7 @@ def _encoded(node: CardNode, setting: Setting) -> bytes:
 
 
 def _read(node: CardNode, index: int, subindex: int, size: int) -> Generator[Ask, Frame, bytes]:
-    data = yield from _transfer(node, upload(index, subindex))
+    data = yield from _transfer(node, upload(index, subindex, LARGEST_NUMBER))
     if len(data) != size:
         raise BringUpError(f"{_name(node)}: SDO 0x{index:04X}:{subindex:02X} has {len(data)} bytes; must be {size}")
     return data

@@ -6,9 +6,9 @@ The same object runs in a process of its own or inside a test.
 
 from collections.abc import Callable, Collection, Sequence
 
-from canarm_protocol.canopen.dictionary import SYNC_OVERFLOW, default_value
 from canarm_protocol.canopen.frames import Cob, Frame, NmtState, heartbeat_frame, sync_frame
 from canarm_protocol.canopen.pdo import PdoLayout
+from canarm_protocol.cell.configuration import SYNC_COUNTER
 from canarm_protocol.cell.model import SENSOR_KINDS, Cell, Quantity
 from canarm_protocol.cell.wiring import CardNode, InputSlot, OutputFrames
 from canarm_protocol.clock import Clock
@@ -88,7 +88,7 @@ class Controller:
         self._arrivals = Arrivals(self._inputs.layouts, self._detect_at_node)
         self._node_id = cell.bus.controller_node_id
         self._heartbeat_cycles = max(1, cell.bus.heartbeat_ms * 1000 // cell.bus.cycle_us)
-        self._counter_overflow = default_value(nodes[0].dictionary, SYNC_OVERFLOW)
+        self._counter_overflow = SYNC_COUNTER
         self._zero = self._outputs.pack([0] * len(cell.joints), [OFF] * len(cell.joints))
 
     @property

@@ -8,7 +8,7 @@ runs in a process of its own or inside a test.
 from collections.abc import Callable, Collection, Hashable, Sequence
 from typing import NamedTuple
 
-from canarm_protocol.canopen.dictionary import load_dictionary
+from canarm_protocol.canopen.dictionary import eds_text, load_dictionary
 from canarm_protocol.canopen.frames import Cob, Frame, NmtCommand, parse_nmt, time_frame
 from canarm_protocol.cell.model import Card, Cell
 from canarm_protocol.clock import Clock
@@ -25,7 +25,7 @@ from ..node.slave import Slave
 from ..robot.timeline import Timeline
 from ..robot.truth import Truth
 from ..robot.world import JointState, World
-from ..timing import NEVER
+from ..timing import MILLISECOND, NEVER
 from ..wire.wire import Wire
 from .card_nodes import CardNodes
 from .fault_hooks import FaultHooks, Faults, SecondCard
@@ -158,8 +158,11 @@ class Bench:
         node_id = card.node_id
         device = self.rack.spare(card) if isinstance(name, SecondCard) else self.rack.devices[node_id]
         dictionary, emit = load_dictionary(card.model, node_id), self.bus.way_out(node_id, name)
-        slave = Slave(card.name, node_id, dictionary, device, emit, self.clock.value)
+        eds = eds_text(card.model).encode()
+        slave = Slave(card.name, node_id, dictionary, device, emit, self.clock.value, eds)
         slave.bus_name = name
+        if self.clock is Clock.WALL:
+            slave.boot_ns = self.cell.bus.boot_ms * MILLISECOND
         return slave
 
     def start(self) -> None:

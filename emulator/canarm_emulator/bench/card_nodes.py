@@ -92,7 +92,7 @@ class CardNodes:
         """A remote frame is on the bus; whether a card has a TPDO for it. Those that are `off` do not hear it."""
         self._timeline.catch_up()
         hearing = [slave for slave in self.running if slave.bus_name not in off]
-        answers = [slave.pdos.on_remote(can_id, self._timeline.time_ns) for slave in hearing]
+        answers = [slave.on_remote(can_id, self._timeline.time_ns) for slave in hearing]
         return any(answers)
 
     def on_error_state(self, name: Hashable, state: ErrorState) -> None:

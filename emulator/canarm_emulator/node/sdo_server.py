@@ -1,7 +1,6 @@
-"""The server's side of SDO transfers (CiA 301, 7.2.4), expedited and segmented: request in, answer out.
+"""The server's side of SDO transfers (CiA 301, 7.2.4), expedited, segmented and in blocks: request in, answers out.
 
-Block transfer is refused with the abort code that tells a client to fall back on segments. Objects and their rules
-belong to the store.
+What a block consists of is `sdo_block`'s. Objects and their rules belong to the store.
 """
 
 import struct
@@ -9,11 +8,17 @@ from dataclasses import dataclass, field
 
 from canarm_protocol.canopen.sdo import AbortCode
 
+from ..timing import MILLISECOND
+from .sdo_block import INITIATE_DOWNLOAD, INITIATE_UPLOAD, BlockDownload, BlockUpload, checked_segments
 from .store import ObjectStore, SdoRefused
 
+BLOCK_TIMEOUT_NS = 1000 * MILLISECOND
+"""A block download whose client has been silent for so long is over: what comes next is no segment of it."""
 LARGEST_DOWNLOAD = 1 << 20
 """Bytes of one download that are taken; no object here is longer."""
 
+ABORT = 0x80
+_BLOCK_CRC, _BLOCK_SIZED = 0x04, 0x02
 _HEAD = struct.Struct("<BHB")
 _EXPEDITED, _SIZED, _TOGGLE, _LAST = 0x02, 0x01, 0x10, 0x01
 _SEGMENT = 7
@@ -38,19 +43,34 @@ class SdoServer:
 
     def __init__(self, store: ObjectStore) -> None:
         self._store = store
-        self._transfer: _Transfer | None = None
+        self._transfer: _Transfer | BlockDownload | BlockUpload | None = None
+        self._heard_ns = 0
 
     def reset(self) -> None:
         """Forget a transfer that is under way."""
         self._transfer = None
 
-    def answer(self, request: bytes) -> bytes | None:
-        """The answer to eight bytes of a client; None to an abort."""
+    def answer(self, request: bytes, now_ns: int) -> list[bytes]:
+        """The answers to eight bytes of a client: one as a rule, none to an abort, many within a block."""
+        transfer, silence_ns = self._transfer, now_ns - self._heard_ns
+        self._heard_ns = now_ns
+        if isinstance(transfer, BlockDownload | BlockUpload):
+            if request[0] != ABORT and silence_ns <= BLOCK_TIMEOUT_NS and self._belongs_to_block(request, transfer):
+                try:
+                    return self._continue_block(request, transfer)
+                except SdoRefused as refusal:
+                    self._transfer = None
+                    return [struct.pack("<BHBI", ABORT, transfer.index, transfer.subindex, refusal.code)]
+            self._transfer = None
+        answer = self._answer(request)
+        return [] if answer is None else [answer]
+
+    def _answer(self, request: bytes) -> bytes | None:
         command, index, subindex = _HEAD.unpack_from(request)
         specifier = command >> 5
         if specifier in (0, 3):  # a segment, which names no object
             index, subindex = 0, 0
-            if self._transfer is not None:
+            if isinstance(self._transfer, _Transfer):
                 index, subindex = self._transfer.index, self._transfer.subindex
         try:
             if specifier == 0:
@@ -64,10 +84,14 @@ class SdoServer:
             if specifier == 4:
                 self._transfer = None
                 return None
+            if command & ~_BLOCK_CRC == INITIATE_UPLOAD:
+                return self._start_block_upload(command, index, subindex, request)
+            if command & ~(_BLOCK_CRC | _BLOCK_SIZED) == INITIATE_DOWNLOAD:
+                return self._start_block_download(command, index, subindex, request)
             raise SdoRefused(AbortCode.COMMAND)
         except SdoRefused as refusal:
             self._transfer = None
-            return struct.pack("<BHBI", 0x80, index, subindex, refusal.code)
+            return struct.pack("<BHBI", ABORT, index, subindex, refusal.code)
 
     def refuse(self, request: bytes, code: AbortCode) -> bytes | None:
         """An abort with `code` whatever is asked for; nothing is read or written. None to an abort."""
@@ -75,17 +99,50 @@ class SdoServer:
         transfer, self._transfer = self._transfer, None
         if command >> 5 == 4:
             return None
-        if command >> 5 in (0, 3):
+        if command >> 5 in (0, 3) or not isinstance(transfer, _Transfer | None):
             index, subindex = (transfer.index, transfer.subindex) if transfer is not None else (0, 0)
-        return struct.pack("<BHBI", 0x80, index, subindex, code)
+        return struct.pack("<BHBI", ABORT, index, subindex, code)
+
+    def _start_block_upload(self, command: int, index: int, subindex: int, request: bytes) -> bytes:
+        segments = checked_segments(request[4])
+        data = self._store.read(index, subindex)
+        self._transfer = BlockUpload(index, subindex, bool(command & _BLOCK_CRC), data, segments)
+        return self._transfer.start()
+
+    def _start_block_download(self, command: int, index: int, subindex: int, request: bytes) -> bytes:
+        announced = struct.unpack_from("<I", request, 4)[0] if command & _BLOCK_SIZED else None
+        self._check_download(index, subindex, announced)
+        largest = LARGEST_DOWNLOAD if announced is None else announced
+        has_crc = bool(command & _BLOCK_CRC)
+        self._transfer = BlockDownload(index, subindex, has_crc, announced, largest)
+        return self._transfer.start()
+
+    @staticmethod
+    def _belongs_to_block(request: bytes, transfer: BlockDownload | BlockUpload) -> bool:
+        """Whether a request goes on with the transfer rather than beginning another."""
+        if isinstance(transfer, BlockDownload):
+            return transfer.takes_segments or request[0] >> 5 == INITIATE_DOWNLOAD >> 5
+        return request[0] >> 5 == INITIATE_UPLOAD >> 5 and bool(request[0] & 3)
+
+    def _continue_block(self, request: bytes, transfer: BlockDownload | BlockUpload) -> list[bytes]:
+        if isinstance(transfer, BlockUpload):
+            answers, is_over = transfer.answer(request)
+            if is_over:
+                self._transfer = None
+            return answers
+        if transfer.takes_segments:
+            answer = transfer.segment(request)
+            return [] if answer is None else [answer]
+        data, answer = transfer.end(request)
+        self._store.write(transfer.index, transfer.subindex, data)
+        self._transfer = None
+        return [answer]
 
     def _start_upload(self, index: int, subindex: int) -> bytes:
         self._transfer = None
         data = self._store.read(index, subindex)
         size = len(data)
-        if not size:
-            raise SdoRefused(AbortCode.NO_DATA)
-        if size <= 4:
+        if 0 < size <= 4:
             return _HEAD.pack(0x40 | (4 - size) << 2 | _EXPEDITED | _SIZED, index, subindex) + data.ljust(4, b"\0")
         self._transfer = _Transfer(index, subindex, True, bytearray(data))
         return _HEAD.pack(0x40 | _SIZED, index, subindex) + struct.pack("<I", size)
@@ -105,15 +162,20 @@ class SdoServer:
             size = 4 - (command >> 2 & 3) if command & _SIZED else self._size_of(index, subindex)
             self._store.write(index, subindex, bytes(request[4 : 4 + size]))
         else:
-            self._store.check_writable(index, subindex)
             announced = struct.unpack_from("<I", request, 4)[0] if command & _SIZED else None
-            length = self._length(index, subindex)
-            if announced is not None and length is not None and announced != length:
-                raise SdoRefused(AbortCode.TOO_LONG if announced > length else AbortCode.TOO_SHORT)
-            if announced is not None and announced > LARGEST_DOWNLOAD:
-                raise SdoRefused(AbortCode.OUT_OF_MEMORY)
+            length = self._check_download(index, subindex, announced)
             self._transfer = _Transfer(index, subindex, False, announced=announced, length=length)
         return _HEAD.pack(0x60, index, subindex) + bytes(4)
+
+    def _check_download(self, index: int, subindex: int, announced: int | None) -> int | None:
+        """The object's length where it is fixed. Raises `SdoRefused` for what cannot be written anyway."""
+        self._store.check_writable(index, subindex)
+        length = self._length(index, subindex)
+        if announced is not None and length is not None and announced != length:
+            raise SdoRefused(AbortCode.TOO_LONG if announced > length else AbortCode.TOO_SHORT)
+        if announced is not None and announced > LARGEST_DOWNLOAD:
+            raise SdoRefused(AbortCode.OUT_OF_MEMORY)
+        return length
 
     def _download_segment(self, command: int, request: bytes) -> bytes:
         transfer = self._continued(command, is_upload=False)
@@ -132,7 +194,7 @@ class SdoServer:
 
     def _continued(self, command: int, is_upload: bool) -> _Transfer:
         transfer = self._transfer
-        if transfer is None or transfer.is_upload is not is_upload:
+        if not isinstance(transfer, _Transfer) or transfer.is_upload is not is_upload:
             raise SdoRefused(AbortCode.COMMAND)
         if command & _TOGGLE != transfer.toggle:
             raise SdoRefused(AbortCode.TOGGLE)

@@ -3,7 +3,7 @@
 Frames and times go in through methods; frames come out through `emit`. Nothing here waits, and what is answered is
 answered at once. Which frames are a node's, and when time passes, is the bench's business.
 
-Left out, as the standard permits: node guarding, SDO block transfer, TIME, bit-wise and dummy mapping, 29-bit
+Left out, as the standard permits: LSS, SDO towards other nodes, TIME, bit-wise and dummy mapping, 29-bit
 identifiers, another COB-ID for SYNC, and changes of PDOs in OPERATIONAL.
 """
 
@@ -16,15 +16,18 @@ from canarm_protocol.canopen.dictionary import (
     EMERGENCY_COB_ID,
     ERROR_BEHAVIOUR,
     ERROR_HISTORY,
+    GUARD_TIME,
     INTERRUPT_ENABLE,
     INTERRUPT_SOURCE,
+    LIFE_TIME_FACTOR,
     PRODUCER_HEARTBEAT,
+    STORED_EDS,
     SYNC_COB_ID,
     SYNC_OVERFLOW,
     SYNC_WINDOW,
     Dictionary,
 )
-from canarm_protocol.canopen.frames import ErrorCode, Frame, NmtCommand, NmtState, heartbeat_frame
+from canarm_protocol.canopen.frames import Cob, ErrorCode, Frame, NmtCommand, NmtState, heartbeat_frame
 from canarm_protocol.canopen.pdo import COMMUNICATION, DISABLED, PDO_COUNT, PdoLayout
 from canarm_protocol.canopen.sdo import AbortCode
 
@@ -34,6 +37,7 @@ from . import save_and_restore
 from .analogue_events import AnalogueEvents
 from .emergency import EmergencyProducer
 from .event_pdos import EVENT_TIMER
+from .guarding import LifeGuard
 from .heartbeats import HeartbeatConsumer
 from .io_device import IoDevice
 from .pdo_rules import check_emergency_cob_id, check_pdo_write, check_sync_cob_id
@@ -46,13 +50,22 @@ Emit = Callable[[int, Frame], None]
 
 SDO_SERVER, SDO_SERVERS = 0x1200, 0x80
 APPLICATION_OBJECTS = 0x2000
+SILENT_STATES = (NmtState.STOPPED, NmtState.BOOT_UP)
+"""Neither SDO nor EMCY, and no SYNC acts."""
 
 
 class Slave:
-    """One node. `clock_mode` is what its object 0x2000 shows: 0 wall, 1 lockstep."""
+    """One node. `clock_mode` is what its object 0x2000 shows: 0 wall, 1 lockstep; `eds` what 0x1021 holds."""
 
     def __init__(
-        self, name: str, node_id: int, dictionary: Dictionary, device: IoDevice, emit: Emit, clock_mode: int
+        self,
+        name: str,
+        node_id: int,
+        dictionary: Dictionary,
+        device: IoDevice,
+        emit: Emit,
+        clock_mode: int,
+        eds: bytes = b"",
     ) -> None:
         self.name, self.node_id, self.device = name, node_id, device
         self.bus_name: Hashable = node_id
@@ -61,12 +74,15 @@ class Slave:
         self.next_due_ns = NEVER
         """When `run_timers` has something to do."""
         self.ignored_frames = 0
+        self.boot_ns = 0
+        """How long it takes from an NMT reset to the boot-up message. 0: it comes in the same instant."""
+        self._boot_due_ns, self._boots_everything = NEVER, True
         self.timer_scale = 1.0
         """How long the periods of its heartbeat and of those that it waits for last, of what they should."""
         self.refuses_sdo = False
         """Whether every SDO request is answered by an abort."""
         self._emit = emit
-        self._clock_mode = clock_mode
+        self._clock_mode, self._eds = clock_mode, eds
         self._now_ns = 0
         self._store = ObjectStore(dictionary, self._read_object, self._write_object)
         self._sdo = {
@@ -74,7 +90,7 @@ class Slave:
             for index in range(SDO_SERVER, SDO_SERVER + SDO_SERVERS)
             if index in dictionary
         }
-        self._emergency = EmergencyProducer(self._store, node_id, emit, lambda: self.state is not NmtState.STOPPED)
+        self._emergency = EmergencyProducer(self._store, node_id, emit, lambda: self.state not in SILENT_STATES)
         self._inputs = AnalogueEvents(self._store) if INTERRUPT_ENABLE in dictionary else None
         self.pdos = Pdos(name, self._store, device, self._inputs, emit)
         """What of its process data is in force."""
@@ -83,10 +99,12 @@ class Slave:
         self._too_short: set[int] = set()
         self._heartbeat_due_ns = NEVER
         self._watch = HeartbeatConsumer(self._store)
+        self._guard = LifeGuard(self._store)
         self._is_bus_off = False
 
     def boot(self, now_ns: int, everything: bool = True) -> None:
         """Reset: communication objects take their defaults, with `everything` the application's too; then boot-up."""
+        self._boot_due_ns = NEVER
         self._store.reset(keep=lambda index: not everything and not 0x1000 <= index < 0x2000)
         for server, _ in self._sdo.values():
             server.reset()
@@ -100,23 +118,43 @@ class Slave:
         heartbeat_ns = self._store.number(PRODUCER_HEARTBEAT) * MILLISECOND
         self._heartbeat_due_ns = now_ns + self._scaled(heartbeat_ns) if heartbeat_ns else NEVER
         self._watch.reset()
+        self._guard.reset()
         self._is_bus_off = False
         self._schedule()
         self._emit(now_ns, heartbeat_frame(self.node_id, NmtState.BOOT_UP))
         self.state = NmtState.PRE_OPERATIONAL
+
+    def _restart(self, now_ns: int, everything: bool) -> None:
+        """A reset: the node boots, which takes it `boot_ns`. Meanwhile it hears nothing, its outputs are safe."""
+        if not self.boot_ns:
+            self.boot(now_ns, everything)
+            return
+        self._boot_due_ns, self._boots_everything = now_ns + self.boot_ns, everything
+        self._heartbeat_due_ns = NEVER
+        self._watch.reset()
+        self._guard.reset()
+        self._emergency.reset()
+        self.device.take_error_values(self._store.number)
+        self._leave_operational(NmtState.BOOT_UP)
 
     def resume(self, now_ns: int) -> None:
         """Go on after a standstill of the node: heartbeat, time-outs and the timers of PDOs start again."""
         if self._heartbeat_due_ns != NEVER:
             self._heartbeat_due_ns = now_ns
         self._watch.reset()
+        self._guard.restart()
         self._deadlines.restart()
         self._emergency.postpone(now_ns)
         self.pdos.events.restart(now_ns)
         self._schedule()
 
     def on_nmt(self, command: NmtCommand, now_ns: int) -> None:
-        """Obey an NMT command addressed to this node. EMCY that STOPPED has held back is sent when it ends."""
+        """Obey an NMT command addressed to this node. EMCY that STOPPED has held back is sent when it ends.
+
+        A node that is about to boot obeys none.
+        """
+        if self._boot_due_ns != NEVER:
+            return
         was_stopped = self.state is NmtState.STOPPED
         if command is NmtCommand.START:
             if self.state is not NmtState.OPERATIONAL:
@@ -128,8 +166,8 @@ class Slave:
         elif command is NmtCommand.PRE_OPERATIONAL:
             self._leave_operational(NmtState.PRE_OPERATIONAL)
         else:
-            self.boot(now_ns, everything=command is NmtCommand.RESET_NODE)
-        if was_stopped and self.state is not NmtState.STOPPED:
+            self._restart(now_ns, everything=command is NmtCommand.RESET_NODE)
+        if was_stopped and self.state not in SILENT_STATES:
             self._emergency.tell_held_back(now_ns)
             self._schedule()
 
@@ -140,13 +178,13 @@ class Slave:
 
     @property
     def watch_due_ns(self) -> int:
-        """When the next heartbeat of a watched node is lost."""
-        return self._watch.due_ns
+        """When the next heartbeat of a watched node, or the master that guards this one, is lost."""
+        return min(self._watch.due_ns, self._guard.due_ns)
 
     @property
     def world_due_ns(self) -> int:
         """When `run_timers` has something to do that reads the card's inputs or sets its outputs."""
-        return min(self._watch.due_ns, self.pdos.events.due_ns)
+        return min(self._boot_due_ns, self._watch.due_ns, self._guard.due_ns, self.pdos.events.due_ns)
 
     @property
     def watched_node_ids(self) -> list[int]:
@@ -154,17 +192,21 @@ class Slave:
         return self._watch.node_ids
 
     def on_sdo(self, cob_id: int, data: bytes, now_ns: int) -> None:
-        """Serve one SDO request that came on `cob_id`; answered at `now_ns`, not answered in STOPPED."""
-        if self.state is NmtState.STOPPED or len(data) != 8:
+        """Serve one SDO request that came on `cob_id`; answered at `now_ns`, but not in STOPPED nor before boot-up."""
+        if self.state in SILENT_STATES or len(data) != 8:
             self.ignored_frames += 1
             return
         self._now_ns = now_ns
         server, answer_id = self._sdo[cob_id]
-        answer = server.answer(data) if not self.refuses_sdo else server.refuse(data, AbortCode.GENERAL)
+        if self.refuses_sdo:
+            refusal = server.refuse(data, AbortCode.GENERAL)
+            answers = [] if refusal is None else [refusal]
+        else:
+            answers = server.answer(data, now_ns)
         if self._is_configured:
             self._is_configured = False
             self.device.configure(self._store.number)
-        if answer is not None:
+        for answer in answers:
             self._emit(now_ns, Frame(answer_id, answer))
 
     def on_rpdo(self, layout: PdoLayout, data: bytes, now_ns: int) -> None:
@@ -193,7 +235,7 @@ class Slave:
         One whose length is not what 0x1019 says is reported by EMCY 0x8240 and acts nevertheless; one whose counter is
         not within 1 and 0x1019 acts as one without.
         """
-        if self.state is NmtState.STOPPED:
+        if self.state in SILENT_STATES:
             return []
         if len(data) != self.pdos.sync_length:
             self._emergency.begin(ErrorCode.SYNC_LENGTH, now_ns)
@@ -203,13 +245,22 @@ class Slave:
             self._schedule()
         return self.pdos.on_sync(data, now_ns)
 
+    def on_remote(self, cob_id: int, now_ns: int) -> bool:
+        """A remote frame asks for a TPDO or, with the COB-ID of the heartbeat, guards the node. Whether it answers."""
+        if cob_id != Cob.HEARTBEAT + self.node_id:
+            return self.pdos.on_remote(cob_id, now_ns)
+        answer = None if self.state is NmtState.BOOT_UP else self._guard.asked(self.state, now_ns, self.timer_scale)
+        if answer is None:
+            return False
+        self._emit(now_ns, Frame(cob_id, answer))
+        self._end_life_errors(now_ns)
+        return True
+
     def on_heartbeat(self, node_id: int, now_ns: int) -> None:
         """A heartbeat of another node: monitoring begins with the first one (CiA 301, 7.5.2.19)."""
-        if not self._watch.heard(node_id, now_ns, self.timer_scale):
+        if self.state is NmtState.BOOT_UP or not self._watch.heard(node_id, now_ns, self.timer_scale):
             return
-        if not self._watch.is_any_lost:
-            self._emergency.end(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, now_ns)
-        self._schedule()
+        self._end_life_errors(now_ns)
 
     def on_error_state(self, state: ErrorState, now_ns: int) -> None:
         """The node's CAN controller has changed its error state.
@@ -231,13 +282,17 @@ class Slave:
         self._schedule()
 
     def run_timers(self, now_ns: int) -> None:
-        """Do what has fallen due by `now_ns`: produce a heartbeat, notice that one is missing, send what was due."""
+        """Do what has fallen due by `now_ns`: boot, produce a heartbeat, miss one of others, send what was due."""
+        if self._boot_due_ns <= now_ns:
+            self.boot(self._boot_due_ns, self._boots_everything)
+            return
         if self._heartbeat_due_ns <= now_ns:
             self._emit(self._heartbeat_due_ns, heartbeat_frame(self.node_id, self.state))
             self._heartbeat_due_ns += self._scaled(self._store.number(PRODUCER_HEARTBEAT) * MILLISECOND)
-        if self._watch.due_ns <= now_ns:
-            self._emergency.begin(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, self._watch.due_ns)
+        if self.watch_due_ns <= now_ns:
+            self._emergency.begin(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, self.watch_due_ns)
             self._watch.run(now_ns)
+            self._guard.run(now_ns)
             self._communication_lost()
         if self._deadlines.due_ns <= now_ns:
             self._emergency.begin(ErrorCode.RPDO_TIMEOUT, self._deadlines.due_ns)
@@ -255,6 +310,12 @@ class Slave:
             self._leave_operational(NmtState.PRE_OPERATIONAL)
         elif behaviour == 2:
             self._leave_operational(NmtState.STOPPED)
+
+    def _end_life_errors(self, now_ns: int) -> None:
+        """Report that nobody who is watched is missing any more."""
+        if not self._watch.is_any_lost and not self._guard.is_lost:
+            self._emergency.end(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, now_ns)
+        self._schedule()
 
     def _end_rpdo_errors(self, now_ns: int) -> None:
         """Report the end of what no RPDO suffers from any more."""
@@ -284,8 +345,10 @@ class Slave:
 
     def _schedule(self) -> None:
         self.next_due_ns = min(
+            self._boot_due_ns,
             self._heartbeat_due_ns,
             self._watch.due_ns,
+            self._guard.due_ns,
             self._deadlines.due_ns,
             self._emergency.due_ns,
             self.pdos.events.due_ns,
@@ -294,6 +357,8 @@ class Slave:
     def _read_object(self, index: int, subindex: int) -> bytes | None:
         if index == CLOCK_MODE:
             return bytes((self._clock_mode,))
+        if index == STORED_EDS:
+            return self._eds
         if index == ERROR_HISTORY and subindex and subindex > self._store.number(ERROR_HISTORY):
             raise SdoRefused(AbortCode.NO_DATA)
         if index == INTERRUPT_SOURCE and subindex and self._inputs is not None:
@@ -332,9 +397,10 @@ class Slave:
             self._schedule()
         elif index == CONSUMER_HEARTBEAT:
             self._watch.rewrite(subindex, value)
-            if not self._watch.is_any_lost:
-                self._emergency.end(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, self._now_ns)
-            self._schedule()
+            self._end_life_errors(self._now_ns)
+        elif index in (GUARD_TIME, LIFE_TIME_FACTOR):
+            self._guard.restart()
+            self._end_life_errors(self._now_ns)
         elif 0 <= index - COMMUNICATION["rpdo"] < PDO_COUNT:
             number, is_disabled = index - COMMUNICATION["rpdo"] + 1, subindex == 1 and value & DISABLED
             if is_disabled:

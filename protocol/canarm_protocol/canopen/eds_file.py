@@ -160,7 +160,8 @@ def _variable_lines(variable: Dictionary) -> list[str]:
         for key, limit in (("LowLimit", variable.min), ("HighLimit", variable.max))
         if limit is not None
     ]
-    return [*lines, f"PDOMapping={int(variable.pdo_mappable)}"]
+    # PDOMapping stands only where something can be mapped (CiA 306): readers refuse it for a DOMAIN.
+    return lines if is_domain else [*lines, f"PDOMapping={int(variable.pdo_mappable)}"]
 
 
 def _value(data_type: int, value: int | float | str) -> str:

@@ -13,6 +13,10 @@ from ..errors import ProtocolError
 Transfer = Generator[bytes, bytes, bytes]
 """Yields request data, takes response data, returns the object's value (empty for a download)."""
 
+LARGEST_UPLOAD = 1 << 20
+"""Bytes of an object that a client takes, unless it says otherwise; the longest here has 110 kB."""
+LARGEST_NUMBER = 8
+"""Bytes of a number."""
 _HEAD = struct.Struct("<BHB")
 _EXPEDITED, _SIZED, _TOGGLE, _LAST = 0x02, 0x01, 0x10, 0x01
 
@@ -23,6 +27,9 @@ class AbortCode(IntEnum):
     TOGGLE = 0x0503_0000
     TIMED_OUT = 0x0504_0000
     COMMAND = 0x0504_0001
+    BLOCK_SIZE = 0x0504_0002
+    SEQUENCE = 0x0504_0003
+    CRC = 0x0504_0004
     OUT_OF_MEMORY = 0x0504_0005
     UNSUPPORTED_ACCESS = 0x0601_0000
     WRITE_ONLY = 0x0601_0001
@@ -49,6 +56,9 @@ ABORT_TEXT: dict[int, str] = {
     AbortCode.TOGGLE: "toggle bit not alternated",
     AbortCode.TIMED_OUT: "SDO protocol timed out",
     AbortCode.COMMAND: "client/server command specifier not valid or unknown",
+    AbortCode.BLOCK_SIZE: "invalid block size",
+    AbortCode.SEQUENCE: "invalid sequence number",
+    AbortCode.CRC: "CRC error",
     AbortCode.OUT_OF_MEMORY: "out of memory",
     AbortCode.UNSUPPORTED_ACCESS: "unsupported access to an object",
     AbortCode.WRITE_ONLY: "attempt to read a write-only object",
@@ -88,19 +98,23 @@ def abort_request(index: int, subindex: int, code: int) -> bytes:
     return struct.pack("<BHBI", 0x80, index, subindex, code)
 
 
-def upload(index: int, subindex: int) -> Transfer:
-    """Read an object. Raises `SdoAborted`."""
+def upload(index: int, subindex: int, largest: int = LARGEST_UPLOAD) -> Transfer:
+    """Read an object of at most `largest` bytes. Raises `SdoAborted`."""
     response = yield _HEAD.pack(0x40, index, subindex) + bytes(4)
     command = _checked(response, index, subindex, 0x40)
     if command & _EXPEDITED:
         size = 4 - (command >> 2 & 3) if command & _SIZED else 4
         return bytes(response[4 : 4 + size])
     announced = struct.unpack_from("<I", response, 4)[0] if command & _SIZED else None
+    if announced is not None and announced > largest:
+        raise SdoAborted(index, subindex, AbortCode.OUT_OF_MEMORY, by_server=False)
     value, toggle = bytearray(), 0
     while True:
         response = yield bytes((0x60 | toggle,)) + bytes(7)
         command = _checked(response, index, subindex, 0x00, toggle)
         value += response[1 : 8 - (command >> 1 & 7)]
+        if len(value) > largest:
+            raise SdoAborted(index, subindex, AbortCode.OUT_OF_MEMORY, by_server=False)
         is_last = bool(command & _LAST)
         if announced is not None and (len(value) > announced or (is_last and len(value) < announced)):
             raise SdoAborted(index, subindex, AbortCode.LENGTH, by_server=False)

@@ -115,7 +115,7 @@ def bench_dictionary(cell: Cell) -> Dictionary:
     _variable(dictionary, 0x1000, "Device type", _U32, "ro", 0)
     _variable(dictionary, 0x1001, "Error register", _U8, "ro", 0)
     _array(dictionary, 0x1003, "Pre-defined error field", _U32, "ro", 4)
-    dictionary[0x1003][0].default = 0
+    dictionary[0x1003][0].default, dictionary[0x1003][0].access_type = 0, "rw"
     _array(dictionary, 0x1016, "Consumer heartbeat time", _U32, "rw", 1)
     _variable(dictionary, 0x1017, "Producer heartbeat time", _U16, "rw", 0)
     _array(dictionary, 0x1018, "Identity object", _U32, "ro", 4)
@@ -152,6 +152,8 @@ def bench_dictionary(cell: Cell) -> Dictionary:
     _variable(dictionary, POWER_CYCLE, "Power cycle (1 switches the robot off and on again)", _U8, "rw", 0)
     dictionary[POWER_CYCLE].max = 1
     _array(dictionary, CHANNEL_OWNER, "Token of the client that has claimed the SDO channel", _U32, "rw", SDO_CHANNELS)
+    for channel in (CONTROLLER_CHANNEL, CLAIM_CHANNEL):
+        dictionary[CHANNEL_OWNER][channel].access_type = "ro"
     _add_pdos(dictionary, node_id, joints)
     return dictionary
 

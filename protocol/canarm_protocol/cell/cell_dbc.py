@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from canopen.objectdictionary import datatypes
 
-from ..canopen.dictionary import SYNC_OVERFLOW, Dictionary, default_value, variable_at
+from ..canopen.dictionary import Dictionary, default_value, variable_at
 from ..canopen.frames import HIGHEST_NODE_ID, Cob, ErrorCode, NmtCommand, NmtState
 from ..canopen.pdo import MappedObject, PdoLayout, read_layouts
 from .bench_objects import (
@@ -34,6 +34,7 @@ from .bench_objects import (
     TRUE_SPEED,
     bench_dictionary,
 )
+from .configuration import SYNC_COUNTER
 from .dbc_file import ANY_NODE, NAME_LENGTH, Database, Message, Signal, short_names
 from .model import SENSOR_KINDS, Cell, Command, Quantity
 from .table import DEGREE
@@ -146,8 +147,7 @@ def _network_messages(cell: Cell, nodes: tuple[CardNode, ...], cards: tuple[str,
     commands = Signal("command", 0, 8, maximum=255, choices=_words(NmtCommand, "-"))
     node_id = Signal("node_id", 8, 8, maximum=HIGHEST_NODE_ID, choices=node_ids)
     yield Message(Cob.NMT, "NMT", 2, CONTROLLER, cards, (commands, node_id), comment="NMT node control")
-    overflow = default_value(nodes[0].dictionary, SYNC_OVERFLOW)
-    counter = (Signal("counter", 0, 8, minimum=1, maximum=overflow),) if overflow else ()
+    counter = (Signal("counter", 0, 8, minimum=1, maximum=SYNC_COUNTER),)
     comment = "Inputs are scanned; outputs received since the last one act"
     period_ms = cell.bus.cycle_us / 1000
     yield Message(Cob.SYNC, "SYNC", len(counter), CONTROLLER, cards, counter, period_ms, comment)

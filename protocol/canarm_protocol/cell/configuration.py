@@ -16,7 +16,6 @@ from ..canopen.dictionary import (
     PRODUCER_HEARTBEAT,
     SYNC_OVERFLOW,
     SYNC_WINDOW,
-    default_value,
     variable_at,
 )
 from ..canopen.frames import Cob
@@ -24,6 +23,8 @@ from ..canopen.pdo import COMMUNICATION, DISABLED, MAPPING, PdoLayout
 from .model import Bus
 from .wiring import CardNode
 
+SYNC_COUNTER = 240
+"""The counter of our own masters' SYNC goes from 1 to this (0x1019); by default a card expects none."""
 TO_PRE_OPERATIONAL = 0
 """Error behaviour (0x1029:1): leave OPERATIONAL when the controller's heartbeat is lost."""
 TIMINGS = (3, 5, 6)
@@ -69,7 +70,7 @@ def _sync_settings(node: CardNode, bus: Bus) -> Iterator[Setting]:
     """The counter's overflow is fixed while the cycle period is not 0 (CiA 301, 7.5.2.22)."""
     if SYNC_OVERFLOW in node.dictionary:
         yield Setting(CYCLE_PERIOD, 0, 0)
-        yield Setting(SYNC_OVERFLOW, 0, default_value(node.dictionary, SYNC_OVERFLOW))
+        yield Setting(SYNC_OVERFLOW, 0, SYNC_COUNTER)
     yield Setting(CYCLE_PERIOD, 0, bus.cycle_us)
     if SYNC_WINDOW in node.dictionary:
         yield Setting(SYNC_WINDOW, 0, 0)

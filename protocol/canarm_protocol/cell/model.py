@@ -50,6 +50,8 @@ class Bus(Table):
     controller_node_id: NodeId
     bench_node_id: NodeId
     compute_delay_us: Annotated[int, Field(ge=0)] = 500
+    boot_ms: Annotated[int, Field(ge=0, le=1000)] = 10
+    """On the wall clock, from an NMT reset to a card's boot-up message; in lockstep it comes in the same instant."""
 
     @property
     def cycle_ns(self) -> int:

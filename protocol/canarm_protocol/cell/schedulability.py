@@ -7,8 +7,7 @@ revisited and revised", Real-Time Systems 35 (2007) 239-272, section 3. Numbers 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ..canopen.dictionary import SYNC_OVERFLOW, default_value
-from ..canopen.frames import Cob, Frame, time_frame
+from ..canopen.frames import Cob, Frame, sync_frame, time_frame
 from ..transport.bits import INTERMISSION_BITS, arbitration_key, worst_case_bits
 from .model import Cell
 from .wiring import CardNode, card_nodes
@@ -142,8 +141,7 @@ def cell_messages(cell: Cell, nodes: Sequence[CardNode] | None = None, with_time
     nodes = card_nodes(cell) if nodes is None else nodes
     bus = cell.bus
     cycle_ns, heartbeat_ns = bus.cycle_ns, bus.heartbeat_ms * 1_000_000
-    has_counter = default_value(nodes[0].dictionary, SYNC_OVERFLOW) > 0
-    messages = [Message("SYNC", Cob.SYNC, message_bits(int(has_counter)), cycle_ns)]
+    messages = [Message("SYNC", Cob.SYNC, message_bits(len(sync_frame(1).data)), cycle_ns)]
     if with_time:
         messages.append(Message("TIME", Cob.TIME, message_bits(len(time_frame(0).data)), cycle_ns))
     for node in nodes:

@@ -31,7 +31,11 @@ MOST_READS = 1000
 _REFUSED = "refused: "
 _TOKEN = struct.Struct("<I")
 
+LARGEST_UNPACKED = 8 << 20
+"""Bytes; the catalogue of the largest cell has less than one million."""
+
 T = TypeVar("T")
+P = TypeVar("P", dict[str, Any], list[Any])
 
 
 class BenchClient:
@@ -79,15 +83,16 @@ class BenchClient:
 
     def status(self) -> dict[str, Any]:
         """`sets` (set, state, activations), `active` (set, tap, fault), `begun`; `time_ns`, `cycle`, `running`."""
-        return dict(json.loads(self._read(objects.FAULT_STATUS)))
+        return dict(self._plain(self._read(objects.FAULT_STATUS), dict))
 
     def catalogue(self) -> list[dict[str, Any]]:
         """One object per tap: tap, about, unit, kind, and faults with their parameters."""
-        return list(json.loads(self._unpacked(objects.PACKED_CATALOGUE)))
+        return list(self._plain(self._unpacked(objects.PACKED_CATALOGUE), list))
 
     def events(self) -> list[dict[str, Any]]:
         """The last beginnings and ends of faults, oldest first, as in `events.jsonl`."""
-        return [json.loads(line) for line in _text(self._unpacked(objects.PACKED_EVENTS)).splitlines() if line]
+        lines = self._unpacked(objects.PACKED_EVENTS).splitlines()
+        return [dict(self._plain(line, dict)) for line in lines if line]
 
     @property
     def is_stopped(self) -> bool:
@@ -121,7 +126,26 @@ class BenchClient:
         return self._ask(lambda session: session.upload(index))
 
     def _unpacked(self, index: int) -> bytes:
-        return zlib.decompress(self._read(index))
+        """An object that was packed: 408 kB of zeros can be 842 MB, so no more is unpacked than makes sense."""
+        unpacker = zlib.decompressobj()
+        try:
+            data = unpacker.decompress(self._read(index), LARGEST_UNPACKED)
+        except zlib.error:
+            raise BusError(f"{self._where}: what 0x{index:04X} holds cannot be unpacked") from None
+        if not unpacker.eof:
+            reason = f"is longer than {LARGEST_UNPACKED} bytes" if len(data) >= LARGEST_UNPACKED else "is cut short"
+            raise BusError(f"{self._where}: what 0x{index:04X} holds {reason}")
+        return data
+
+    def _plain(self, data: bytes, kind: type[P]) -> P:
+        """The JSON of the bench node, of the type that it should have."""
+        try:
+            plain = json.loads(data)
+        except (ValueError, RecursionError):
+            plain = None
+        if not isinstance(plain, kind):
+            raise BusError(f"{self._where}: what it says makes no sense; is it a bench of this project?")
+        return plain
 
     def _ask(self, conversation: Callable[[SdoSession], T]) -> T:
         """Talk to the node on a channel that is surely ours. Raises `BusError`."""

@@ -22,6 +22,8 @@ CONTROLLER_SIGNALS = f"{SIGNALS_FOLDER}/controller.csv"
 FLUSH_EVERY = 200
 """Lines between two flushes of a log: at most half a second of a run is lost with the process."""
 LOCK_S = 5.0
+LOG_START_S = 1
+"""What a candump log shows at time 0: can-utils' log2asc takes a start second of 0 for none, and breaks the file."""
 
 
 class RunFolderError(ProtocolError):
@@ -173,7 +175,7 @@ def candump_line(time_ns: int, channel: str, frame: Frame) -> str:
 
 
 class CanLog(_LineFile):
-    """A candump log of one bus."""
+    """A candump log of one bus, whose clock shows `LOG_START_S` at time 0."""
 
     def __init__(self, path: Path, channel: str = "can0") -> None:
         super().__init__(path)
@@ -181,7 +183,7 @@ class CanLog(_LineFile):
 
     def write(self, time_ns: int, frame: Frame) -> None:
         """Append one frame."""
-        self._write(candump_line(time_ns, self._channel, frame))
+        self._write(candump_line(LOG_START_S * 1_000_000_000 + time_ns, self._channel, frame))
 
 
 class SignalLog(_LineFile):
