@@ -110,7 +110,7 @@ def test_the_pages_session_at_the_prompt_is_what_canarm_jog_says(emulator, run_p
 
 def test_the_frames_of_the_page_by_hand_are_answered_as_it_shows(emulator, root):
     text = page(root, "examples/by_hand.md")
-    exchanges = re.findall(r"^\$ cansend vcan0 (\w+)#(\w+)\n((?:  vcan0 .*\n)*)", text, re.MULTILINE)
+    exchanges = re.findall(r"^\$ cansend vcan0 (\w+)#(\w*)\n((?:  vcan0 .*\n)*)", text, re.MULTILINE)
     assert len(exchanges) > 12
     with can.Bus(interface="canarm", channel="can0", host="127.0.0.1", port=emulator) as robot:
         for sent_id, sent, lines in exchanges:
