@@ -11,6 +11,7 @@ from canarm_protocol.canopen.frames import Cob, Emergency, ErrorCode, Frame
 from canarm_protocol.canopen.pdo import COB_ID_MASK, DISABLED
 
 from ..timing import INHIBIT_UNIT, NEVER
+from ..wire.confinement import ErrorState
 from .store import ObjectStore
 
 GENERIC_ERROR, COMMUNICATION_ERROR = 0x01, 0x10
@@ -35,6 +36,7 @@ class EmergencyProducer:
         """What was present when the last message was sent."""
         self._waiting: deque[Emergency] = deque()
         self._free_ns = -NEVER
+        self._was_bus_off = False
 
     def reset(self) -> None:
         """Forget everything, as a reset of the node does."""
@@ -42,6 +44,7 @@ class EmergencyProducer:
         self._told.clear()
         self._waiting.clear()
         self._free_ns, self.due_ns = -NEVER, NEVER
+        self._was_bus_off = False
 
     def begin(self, code: ErrorCode, now_ns: int) -> None:
         """Report an error once, when it begins."""
@@ -61,6 +64,22 @@ class EmergencyProducer:
         if code in self.present:
             self.present.remove(code)
             self._report(ErrorCode.NO_ERROR, now_ns)
+
+    def on_error_state(self, state: ErrorState, now_ns: int) -> None:
+        """The node's CAN controller has changed its error state.
+
+        EMCY 0x8120 for as long as it is error-passive; back from bus-off 0x8140, and that all is well.
+        """
+        if state is ErrorState.PASSIVE:
+            self.begin(ErrorCode.ERROR_PASSIVE, now_ns)
+        elif state is ErrorState.BUS_OFF:
+            self._was_bus_off = True
+        else:
+            if self._was_bus_off:
+                self._was_bus_off = False
+                self.begin(ErrorCode.RECOVERED_FROM_BUS_OFF, now_ns)
+            self.end(ErrorCode.ERROR_PASSIVE, now_ns)
+            self.end(ErrorCode.RECOVERED_FROM_BUS_OFF, now_ns)
 
     def tell_held_back(self, now_ns: int) -> None:
         """The NMT state permits EMCY again: report the latest of what began meanwhile, or that something is over.

@@ -71,6 +71,14 @@ def check_sync_cob_id(value: int) -> None:
         raise SdoRefused(AbortCode.INVALID_VALUE)
 
 
+def check_sync_overflow(value: int, cycle_us: int) -> None:
+    """0x1019 (CiA 301, 7.5.2.22): 1 is reserved; it is fixed while 0x1006 is not 0. Raises `SdoRefused`."""
+    if cycle_us:
+        raise SdoRefused(AbortCode.DEVICE_STATE)
+    if value == 1:
+        raise SdoRefused(AbortCode.INVALID_VALUE)
+
+
 def _check_cob_id(value: int, present: int) -> None:
     """Only 11-bit CAN-IDs; one that is enabled keeps its CAN-ID until it is disabled."""
     if value & ~(DISABLED | NO_REMOTE | COB_ID_MASK):

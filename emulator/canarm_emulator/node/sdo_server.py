@@ -6,6 +6,7 @@ What a block consists of is `sdo_block`'s. Objects and their rules belong to the
 import struct
 from dataclasses import dataclass, field
 
+from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.canopen.sdo import AbortCode
 
 from ..timing import MILLISECOND
@@ -17,11 +18,45 @@ BLOCK_TIMEOUT_NS = 1000 * MILLISECOND
 LARGEST_DOWNLOAD = 1 << 20
 """Bytes of one download that are taken; no object here is longer."""
 
+SERVER_PARAMETERS = range(0x1200, 0x1280)
 ABORT = 0x80
 _BLOCK_CRC, _BLOCK_SIZED = 0x04, 0x02
 _HEAD = struct.Struct("<BHB")
 _EXPEDITED, _SIZED, _TOGGLE, _LAST = 0x02, 0x01, 0x10, 0x01
 _SEGMENT = 7
+
+
+class SdoServers:
+    """The SDO channels of a node, as its dictionary has them (0x1200 and up), by the COB-IDs that they listen on."""
+
+    def __init__(self, store: ObjectStore) -> None:
+        dictionary = store.dictionary
+        self._servers = {
+            dictionary[index][1].default: (SdoServer(store), dictionary[index][2].default)
+            for index in SERVER_PARAMETERS
+            if index in dictionary
+        }
+
+    @property
+    def cob_ids(self) -> list[int]:
+        """Of the clients' requests."""
+        return list(self._servers)
+
+    def reset(self) -> None:
+        """Forget the transfers that are under way."""
+        for server, _ in self._servers.values():
+            server.reset()
+
+    def answer(self, cob_id: int, request: bytes, now_ns: int) -> list[Frame]:
+        """The answers to eight bytes that came with `cob_id`."""
+        server, answer_id = self._servers[cob_id]
+        return [Frame(answer_id, answer) for answer in server.answer(request, now_ns)]
+
+    def refuse(self, cob_id: int, request: bytes) -> list[Frame]:
+        """The abort of whatever is asked for with `cob_id`."""
+        server, answer_id = self._servers[cob_id]
+        refusal = server.refuse(request, AbortCode.GENERAL)
+        return [] if refusal is None else [Frame(answer_id, refusal)]
 
 
 @dataclass(slots=True)

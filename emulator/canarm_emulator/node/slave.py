@@ -40,15 +40,14 @@ from .event_pdos import EVENT_TIMER
 from .guarding import LifeGuard
 from .heartbeats import HeartbeatConsumer
 from .io_device import IoDevice
-from .pdo_rules import check_emergency_cob_id, check_pdo_write, check_sync_cob_id
+from .pdo_rules import check_emergency_cob_id, check_pdo_write, check_sync_cob_id, check_sync_overflow
 from .pdos import Pdos
 from .rpdo_deadlines import RpdoDeadlines
-from .sdo_server import SdoServer
+from .sdo_server import SdoServers
 from .store import ObjectStore, SdoRefused
 
 Emit = Callable[[int, Frame], None]
 
-SDO_SERVER, SDO_SERVERS = 0x1200, 0x80
 APPLICATION_OBJECTS = 0x2000
 SILENT_STATES = (NmtState.STOPPED, NmtState.BOOT_UP)
 """Neither SDO nor EMCY, and no SYNC acts."""
@@ -85,11 +84,7 @@ class Slave:
         self._clock_mode, self._eds = clock_mode, eds
         self._now_ns = 0
         self._store = ObjectStore(dictionary, self._read_object, self._write_object)
-        self._sdo = {
-            dictionary[index][1].default: (SdoServer(self._store), dictionary[index][2].default)
-            for index in range(SDO_SERVER, SDO_SERVER + SDO_SERVERS)
-            if index in dictionary
-        }
+        self._sdo = SdoServers(self._store)
         self._emergency = EmergencyProducer(self._store, node_id, emit, lambda: self.state not in SILENT_STATES)
         self._inputs = AnalogueEvents(self._store) if INTERRUPT_ENABLE in dictionary else None
         self.pdos = Pdos(name, self._store, device, self._inputs, emit)
@@ -100,14 +95,12 @@ class Slave:
         self._heartbeat_due_ns = NEVER
         self._watch = HeartbeatConsumer(self._store)
         self._guard = LifeGuard(self._store)
-        self._is_bus_off = False
 
     def boot(self, now_ns: int, everything: bool = True) -> None:
         """Reset: communication objects take their defaults, with `everything` the application's too; then boot-up."""
         self._boot_due_ns = NEVER
         self._store.reset(keep=lambda index: not everything and not 0x1000 <= index < 0x2000)
-        for server, _ in self._sdo.values():
-            server.reset()
+        self._sdo.reset()
         self._deactivate_pdos()
         self._deadlines.reset()
         self._too_short.clear()
@@ -119,7 +112,6 @@ class Slave:
         self._heartbeat_due_ns = now_ns + self._scaled(heartbeat_ns) if heartbeat_ns else NEVER
         self._watch.reset()
         self._guard.reset()
-        self._is_bus_off = False
         self._schedule()
         self._emit(now_ns, heartbeat_frame(self.node_id, NmtState.BOOT_UP))
         self.state = NmtState.PRE_OPERATIONAL
@@ -174,7 +166,7 @@ class Slave:
     @property
     def sdo_cob_ids(self) -> list[int]:
         """COB-IDs that the node's SDO servers listen on."""
-        return list(self._sdo)
+        return self._sdo.cob_ids
 
     @property
     def watch_due_ns(self) -> int:
@@ -197,17 +189,12 @@ class Slave:
             self.ignored_frames += 1
             return
         self._now_ns = now_ns
-        server, answer_id = self._sdo[cob_id]
-        if self.refuses_sdo:
-            refusal = server.refuse(data, AbortCode.GENERAL)
-            answers = [] if refusal is None else [refusal]
-        else:
-            answers = server.answer(data, now_ns)
+        answers = self._sdo.refuse(cob_id, data) if self.refuses_sdo else self._sdo.answer(cob_id, data, now_ns)
         if self._is_configured:
             self._is_configured = False
             self.device.configure(self._store.number)
         for answer in answers:
-            self._emit(now_ns, Frame(answer_id, answer))
+            self._emit(now_ns, answer)
 
     def on_rpdo(self, layout: PdoLayout, data: bytes, now_ns: int) -> None:
         """Take an RPDO; a synchronous one acts at the next SYNC, an event-driven one at once.
@@ -263,22 +250,10 @@ class Slave:
         self._end_life_errors(now_ns)
 
     def on_error_state(self, state: ErrorState, now_ns: int) -> None:
-        """The node's CAN controller has changed its error state.
-
-        EMCY 0x8120 for as long as it is error-passive. Bus-off acts as a lost heartbeat does (CiA 301, 0x1029:1); back
-        from there the node sends EMCY 0x8140, and that all is well.
-        """
-        if state is ErrorState.PASSIVE:
-            self._emergency.begin(ErrorCode.ERROR_PASSIVE, now_ns)
-        elif state is ErrorState.BUS_OFF:
-            self._is_bus_off = True
+        """The node's CAN controller has changed its error state; bus-off acts as a lost heartbeat does (0x1029:1)."""
+        self._emergency.on_error_state(state, now_ns)
+        if state is ErrorState.BUS_OFF:
             self._communication_lost()
-        else:
-            if self._is_bus_off:
-                self._is_bus_off = False
-                self._emergency.begin(ErrorCode.RECOVERED_FROM_BUS_OFF, now_ns)
-            self._emergency.end(ErrorCode.ERROR_PASSIVE, now_ns)
-            self._emergency.end(ErrorCode.RECOVERED_FROM_BUS_OFF, now_ns)
         self._schedule()
 
     def run_timers(self, now_ns: int) -> None:
@@ -420,8 +395,5 @@ class Slave:
         elif index == SYNC_WINDOW:
             self.pdos.window_ns = value * MICROSECOND
         elif index == SYNC_OVERFLOW:
-            if self._store.number(CYCLE_PERIOD):
-                raise SdoRefused(AbortCode.DEVICE_STATE)
-            if value == 1:
-                raise SdoRefused(AbortCode.INVALID_VALUE)
+            check_sync_overflow(value, self._store.number(CYCLE_PERIOD))
             self.pdos.take_sync_overflow(value)
