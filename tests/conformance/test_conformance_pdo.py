@@ -147,9 +147,9 @@ def test_a_remote_frame_is_not_answered_where_bit_30_forbids_it_or_out_of_operat
 
 
 def test_remote_frames_elsewhere_do_nothing(link) -> None:
-    """Node guarding (7.2.8.3.2.1) is optional and not offered; RPDOs, SDO, NMT and SYNC are not asked for."""
+    """RPDOs, SDO, NMT and SYNC are not asked for."""
     link.nmt(START)
-    for can_id in (0x700 + DAC, 0x300 + DAC, 0x600 + DAC, 0x000, 0x080):
+    for can_id in (0x300 + DAC, 0x600 + DAC, 0x000, 0x080):
         link.send(can_id, remote=True)
     link.exchange(DAC, UPLOAD_DEVICE_TYPE)
     assert {message.arbitration_id for message in link.heard} <= {0x100, 0x580 + DAC}
