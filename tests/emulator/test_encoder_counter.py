@@ -155,7 +155,7 @@ def test_a_sync_brings_two_positions_a_tpdo() -> None:
     for turns in ((0.0, 0.0, 0.0, 0.0), (1.0, -1.0, 0.5, 0.25)):
         link.device.scan(0, samples, [each * tau for each in turns])
     link.sent.clear()
-    for layout in link.slave.on_sync(b"\1", 0):
+    for layout in link.slave.on_sync(b"", 0):
         link.slave.pdos.send(layout, 0)
     counts = [int.from_bytes(frame.data[at : at + 4], "little", signed=True) for frame in link.sent for at in (0, 4)]
     assert [frame.can_id for frame in link.sent] == [0x180 + NODE_ID, 0x280 + NODE_ID]
