@@ -888,7 +888,7 @@ def test_guard_times_of_0_guard_nothing(node: Node) -> None:
 
 def test_a_card_holds_its_eds() -> None:
     sent: list[Frame] = []
-    device = DacDevice(Dac0808Card(lambda channel, fraction: None), 8, 4, lambda: 0)
+    device = DacDevice(Dac0808Card(lambda channel, fraction: None), 8, 4, PowerOn())
     dictionary = dictionary_of("dac0808")
     slave = Slave("dac", NODE_ID, dictionary, device, lambda _, frame: sent.append(frame), 1, b"[FileInfo]")
     slave.boot(0)

@@ -279,8 +279,8 @@ def test_a_scan_needs_time_and_an_empty_one_takes_none() -> None:
     world = new_world()
     assert world.scan(in_sequence([], 100_000)) == []
     assert world.time_ns == 0
-    with pytest.raises(ValueError, match="conversion_ns = 0"):
-        world.scan(in_sequence([world.source(0, Quantity.VELOCITY)], 0))
+    with pytest.raises(ValueError, match="conversion_ns = -1"):
+        world.scan(in_sequence([world.source(0, Quantity.VELOCITY)], -1))
 
 
 def test_an_integration_that_diverges_is_an_error_and_not_a_number() -> None:
