@@ -252,7 +252,7 @@ def _figures(bench: FaultBench, runner: EmulatorRunner) -> dict[str, Any]:
         **({"sync_arrival": runner.sync_intervals.summary()} if bench.clock is Clock.WALL else {}),
         **({} if bench.wire is None else {"wire": _wire_figures(bench.wire, bench.trouble)}),
         "current_limited_steps": {
-            name: {"d669": limited.d669, "supply": limited.supply}
+            name: {"drive": limited.own, "supply": limited.supply}
             for name, limited in zip(bench.cell.joint_names, steps, strict=True)
         },
     }

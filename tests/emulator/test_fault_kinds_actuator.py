@@ -6,7 +6,8 @@ from collections.abc import Callable
 import pytest
 
 from canarm_emulator.faults.declaration import JointFault, SignalFault
-from canarm_emulator.robot.electrics import DAC_FULL_SCALE, Direction, Drive, decay_over
+from canarm_emulator.robot.drives import decay_over
+from canarm_emulator.robot.drives.d669 import DAC_FULL_SCALE, D669Drive, Direction
 from canarm_emulator.robot.truth import JointTruth, Truth
 from canarm_protocol.cell.cell_file import load_cell
 
@@ -18,14 +19,14 @@ Begin = Callable[..., SignalFault]
 BeginJoint = Callable[..., JointFault]
 
 
-def drive_of(joint: JointTruth, fraction: float = DAC_FULL_SCALE) -> Drive:
-    drive = Drive(CELL.joints[0], joint)
+def drive_of(joint: JointTruth, fraction: float = DAC_FULL_SCALE) -> D669Drive:
+    drive = D669Drive(CELL.joints[0], joint)
     drive.set_dac_output(fraction)
     drive.set_direction(Direction.COUNTER_CLOCKWISE)
     return drive
 
 
-def settled(drive: Drive, speed_rad_s: float = 0.0) -> tuple[float, float]:
+def settled(drive: D669Drive, speed_rad_s: float = 0.0) -> tuple[float, float]:
     """Current and torque when the winding's current has settled."""
     decay = decay_over(0.1, drive.time_constant_s)
     drive.step(speed_rad_s, *decay)

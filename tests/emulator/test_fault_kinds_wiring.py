@@ -8,7 +8,8 @@ from collections.abc import Callable
 import pytest
 
 from canarm_emulator.faults.declaration import JointFault, SignalFault
-from canarm_emulator.robot.electrics import DAC_FULL_SCALE, Direction, Drive, decay_over
+from canarm_emulator.robot.drives import decay_over
+from canarm_emulator.robot.drives.d669 import DAC_FULL_SCALE, D669Drive, Direction
 from canarm_emulator.robot.truth import JointTruth, Truth
 from canarm_protocol.cell.cell_file import load_cell
 
@@ -22,7 +23,7 @@ BeginJoint = Callable[..., JointFault]
 
 def settled_current_a(joint: JointTruth, speed_rad_s: float = 0.0) -> float:
     """Current at full command and a constant speed, after 100 ms: two hundred time constants."""
-    drive = Drive(CELL.joints[0], joint)
+    drive = D669Drive(CELL.joints[0], joint)
     drive.set_dac_output(DAC_FULL_SCALE)
     drive.set_direction(Direction.COUNTER_CLOCKWISE)
     drive.step(speed_rad_s, *decay_over(0.1, drive.time_constant_s))
@@ -119,7 +120,7 @@ def test_a_broken_lead_carries_nanoamperes(begin: BeginJoint) -> None:
 
 
 def test_a_broken_lead_stops_a_current_at_once(begin: BeginJoint) -> None:
-    drive = Drive(CELL.joints[0], SOUND)
+    drive = D669Drive(CELL.joints[0], SOUND)
     drive.set_dac_output(DAC_FULL_SCALE)
     drive.set_direction(Direction.CLOCKWISE)
     drive.step(0.0, *decay_over(0.1, drive.time_constant_s))
@@ -132,7 +133,7 @@ def test_a_broken_lead_stops_a_current_at_once(begin: BeginJoint) -> None:
 def test_10_ohm_in_a_lead_leave_1_2_amperes_that_come_in_a_tenth_of_a_millisecond(begin: BeginJoint) -> None:
     changed = begin(MOTOR, "in-line-resistance", resistance=10.0).change(SOUND, 0)
     assert settled_current_a(changed) == pytest.approx(1.2)  # 15 V / 12.5 ohm
-    assert Drive(CELL.joints[0], changed).time_constant_s == pytest.approx(1e-4)  # 1.25 mH / 12.5 ohm
+    assert D669Drive(CELL.joints[0], changed).time_constant_s == pytest.approx(1e-4)  # 1.25 mH / 12.5 ohm
 
 
 def test_a_loose_lead_is_as_broken_or_as_sound(begin: BeginJoint) -> None:

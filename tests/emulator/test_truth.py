@@ -1,6 +1,7 @@
 """The keys of `--truth`: what they set, and how a wrong one is answered."""
 
 import dataclasses
+from typing import Any
 
 import pytest
 
@@ -32,24 +33,38 @@ def test_every_key_takes_its_own_nominal_value_and_changes_nothing() -> None:
     assert Truth.from_settings(CELL, settings) == Truth.from_settings(CELL)
 
 
-def test_every_key_reaches_a_field_of_its_own() -> None:
-    nominal = dataclasses.asdict(Truth.from_settings(CELL))
-    changed = []
+def flat(table: dict[str, Any], path: str = "") -> dict[str, Any]:
+    """Every number of a truth by its path."""
+    numbers: dict[str, Any] = {}
+    for name, value in table.items():
+        parts = value if isinstance(value, dict) else dict(enumerate(value)) if isinstance(value, tuple) else None
+        numbers |= {f"{path}.{name}": value} if parts is None else flat(parts, f"{path}.{name}")
+    return numbers
+
+
+def test_every_key_reaches_a_field_of_its_own_and_the_joints_noise_all_its_sensors() -> None:
+    nominal = flat(dataclasses.asdict(Truth.from_settings(CELL)))
+    reached: dict[str, list[str]] = {}
     for key in truth_keys(CELL):
         value = key.maximum if key.maximum != key.nominal else key.minimum
-        table = dataclasses.asdict(Truth.from_settings(CELL, {key.name: repr(value)}))
-        changed += [
-            (owner, index, field)
-            for owner, rows in (("joint", "joints"), ("adc", "adc"), ("dac", "dac"))
-            for index, (new, old) in enumerate(
-                zip(table[rows], nominal[rows], strict=True) if rows == "joints" else [(table[rows], nominal[rows])]
-            )
-            for field in new
-            if new[field] != old[field]
-        ]
-    of_faults = [field for field in dataclasses.fields(JointTruth) if field.default is not dataclasses.MISSING]
-    fields = 2 * (len(nominal["joints"][0]) - len(of_faults)) + len(nominal["adc"]) + len(nominal["dac"])
-    assert len(changed) == len(set(changed)) == len(truth_keys(CELL)) == fields
+        table = flat(dataclasses.asdict(Truth.from_settings(CELL, {key.name: repr(value)})))
+        reached[key.name] = [path for path in table if table[path] != nominal[path]]
+    noises = [reached.pop(f"{joint}.noise_lsb") for joint in CELL.joint_names]
+    assert noises == [
+        [f".joints.{joint}.sensors.{kind}_noise_lsb" for kind in ("potentiometer", "tachometer", "current_sense")]
+        for joint in (0, 1)
+    ]
+    fields = [path for paths in reached.values() for path in paths]
+    of_faults = [field.name for field in dataclasses.fields(JointTruth) if field.default is not dataclasses.MISSING]
+    assert len(fields) == len(reached)
+    assert set(fields) == {path for path in nominal if path.rsplit(".", 1)[1] not in of_faults}
+
+
+def test_a_sensors_own_noise_goes_before_that_of_its_joint() -> None:
+    settings = {"joint3.tachometer_noise_lsb": "2", "joint3.noise_lsb": "1"}
+    sensors = Truth.from_settings(CELL, settings).joints[1].sensors
+    noise = [sensors[f"{kind}_noise_lsb"] for kind in ("potentiometer", "tachometer", "current_sense")]
+    assert noise == [1.0, 2.0, 1.0]
 
 
 def test_a_setting_changes_only_its_joint() -> None:

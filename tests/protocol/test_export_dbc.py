@@ -13,7 +13,7 @@ from cantools.database.can import Database, Message
 
 from canarm import Rig
 from canarm.commands.export import export
-from canarm_emulator.robot.electrics import Direction
+from canarm_emulator.robot.drives.d669 import Direction
 from canarm_protocol.cell.bench_objects import bench_pdos
 from canarm_protocol.cell.cell_file import load_cell, parse_cell, shipped_cells
 from canarm_protocol.cell.export import export_dbc

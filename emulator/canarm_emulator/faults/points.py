@@ -148,8 +148,7 @@ def signal_point(bench: "Bench", tap: Tap) -> SignalPoint:
             lambda distort: card.distort(channel, distort),
             None if refresh is None else lambda: refresh(channel),
         )
-    if tap.kind is TapKind.OPAMP:
-        install = world.distort_opamp
-    else:
-        install = world.distort_current
-    return SignalPoint(tap, now, lambda distort: install(joint, distort), lambda: world.refresh_command(joint))
+    stage = tap.name.removeprefix(f"{bench.cell.joint_names[joint]}.")
+    return SignalPoint(
+        tap, now, lambda distort: world.distort_drive(joint, stage, distort), lambda: world.refresh_command(joint)
+    )

@@ -7,6 +7,7 @@ from canarm_protocol.cards import Wire
 from canarm_protocol.cell.model import Card, Cell, Channel, Command
 from canarm_protocol.cell.sensors import AnalogueSensor
 
+from ..robot.drives import DRIVES
 from .declaration import Tap, TapKind
 
 _OF_A_CARD = {
@@ -32,14 +33,13 @@ def taps_of(cell: Cell) -> dict[str, Tap]:
         (cell.far_joint(card, channel), channel.leaf): (card, channel) for card in cell.card for channel in card.channel
     }
     for index, (name, joint) in enumerate(zip(cell.joint_names, cell.joints, strict=True)):
-        volts, amperes = joint.drive.opamp_full_scale_v, joint.drive.max_current_a
         if (command := wired.get((index, Command.CURRENT))) is not None:
             taps.append(_card_tap(cell, *command))
             steps = command[0].codec.full_scale
-            step_v, step_a = volts / steps, amperes / steps
-            taps.append(Tap(f"{name}.opamp", TapKind.OPAMP, "op-amp's output", "V", 0, volts, step_v, index))
-            about = "magnitude of the current that the amplifier is asked for"
-            taps.append(Tap(f"{name}.amplifier.current", TapKind.CURRENT, about, "A", 0, amperes, step_a, index))
+            for stage in DRIVES[joint.drive.kind].stages(joint):
+                kind = TapKind.OPAMP if stage.unit == "V" else TapKind.CURRENT
+                step = stage.high / steps
+                taps.append(Tap(f"{name}.{stage.name}", kind, stage.about, stage.unit, 0, stage.high, step, index))
         if (direction := wired.get((index, Command.DIRECTION))) is not None:
             taps.append(_card_tap(cell, *direction))
         taps += [Tap(f"{name}.{leaf}", kind, about, joint=index) for leaf, kind, about in _OF_A_JOINT]

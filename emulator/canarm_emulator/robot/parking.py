@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from canarm_protocol.cell.model import Cell
 
-from .electrics import Drive
+from .drives import DriveModel
 
 
 class Parking:
@@ -21,7 +21,7 @@ class Parking:
         """The joints (indices into `Cell.joints`) that a support carries."""
         return [joint for robot in self._resting for joint in robot]
 
-    def free(self, drives: Sequence[Drive]) -> bool:
+    def free(self, drives: Sequence[DriveModel]) -> bool:
         """Free each robot that has a bridge on. Whether any was freed."""
         resting = [robot for robot in self._resting if not any(drives[joint].is_on for joint in robot)]
         is_changed = len(resting) < len(self._resting)

@@ -13,6 +13,7 @@ from typing import Self
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from canarm_protocol.cell.model import Cell
 
@@ -62,6 +63,7 @@ class Plant:
         "_model",
         "_option",
         "_position",
+        "_set_position",
         "_slack_wires",
         "_step_s",
         "_tendon_damping",
@@ -78,8 +80,10 @@ class Plant:
         self._data = mujoco.MjData(self._model)
         self._option = self._model.opt
         self._step_s = self._option.timestep
-        self._position, self._velocity = self._data.qpos, self._data.qvel
-        self._applied = self._data.qfrc_applied
+        # Elements of a memoryview are set in a third of the time of an array's.
+        self._position = self._data.qpos
+        self._set_position, self._velocity = _elements(self._data.qpos), _elements(self._data.qvel)
+        self._applied = _elements(self._data.qfrc_applied)
         forces = own_gravity(cell, self._model)
         if forces is not None:
             self._data.xfrc_applied[:] = forces
@@ -104,7 +108,7 @@ class Plant:
     def set_state(self, angle: Sequence[float], speed: Sequence[float]) -> None:
         """Put joints and motors, in the order of `angle`, at these angles and speeds."""
         self.angle, self.speed = list(angle), list(speed)
-        self._velocity[:] = speed
+        self._data.qvel[:] = speed
 
     def changed(self, truth: Truth) -> Self:
         """The same arms with another truth, in motion as they are now. Itself if nothing mechanical is different.
@@ -137,7 +141,7 @@ class Plant:
         lists of the state before the step stay as they were.
         """
         half_s = 0.5 * step_s
-        position, applied, motor_dof, speed = self._position, self._applied, self.motor_dof, self.speed
+        position, applied, motor_dof, speed = self._set_position, self._applied, self.motor_dof, self.speed
         for dof, angle in enumerate(self.angle):
             position[dof] = angle + half_s * speed[dof]
         for joint, torque in enumerate(torque_nm):
@@ -148,8 +152,8 @@ class Plant:
         if step_s != self._step_s:
             self._option.timestep = self._step_s = step_s
         mujoco.mj_step(self._model, self._data)
-        self.speed = speed = self._velocity.tolist()
-        self.angle = [ahead - half_s * speed[dof] for dof, ahead in enumerate(position.tolist())]
+        self.speed = speed = list(self._velocity)
+        self.angle = [ahead - half_s * speed[dof] for dof, ahead in enumerate(position)]
 
     def hold(self, angle: Sequence[float], dofs: Iterable[int]) -> None:
         """Put these of the joints and motors back to `angle`, at rest: a support carries them."""
@@ -178,6 +182,10 @@ class Plant:
         self._data.qacc_warmstart[:] = before._data.qacc_warmstart[sources]
         if any(impulse_nm_s):
             self.strike(impulse_nm_s)
+
+
+def _elements(values: NDArray[np.float64]) -> "memoryview[float]":
+    return values.data.cast("B").cast("d")
 
 
 def _kept_twist(twist_rad: float, old: JointTruth, new: JointTruth) -> float | None:

@@ -8,22 +8,21 @@ import functools
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.model import Cell, Command, Quantity
 from canarm_protocol.cell.sensing import joint_sensors
 
 from ..errors import EmulatorError
 from ..signals import Distortion
-from . import sensors
-from .electrics import Direction, Drive, decay_over
+from .drives import decay_over, make_drive
+from .drives.d669 import Direction
 from .parking import Parking
 from .plant import Plant
 from .scan_schedule import ScanSchedule
-from .sensors import Source
+from .sensors import Moment, Source, normal_deviates, source
 from .truth import Truth
 
 __all__ = ["Direction", "JointState", "Quantity", "SaturatedSteps", "Source", "World"]
 
-_POSITION, _VELOCITY = Quantity.POSITION, Quantity.VELOCITY  # an enum's attribute is slow
 _LARGEST_SPEED_RAD_S = 1e3  # no arm gets there: the integration has diverged
 
 
@@ -39,9 +38,9 @@ class JointState(NamedTuple):
 
 
 class SaturatedSteps(NamedTuple):
-    """For how many steps of integration something limited a joint's current."""
+    """For how many steps of integration a drive's own limit, or its supply, held a joint's current down."""
 
-    d669: int
+    own: int
     supply: int
 
 
@@ -75,13 +74,14 @@ class World:
         self._cell, self._truth, self._seed = cell, truth, seed
         self._max_step_ns = cell.physics.max_step_us * 1000
         self._plant = Plant(cell, truth)
-        self._drives = [Drive(joint, true) for joint, true in zip(cell.joints, truth.joints, strict=True)]
+        self._drives = [make_drive(joint, true) for joint, true in zip(cell.joints, truth.joints, strict=True)]
         self._parking = Parking(cell)
         self._held: list[int] = []
         """Indices into the plant's angles and speeds of what a support carries."""
         self._hold()
         self._torque_nm = [0.0] * len(self._drives)
-        self._deviates = sensors.normal_deviates(seed)
+        self._moment = Moment(self._drives, self._plant.motor_dof)
+        self._deviates = normal_deviates(seed)
         self._grid = functools.lru_cache(maxsize=256)(self._cut)
         self._schedule: ScanSchedule | None = None
         """That of the last scan: nearly always the next one's too."""
@@ -98,26 +98,22 @@ class World:
 
     def set_dac_output(self, joint_index: int, fraction: float) -> None:
         """Output of the joint's DAC0808, I_out/I_ref from 0 to 255/256; it acts from `time_ns` on."""
-        self._drives[joint_index].set_dac_output(fraction)
+        self._drives[joint_index].take(Command.CURRENT, fraction)
 
     def set_direction(self, joint_index: int, bits: int) -> None:
         """Latch bits of the joint's bridge, see `Direction`. 0b11 opens the bridge and is counted.
 
         Raises `ValueError` outside 0..3.
         """
-        self._drives[joint_index].set_direction(bits)
+        self._drives[joint_index].take(Command.DIRECTION, bits)
 
     def set_supply(self, joint_index: int, is_on: bool) -> None:
         """Close or open the supply of the joint's amplifier, as the emergency stop does."""
         self._drives[joint_index].set_supply(is_on)
 
-    def distort_opamp(self, joint_index: int, distortion: Distortion | None) -> None:
-        """Change the voltage of the joint's op-amp, or no longer (None), from the next `refresh_command` on."""
-        self._drives[joint_index].distort_opamp(distortion)
-
-    def distort_current(self, joint_index: int, distortion: Distortion | None) -> None:
-        """Change the current that the joint's amplifier regulates to, from the next `refresh_command` on."""
-        self._drives[joint_index].distort_current(distortion)
+    def distort_drive(self, joint_index: int, stage: str, distortion: Distortion | None) -> None:
+        """Change what flows at a stage of the joint's drive, or no longer (None), from the next refresh on."""
+        self._drives[joint_index].distort(stage, distortion)
 
     def refresh_command(self, joint_index: int) -> None:
         """Let the joint's amplifier follow its input again."""
@@ -135,6 +131,7 @@ class World:
         """
         self._plant = self._plant.changed(truth)
         self._truth = truth
+        self._moment = Moment(self._drives, self._plant.motor_dof)
         self._hold()
         for drive, joint_truth in zip(self._drives, truth.joints, strict=True):
             drive.change(joint_truth)
@@ -150,8 +147,8 @@ class World:
 
     @property
     def saturated_steps(self) -> list[SaturatedSteps]:
-        """For each joint, how many steps the D669's and the supply's limit held the current down."""
-        return [SaturatedSteps(drive.d669_limited_steps, drive.supply_limited_steps) for drive in self._drives]
+        """For each joint, how many steps its drive's own and the supply's limit held the current down."""
+        return [SaturatedSteps(drive.own_limited_steps, drive.supply_limited_steps) for drive in self._drives]
 
     @property
     def supply_limited_steps(self) -> list[int]:
@@ -161,14 +158,14 @@ class World:
     @property
     def illegal_directions(self) -> list[int]:
         """For each joint, how often its latch asked for 0b11."""
-        return [drive.illegal_directions for drive in self._drives]
+        return [drive.refused_commands for drive in self._drives]
 
     def source(self, joint_index: int, quantity: Quantity) -> Source:
         """The sensor that measures `quantity` at a joint, for `scan`. Raises `EmulatorError` if none does."""
         wired = joint_sensors(self._cell)[joint_index].measuring(quantity)
         if wired is None:
             raise EmulatorError(f"{self._cell.joint_names[joint_index]}: no sensor measures {quantity}")
-        return sensors.source(wired, self._truth.joints[joint_index])
+        return source(wired, self._truth.joints[joint_index])
 
     def state(self) -> list[JointState]:
         """True state of every joint now."""
@@ -195,49 +192,40 @@ class World:
         self.time_ns = until_ns
 
     def scan(self, schedule: ScanSchedule) -> list[float]:
-        """Volts at the ADCs' pins, each source sampled at its own time after `time_ns`; time passes until the end.
+        """What the sensors give, each source sampled at its own time after `time_ns`; time passes until the end.
 
-        Returns one value a source, 0 to full_scale_v. Inside a step angles and speeds run linearly (at 650 µs and
-        50 rad/s² off by 3e-6 rad) and the current exponentially, as the integration has it.
+        Returns one value a source, 0 to its `highest`.
         Raises `EmulatorError` if the integration diverges.
         """
         sources, duration_ns = schedule.sources, schedule.duration_ns
-        volts: list[float] = []
+        values: list[float] = []
         if not duration_ns:
             return [self.sample(source) for source in sources]
-        plant, drives, deviates = self._plant, self._drives, self._deviates
+        plant, drives, deviates, moment = self._plant, self._drives, self._deviates, self._moment
         grid = self._grid(duration_ns)
         if schedule is not self._schedule:
             self._schedule, self._schedule_samples = schedule, _samples(schedule, grid.step_count)
         rests = self._rests()
+        moment.step_s = grid.step_s
         for samples in self._schedule_samples:
-            old_angle, old_speed, old_current = plant.angle, plant.speed, [drive.current_a for drive in drives]
+            moment.old_angle, moment.old_speed = plant.angle, plant.speed
+            moment.old_current = [drive.current_a for drive in drives]
             if not rests:
                 self._step(grid)
+            moment.angle, moment.speed = plant.angle, plant.speed
             for sample, within in samples:
-                source = sources[sample]
-                joint, quantity = source.joint_index, source.quantity
-                if quantity is _POSITION:
-                    value = old_angle[joint] + within * (plant.angle[joint] - old_angle[joint])
-                elif quantity is _VELOCITY:
-                    dof = plant.motor_dof[joint]
-                    value = old_speed[dof] + within * (plant.speed[dof] - old_speed[dof])
-                else:
-                    value = abs(drives[joint].current_after(within * grid.step_s, old_current[joint]))
-                volts.append(source.volts(value, next(deviates)))
+                values.append(sources[sample].read(moment, within, next(deviates)))
         self.time_ns += duration_ns
-        return volts
+        return values
 
     def sample(self, source: Source) -> float:
-        """Volts of one sensor now; no time passes."""
-        joint = source.joint_index
-        if source.quantity is _POSITION:
-            value = self._plant.angle[joint]
-        elif source.quantity is _VELOCITY:
-            value = self._plant.speed[self._plant.motor_dof[joint]]
-        else:
-            value = abs(self._drives[joint].current_a)
-        return source.volts(value, next(self._deviates))
+        """What one sensor gives now; no time passes."""
+        plant, moment = self._plant, self._moment
+        moment.step_s = 0.0
+        moment.angle = moment.old_angle = plant.angle
+        moment.speed = moment.old_speed = plant.speed
+        moment.old_current = [drive.current_a for drive in self._drives]
+        return source.read(moment, 1.0, next(self._deviates))
 
     def _step(self, grid: _Grid) -> None:
         plant, torque_nm, decays = self._plant, self._torque_nm, grid.decays

@@ -4,7 +4,7 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-from ...robot.electrics import Direction
+from ...robot.drives.d669 import Direction
 from ...robot.truth import JointTruth
 from ..declaration import Context, Family, JointFault, SignalFault, TapKind
 from ..parameters import of_tap, parameter

@@ -6,10 +6,11 @@ Owns the electrical state of one joint's drive. Knows nothing of the arm: the mo
 import math
 from enum import IntEnum
 
-from canarm_protocol.cell.model import Joint
+from canarm_protocol.cell.model import Command, Joint
 
-from ..signals import Distortion
-from .truth import JointTruth
+from ...signals import Distortion
+from ..joint_truth import JointTruth
+from .base import DriveKind, Stage
 
 DAC_FULL_SCALE = 255 / 256
 """DAC0808 output at code 255, as a fraction of I_ref (data sheet); the op-amp is trimmed to full scale there."""
@@ -26,10 +27,13 @@ class Direction(IntEnum):
 ILLEGAL_DIRECTION = 0b11
 """Both sides of the bridge at once: its interlock leaves it open."""
 
+OPAMP, CURRENT = "opamp", "amplifier.current"
+"""Its stages at which faults act, as their taps are called."""
+
 _SIGN = {Direction.OFF: 0, Direction.CLOCKWISE: -1, Direction.COUNTER_CLOCKWISE: 1, ILLEGAL_DIRECTION: 0}
 
 
-class Drive:
+class D669Drive:
     """Amplifier, bridge and motor winding of one joint.
 
     The D669 stage is one NPN transistor in series with the motor, so along the bridge's direction it regulates
@@ -53,8 +57,8 @@ class Drive:
         "_winding_ohm",
         "command_a",
         "current_a",
-        "d669_limited_steps",
         "illegal_directions",
+        "own_limited_steps",
         "supply_limited_steps",
         "target_a",
         "time_constant_s",
@@ -75,7 +79,7 @@ class Drive:
         """Signed motor current now."""
         self.target_a = 0.0
         """Signed current towards which the winding's current went during the last step."""
-        self.d669_limited_steps = 0
+        self.own_limited_steps = 0
         self.supply_limited_steps = 0
         self.illegal_directions = 0
 
@@ -103,6 +107,18 @@ class Drive:
         """Whether the bridge connects the motor."""
         return self._sign != 0 and self._supply_is_on
 
+    @property
+    def refused_commands(self) -> int:
+        """How often the latch asked for 0b11."""
+        return self.illegal_directions
+
+    def take(self, command: Command, value: float) -> None:
+        """The DAC's output (I_out/I_ref), or the latch's bits."""
+        if command is Command.CURRENT:
+            self.set_dac_output(value)
+        else:
+            self.set_direction(int(value))
+
     def set_dac_output(self, fraction: float) -> None:
         """DAC output I_out/I_ref, 0 to 255/256. The op-amp and the D669 saturate outside their range."""
         self._dac_fraction = fraction
@@ -122,13 +138,12 @@ class Drive:
         self._supply_is_on = is_on
         self.refresh_command()
 
-    def distort_opamp(self, distortion: Distortion | None) -> None:
-        """Change the op-amp's voltage (V, 0 to opamp_full_scale_v), or no longer (None), from the next refresh on."""
-        self._distort_opamp = distortion
-
-    def distort_current(self, distortion: Distortion | None) -> None:
-        """Change the current that the D669 stage regulates to (A, 0 to max_current_a), from the next refresh on."""
-        self._distort_current = distortion
+    def distort(self, stage: str, distortion: Distortion | None) -> None:
+        """At OPAMP its voltage (V, 0 to opamp_full_scale_v); at CURRENT what the D669 stage regulates to (A)."""
+        if stage == OPAMP:
+            self._distort_opamp = distortion
+        else:
+            self._distort_current = distortion
 
     def step(self, motor_speed_rad_s: float, decay: float, mean_weight: float) -> float:
         """Advance the current by one step and return the mean joint torque over it, N·m, shorted turns included.
@@ -140,14 +155,14 @@ class Drive:
             back_emf_v = self._back_emf_v_s_rad * motor_speed_rad_s
             if target_a > 0.0:
                 if target_a >= self._max_current_a:
-                    self.d669_limited_steps += 1
+                    self.own_limited_steps += 1
                 limit_a = (self._supply_v - back_emf_v) / self._winding_ohm
                 if target_a > limit_a:
                     self.supply_limited_steps += 1
                     target_a = limit_a if limit_a > 0.0 else 0.0
             else:
                 if -target_a >= self._max_current_a:
-                    self.d669_limited_steps += 1
+                    self.own_limited_steps += 1
                 limit_a = (self._supply_v + back_emf_v) / self._winding_ohm
                 if -target_a > limit_a:
                     self.supply_limited_steps += 1
@@ -178,7 +193,12 @@ class Drive:
         self.command_a = self._sign * magnitude_a
 
 
-def decay_over(step_s: float, time_constant_s: float) -> tuple[float, float]:
-    """What is left of a deviation after `step_s`, and its mean over the step: e^{−h/τ} and (1 − e^{−h/τ})·τ/h."""
-    ratio = step_s / time_constant_s
-    return math.exp(-ratio), -math.expm1(-ratio) / ratio
+def _stages(joint: Joint) -> tuple[Stage, ...]:
+    drive = joint.drive
+    return (
+        Stage(OPAMP, "op-amp's output", "V", drive.opamp_full_scale_v),
+        Stage(CURRENT, "magnitude of the current that the amplifier is asked for", "A", drive.max_current_a),
+    )
+
+
+D669 = DriveKind(D669Drive, _stages)

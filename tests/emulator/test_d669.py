@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from canarm_emulator.robot.electrics import DAC_FULL_SCALE, Direction, Drive, decay_over
+from canarm_emulator.robot.drives import decay_over
+from canarm_emulator.robot.drives.d669 import DAC_FULL_SCALE, D669Drive, Direction
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol.cell.cell_file import load_cell
 
@@ -12,15 +13,15 @@ CELL = load_cell("konkuk1")
 TORQUE_NM_A = 4.08  # K_I of joint 2
 
 
-def joint2_drive(fraction: float = 0.0, direction: int = Direction.COUNTER_CLOCKWISE, **truth: str) -> Drive:
+def joint2_drive(fraction: float = 0.0, direction: int = Direction.COUNTER_CLOCKWISE, **truth: str) -> D669Drive:
     settings = {f"joint2.{key}": value for key, value in truth.items()}
-    drive = Drive(CELL.joints[0], Truth.from_settings(CELL, settings).joints[0])
+    drive = D669Drive(CELL.joints[0], Truth.from_settings(CELL, settings).joints[0])
     drive.set_dac_output(fraction)
     drive.set_direction(direction)
     return drive
 
 
-def run(drive: Drive, duration_s: float, speed_rad_s: float = 0.0, steps: int = 1) -> float:
+def run(drive: D669Drive, duration_s: float, speed_rad_s: float = 0.0, steps: int = 1) -> float:
     """Mean torque over `duration_s` at a constant motor speed."""
     decay = decay_over(duration_s / steps, drive.time_constant_s)
     return sum(drive.step(speed_rad_s, *decay) for _ in range(steps)) / steps
@@ -122,10 +123,10 @@ def test_a_low_supply_limits_at_standstill() -> None:
 def test_the_two_limits_are_counted_apart() -> None:
     drive = joint2_drive(DAC_FULL_SCALE)
     run(drive, 1e-3, 0.0, steps=3)
-    assert (drive.d669_limited_steps, drive.supply_limited_steps) == (3, 0)
+    assert (drive.own_limited_steps, drive.supply_limited_steps) == (3, 0)
     drive.set_dac_output(254 / 256)
     run(drive, 1e-3, 3.0, steps=2)
-    assert (drive.d669_limited_steps, drive.supply_limited_steps) == (3, 2)
+    assert (drive.own_limited_steps, drive.supply_limited_steps) == (3, 2)
 
 
 def test_the_true_torque_constant_makes_torque_and_back_emf() -> None:

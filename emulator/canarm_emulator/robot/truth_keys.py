@@ -1,0 +1,67 @@
+"""What a key of `--truth` is, and how its value is read. Which keys there are, the kinds and `truth.py` say."""
+
+import difflib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ..errors import TruthError
+
+SWITCH = {"false": 0.0, "true": 1.0}
+"""Words for a switch, beside 0 and 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class TruthKey:
+    """One key of `--truth`. `minimum` and `maximum` are inclusive; a switch takes 0 or 1."""
+
+    name: str
+    unit: str
+    nominal: float
+    description: str
+    minimum: float
+    maximum: float
+    is_switch: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A true value that the command line can set: a key's last part, and its name where the truth is kept.
+
+    Bounds keep the integrator stable and catch a slipped unit; they are not limits of any part.
+    """
+
+    leaf: str
+    field: str
+    unit: str
+    description: str
+    minimum: float
+    maximum: float
+    is_switch: bool = False
+
+    def key(self, owner: str, nominal: float, limits: tuple[float, float] | None = None) -> TruthKey:
+        """The key of one owner, with bounds of its own where `limits` are given."""
+        low, high = limits or (self.minimum, self.maximum)
+        return TruthKey(f"{owner}.{self.leaf}", self.unit, nominal, self.description, low, high, self.is_switch)
+
+
+def parse_value(keys: Mapping[str, TruthKey], name: str, text: str) -> float:
+    """The value of one setting. Raises `TruthError`: key, value, and what would be right."""
+    key = keys.get(name)
+    if key is None:
+        close = difflib.get_close_matches(name, keys, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else "see `canarm check --keys`"
+        raise TruthError(f"--truth {name}={text}: no such key; {hint}")
+    try:
+        value = SWITCH[text.lower()] if key.is_switch and text.lower() in SWITCH else float(text)
+    except ValueError:
+        value = math.nan
+    if key.is_switch and value not in (0.0, 1.0):
+        raise TruthError(f"--truth {name}={text}: must be 0 or 1, false or true ({key.description})")
+    if not key.minimum <= value <= key.maximum:
+        unit = f" {key.unit}" if key.unit else ""
+        raise TruthError(
+            f"--truth {name}={text}: must be a number from {key.minimum:g} to {key.maximum:g}{unit} "
+            f"({key.description}; nominal {key.nominal:g})"
+        )
+    return value
