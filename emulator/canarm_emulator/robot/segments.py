@@ -53,9 +53,15 @@ def _of_link(link: Link) -> Segment:
         end=end,
         inertial=Pose(end.at(link.centre_of_mass_m), end.quaternion),
         mass_kg=link.mass_kg,
-        moments_kg_m2=link.inertia_kg_m2,
+        moments_kg_m2=_possible(link.inertia_kg_m2),
         tip_m=end.position_m,
     )
+
+
+def _possible(moments: Sequence[float]) -> tuple[float, float, float]:
+    """None negative, none greater than the two others together: what rounding has left, MuJoCo would refuse."""
+    a, b, c = (max(moment, 0.0) for moment in moments)
+    return min(a, b + c), min(b, a + c), min(c, a + b)
 
 
 def _of_body(body: Body, after: Body | None) -> Segment:
@@ -63,7 +69,6 @@ def _of_body(body: Body, after: Body | None) -> Segment:
     moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
     if np.linalg.det(axes) < 0.0:
         axes[:, 2] = -axes[:, 2]
-    first, second, third = np.maximum(moments, 0.0).tolist()
     x, y, z = body.centre_of_mass_m
     return Segment(
         origin=Pose(body.origin_m, from_rpy_deg(body.origin_rpy_deg)),
@@ -71,6 +76,6 @@ def _of_body(body: Body, after: Body | None) -> Segment:
         end=Pose(),
         inertial=Pose(body.centre_of_mass_m, quaternion_of(axes)),
         mass_kg=body.mass_kg,
-        moments_kg_m2=(first, second, third),
+        moments_kg_m2=_possible(moments.tolist()),
         tip_m=(2.0 * x, 2.0 * y, 2.0 * z) if after is None else after.origin_m,
     )

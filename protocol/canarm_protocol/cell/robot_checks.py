@@ -9,12 +9,20 @@ from .inertia import is_possible
 from .sensors import Quantity
 
 _SMALL = 1e-6
-"""Of a unit vector's length, and of the triangle of moments of inertia: what rounding in a file leaves."""
+"""Of a unit vector's length: what rounding in a file leaves."""
+
+_MOST_INERTIA_KG_M2 = 1e6
+"""Of a rotor, seen at the joint: a thousand times that of the largest robots; more is a slipped unit."""
+_MOST_GRAVITY_M_S2 = 100.0
+_SHORTEST_S, _LONGEST_S = 1e-7, 1.0
+"""A winding's time constant, likewise."""
 
 
 def robot_problems(robot: Robot) -> Iterator[str]:
     """What of one robot does not fit together."""
-    yield from ()
+    strength = math.hypot(*robot.gravity_m_s2)
+    if strength > _MOST_GRAVITY_M_S2:
+        yield f"robot {robot.name!r}.gravity_m_s2: is {strength:g} m/s2 strong; at most {_MOST_GRAVITY_M_S2:g}"
 
 
 def joint_problems(name: str, joint: Joint) -> Iterator[str]:
@@ -37,7 +45,24 @@ def joint_problems(name: str, joint: Joint) -> Iterator[str]:
         yield f"{where}.limits_deg = [{low:g}, {high:g}]: must be [lower, upper] with lower < upper"
     elif not low <= joint.home_deg <= high:
         yield f"{where}.home_deg = {joint.home_deg:g}: must lie within limits_deg = [{low:g}, {high:g}]"
+    yield from _motor_problems(f"{where}.motor", joint)
     yield from _sensor_problems(where, joint)
+
+
+def _motor_problems(where: str, joint: Joint) -> Iterator[str]:
+    motor = joint.motor
+    inertia_kg_m2 = motor.rotor_inertia_kg_m2 * motor.gear_ratio * motor.gear_ratio
+    if not inertia_kg_m2 <= _MOST_INERTIA_KG_M2:
+        yield (
+            f"{where}.gear_ratio = {motor.gear_ratio:g}: rotor_inertia_kg_m2 = {motor.rotor_inertia_kg_m2:g} times its "
+            f"square is {inertia_kg_m2:g} kg m2 at the joint; at most {_MOST_INERTIA_KG_M2:g}"
+        )
+    still_s = motor.winding_mh * 1e-3 / motor.winding_ohm
+    if not _SHORTEST_S <= still_s <= _LONGEST_S:
+        yield (
+            f"{where}.winding_mh = {motor.winding_mh:g}: over winding_ohm = {motor.winding_ohm:g} it makes a time "
+            f"constant of {still_s:g} s; must be {_SHORTEST_S:g} to {_LONGEST_S:g} s"
+        )
 
 
 def _body_problems(where: str, body: Body) -> Iterator[str]:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .model import Card, Cell, Channel
-from .sensors import SENSOR_KINDS, Quantity, Sensor, SensorScale
+from .sensors import SENSOR_KINDS, Fitting, Quantity, Sensor, SensorScale
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +96,6 @@ def _wired(cell: Cell, card: Card, channel: Channel, rank: int) -> WiredSensor:
         card,
         channel.number,
         card.codec.bits,
-        sensor.scale(card.codec.bits),
+        sensor.scale(Fitting(card.codec.bits, gear_ratio=cell.joints[joint].motor.gear_ratio)),
         rank * (card.channel_us * 1e-6),
     )

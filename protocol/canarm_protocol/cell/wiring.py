@@ -20,7 +20,7 @@ from ..canopen.pdo import (
 from ..cards import Codec, Wire
 from ..cards.sc300 import DirectionBits as DirectionBits
 from .model import Card, Cell, Command, Joint, Quantity
-from .sensors import SENSOR_KINDS, SensorScale
+from .sensors import SENSOR_KINDS, Fitting, SensorScale
 
 FULL_SCALE_CODE = 255
 """Of eight bits."""
@@ -175,7 +175,7 @@ def sensor_scale(joint: Joint, quantity: Quantity, bits: int = 8) -> SensorScale
     sensor = joint.sensor(quantity)
     if sensor is None:
         raise ValueError(f"joint {joint.name!r} has no sensor that measures {quantity}")
-    return sensor.scale(bits)
+    return sensor.scale(Fitting(bits, gear_ratio=joint.motor.gear_ratio))
 
 
 def current_scale(joint: Joint, full_scale: int = FULL_SCALE_CODE) -> SensorScale:

@@ -1,6 +1,6 @@
 """The kinds of sensor that a joint can have: one file each, and `registry.py` lists them."""
 
-from .base import AnalogueSensor, Quantity, Sensor, SensorScale
+from .base import AnalogueSensor, Fitting, Quantity, Sensor, SensorScale
 from .current_sense import CurrentSense
 from .potentiometer import Potentiometer
 from .registry import SENSOR_KINDS, Sensors
@@ -10,6 +10,7 @@ __all__ = [
     "SENSOR_KINDS",
     "AnalogueSensor",
     "CurrentSense",
+    "Fitting",
     "Potentiometer",
     "Quantity",
     "Sensor",

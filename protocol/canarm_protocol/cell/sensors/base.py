@@ -41,6 +41,19 @@ class SensorScale:
         return abs(self.step)
 
 
+@dataclass(frozen=True, slots=True)
+class Fitting:
+    """How a sensor is fitted: what a reading of its card counts, and the joint that it sits at."""
+
+    bits: int
+    """Of the card's code."""
+    edges_per_period: int = 1
+    """Of the two tracks of an encoder, that a counter counts."""
+    gear_ratio: float = 1.0
+    home_rad: float = 0.0
+    """Where the joint is when its card is switched on."""
+
+
 class Sensor(Table):
     """One sensor of a joint, as the cell describes it. A kind sets the class variables and gives its scale."""
 
@@ -56,8 +69,8 @@ class Sensor(Table):
     """Whether it shows the magnitude alone."""
 
     @abstractmethod
-    def scale(self, bits: int) -> SensorScale:
-        """Nominal scale of its codes, read by a card of `bits` bits."""
+    def scale(self, fitting: Fitting) -> SensorScale:
+        """Nominal scale of its codes."""
 
     @abstractmethod
     def seen(self) -> tuple[float, float]:

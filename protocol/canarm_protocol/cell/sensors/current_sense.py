@@ -3,7 +3,7 @@
 from typing import ClassVar
 
 from ..table import Positive
-from .base import AnalogueSensor, Quantity, SensorScale, highest_code
+from .base import AnalogueSensor, Fitting, Quantity, SensorScale, highest_code
 
 
 class CurrentSense(AnalogueSensor):
@@ -27,6 +27,6 @@ class CurrentSense(AnalogueSensor):
         """V/A."""
         return self.full_scale_v / self.full_scale_a
 
-    def scale(self, bits: int) -> SensorScale:
+    def scale(self, fitting: Fitting) -> SensorScale:
         """Amperes a code."""
-        return SensorScale(0.0, self.full_scale_a / highest_code(bits))
+        return SensorScale(0.0, self.full_scale_a / highest_code(fitting.bits))

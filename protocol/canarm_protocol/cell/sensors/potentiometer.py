@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import ClassVar
 
 from ..table import DEGREE, NonNegative, Positive
-from .base import AnalogueSensor, Quantity, SensorScale, Sign, highest_code
+from .base import AnalogueSensor, Fitting, Quantity, SensorScale, Sign, highest_code
 
 
 class Potentiometer(AnalogueSensor):
@@ -28,9 +28,9 @@ class Potentiometer(AnalogueSensor):
         """V/rad, signed."""
         return self.sign * (self.full_scale_v / (self.range_deg * DEGREE))
 
-    def scale(self, bits: int) -> SensorScale:
+    def scale(self, fitting: Fitting) -> SensorScale:
         """Radians a code."""
-        highest = highest_code(bits)
+        highest = highest_code(fitting.bits)
         return SensorScale(self.zero_v / (self.full_scale_v / highest), self.sign * (self.range_deg * DEGREE / highest))
 
     def problems(self) -> Iterator[str]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import ClassVar
 
 from ..table import NonNegative, Positive
-from .base import AnalogueSensor, Quantity, SensorScale, Sign, highest_code
+from .base import AnalogueSensor, Fitting, Quantity, SensorScale, Sign, highest_code
 
 
 class Tachometer(AnalogueSensor):
@@ -29,9 +29,9 @@ class Tachometer(AnalogueSensor):
         """V·s/rad of joint speed, signed."""
         return self.sign * ((self.full_scale_v - self.zero_v) / self.full_scale_rad_s)
 
-    def scale(self, bits: int) -> SensorScale:
+    def scale(self, fitting: Fitting) -> SensorScale:
         """Radians per second a code."""
-        volts = self.full_scale_v / highest_code(bits)
+        volts = self.full_scale_v / highest_code(fitting.bits)
         span_v = self.full_scale_v - self.zero_v
         return SensorScale(self.zero_v / volts, self.sign * (self.full_scale_rad_s / span_v * volts))
 
