@@ -15,8 +15,8 @@ from canarm_controller.dynamics.chain import Chain, ChainLink
 from canarm_controller.dynamics.lagrange_euler import Pose, Q, link_transform
 from canarm_controller.reference.memory import SAMPLES, TABLE_BASE, MemoryImage
 from canarm_protocol.cell.cell_file import load_cell
-from canarm_protocol.cell.model import Quantity
-from canarm_protocol.cell.wiring import FULL_SCALE_CODE, sensor_scale
+from canarm_protocol.cell.sensing import joint_sensors
+from canarm_protocol.cell.wiring import FULL_SCALE_CODE
 
 CELL = load_cell("konkuk1")
 RODS = chain_of(CELL.robot[0])
@@ -284,7 +284,9 @@ def test_gravity_along_the_axes_of_both_joints_would_take_all_gravity_terms_away
 def test_tachometer_reaches_0_v_where_the_paper_prints_minus_5_v() -> None:
     """2.5 V at rest and +5 V at full speed one way leave 0 V the other way; −5 V would be 255 codes below zero."""
     joint = CELL.joints[0]
-    scale = sensor_scale(joint, Quantity.VELOCITY)
+    wired = joint_sensors(CELL)[0].velocity
+    assert wired is not None
+    scale = wired.scale
     tachometer = joint.sensors.tachometer
     assert tachometer is not None
     volts = tachometer.full_scale_v / FULL_SCALE_CODE

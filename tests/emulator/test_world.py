@@ -284,7 +284,9 @@ def test_a_scan_needs_time_and_an_empty_one_takes_none() -> None:
 
 
 def test_an_integration_that_diverges_is_an_error_and_not_a_number() -> None:
-    world = new_world({"joint3.wire": "1", "joint3.wire_stiffness": "5000", "joint3.rotor_inertia": "1e-8"})
+    world = new_world(
+        {"joint3.wire": "1", "joint3.wire_stiffness": "5000", "joint3.rotor_inertia": "1e-8", "joint3.mass": "1e-3"}
+    )
     set_currents(world, 0.5, 0.5)
     with pytest.raises(EmulatorError, match=r"diverged after 0 ns; physics\.max_step_us = 650 must be shorter"):
         world.advance(100 * CYCLE_NS)

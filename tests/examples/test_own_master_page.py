@@ -11,7 +11,8 @@ from canarm.cli import run
 from canarm_protocol.cell.bench_objects import bench_pdos, sdo_channel
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell, Command, Quantity
-from canarm_protocol.cell.wiring import WiredSignal, card_nodes, current_scale, sensor_scale, wired_signals
+from canarm_protocol.cell.sensing import joint_sensors
+from canarm_protocol.cell.wiring import WiredSignal, card_nodes, command_scale, wired_signals
 from canarm_protocol.transport.port import open_port
 from canarm_protocol.transport.sdo_session import SdoSession
 
@@ -33,9 +34,10 @@ def page(root, name: str) -> str:
 def meaning(cell: Cell, signal: WiredSignal) -> str:
     if signal.leaf == Command.DIRECTION:
         return "00 off, 01 clockwise, 10 counter-clockwise (positive)"
-    joint, quantity = cell.joints[signal.joint], signal.quantity
-    scale = current_scale(joint) if quantity is None else sensor_scale(joint, quantity)
-    unit = {Quantity.POSITION: "rad", Quantity.VELOCITY: "rad/s"}.get(quantity, "A")
+    quantity, sensors = signal.quantity, joint_sensors(cell)[signal.joint]
+    wired = None if quantity is None else sensors.measuring(quantity)
+    scale = command_scale(cell, signal.joint) if wired is None else wired.scale
+    unit = {Quantity.POSITION: "rad", Quantity.VELOCITY: "rad/s"}.get(quantity, "A") if quantity else "A"
     code = f"(code − {scale.zero:g})" if scale.zero else "code"
     return f"{code} × {scale.step:.4g} {unit}"
 

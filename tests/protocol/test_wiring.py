@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from canarm_protocol.cards import Codec
 from canarm_protocol.cell.cell_file import load_cell, parse_cell, shipped_cells
 from canarm_protocol.cell.model import Quantity
-from canarm_protocol.cell.wiring import InputSlot, OutputFrames, card_nodes, input_slots, sensor_scale
+from canarm_protocol.cell.sensing import joint_sensors
+from canarm_protocol.cell.wiring import InputSlot, OutputFrames, card_nodes, input_slots
 
 CELL = load_cell("konkuk1")
 NODES = card_nodes(CELL)
@@ -75,20 +76,15 @@ def test_every_input_has_its_place_in_a_frame() -> None:
 
 def test_sensor_scales_are_those_of_the_parts() -> None:
     """Potentiometer 270 degrees on 0..5 V (1.059 degrees a step), tachometer ±2.5 rad/s (0.0196), current 1.5 A."""
-    joint = CELL.joints[0]
-    angle = sensor_scale(joint, Quantity.POSITION)
+    sensors = joint_sensors(CELL)[0]
+    assert sensors.velocity is not None
+    assert sensors.current is not None
+    angle = sensors.position.scale
     assert math.degrees(angle.step) == pytest.approx(1.059, abs=5e-4)
     assert math.degrees(angle(0)) == pytest.approx(-135.0)
     assert math.degrees(angle(255)) == pytest.approx(135.0)
-    speed = sensor_scale(joint, Quantity.VELOCITY)
+    speed = sensors.velocity.scale
     assert speed.step == pytest.approx(0.0196, abs=5e-5)
     assert (speed(0), speed(127.5), speed(255)) == pytest.approx((-2.5, 0.0, 2.5))
-    current = sensor_scale(joint, Quantity.CURRENT)
+    current = sensors.current.scale
     assert (current(0), current(255)) == pytest.approx((0.0, 1.5))
-
-
-def test_a_sensor_that_a_joint_lacks_has_no_scale() -> None:
-    joint = CELL.joints[0]
-    without = joint.model_copy(update={"sensors": joint.sensors.model_copy(update={"tachometer": None})})
-    with pytest.raises(ValueError, match=r"^joint 'joint2' has no sensor that measures velocity$"):
-        sensor_scale(without, Quantity.VELOCITY)

@@ -5,9 +5,9 @@ Names come from the cell's joints and cards. What hangs on a tap inside the benc
 
 from canarm_protocol.cards import Wire
 from canarm_protocol.cell.model import Card, Cell, Channel, Command
-from canarm_protocol.cell.sensors import AnalogueSensor
 
 from ..robot.drives import DRIVES
+from ..robot.sensors import SENSORS
 from .declaration import Tap, TapKind
 
 _OF_A_CARD = {
@@ -44,10 +44,11 @@ def taps_of(cell: Cell) -> dict[str, Tap]:
             taps.append(_card_tap(cell, *direction))
         taps += [Tap(f"{name}.{leaf}", kind, about, joint=index) for leaf, kind, about in _OF_A_JOINT]
         for sensor in joint.sensors.fitted():
-            if (index, sensor.kind) in wired and isinstance(sensor, AnalogueSensor):
-                high_v, about = sensor.full_scale_v, f"{sensor.title}'s voltage at the ADC's pin"
-                step_v = high_v / wired[index, sensor.kind][0].codec.full_scale
-                taps.append(Tap(f"{name}.{sensor.kind}", TapKind.SENSOR, about, "V", 0, high_v, step_v, index))
+            pin = SENSORS[sensor.kind].stage(sensor)
+            if pin is not None and (index, sensor.kind) in wired:
+                step = pin.high / wired[index, sensor.kind][0].codec.full_scale
+                tap = Tap(f"{name}.{pin.name}", TapKind.SENSOR, pin.about, pin.unit, 0, pin.high, step, index)
+                taps.append(tap)
     for card in cell.card:
         if not card.kind.is_output:
             taps += [_card_tap(cell, card, channel) for channel in card.channel]

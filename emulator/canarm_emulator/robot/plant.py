@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from canarm_protocol.cell.model import Cell
 
-from .model_xml import has_tendon, model_xml, own_gravity
+from .model_xml import WIRE_LOSS_TIME_S, has_tendon, model_xml, own_gravity
+from .stiffness import fastest_wire_rad_s, inverse_inertia
 from .truth import JointTruth, Truth
 
 _mechanics = attrgetter(
@@ -70,6 +71,8 @@ class Plant:
         "_truth",
         "_velocity",
         "angle",
+        "compliance",
+        "fastest_rad_s",
         "motor_dof",
         "speed",
     )
@@ -104,6 +107,17 @@ class Plant:
         initial = [math.radians(joint.initial_deg) for joint in truth.joints]
         initial += [initial[index] for index, joint in enumerate(truth.joints) if joint.has_elastic_wire]
         self.set_state(initial, [0.0] * len(initial))
+        inverse = inverse_inertia(self._model, initial)
+        wires = [
+            (motor, index, joint.wire_stiffness_nm_rad)
+            for index, (motor, joint) in enumerate(zip(self.motor_dof, truth.joints, strict=True))
+            if has_tendon(joint)
+        ]
+        rings = fastest_wire_rad_s(inverse, wires)
+        self.fastest_rad_s = max(rings, rings**2 * WIRE_LOSS_TIME_S)
+        """The highest natural frequency of arms and wires where the arms are parked, or the rate of its damping."""
+        self.compliance = [float(inverse[motor, motor]) for motor in self.motor_dof]
+        """For each motor the acceleration that a torque gives it there, rad/s² per N·m."""
 
     def set_state(self, angle: Sequence[float], speed: Sequence[float]) -> None:
         """Put joints and motors, in the order of `angle`, at these angles and speeds."""

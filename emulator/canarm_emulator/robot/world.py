@@ -19,6 +19,7 @@ from .parking import Parking
 from .plant import Plant
 from .scan_schedule import ScanSchedule
 from .sensors import Moment, Source, normal_deviates, source
+from .stiffness import SHORTEST_STEP_S, STEP_SHARE
 from .truth import Truth
 
 __all__ = ["Direction", "JointState", "Quantity", "SaturatedSteps", "Source", "World"]
@@ -136,6 +137,7 @@ class World:
         for drive, joint_truth in zip(self._drives, truth.joints, strict=True):
             drive.change(joint_truth)
         self._grid.cache_clear()
+        self._schedule = None
 
     def strike(self, joint_index: int, impulse_nm_s: float) -> None:
         """Something hits the joint's link, counter-clockwise if positive. An arm at rest on its support stays there."""
@@ -176,7 +178,8 @@ class World:
         ]
 
     def advance(self, until_ns: int) -> None:
-        """Let time pass until `until_ns`, in equal steps of at most `physics.max_step_us`.
+        """Let time pass until `until_ns`, in equal steps of at most `physics.max_step_us`,
+        and shorter ones where what is true of the robot needs them.
 
         Raises `ValueError` if that time has passed, `EmulatorError` if the integration diverges.
         """
@@ -259,10 +262,19 @@ class World:
         self._held = [*joints, *(motors[joint] for joint in joints if motors[joint] != joint)]
 
     def _cut(self, duration_ns: int) -> _Grid:
-        step_count = -(-duration_ns // self._max_step_ns)
+        step_count = -(-duration_ns // self._longest_step_ns())
         step_s = duration_ns * 1e-9 / step_count
         decays = tuple(decay_over(step_s, drive.time_constant_s) for drive in self._drives)
         return _Grid(step_count, step_s, decays)
+
+    def _longest_step_ns(self) -> int:
+        """That of the cell, or less where a wire rings or a motor brakes faster than it can follow."""
+        plant, drives = self._plant, self._drives
+        rates = [drive.damping_nm_s * ease for drive, ease in zip(drives, plant.compliance, strict=True)]
+        fastest = max(plant.fastest_rad_s, *rates)
+        shortest_ns = round(SHORTEST_STEP_S * 1e9)
+        bound_ns = round(STEP_SHARE / fastest * 1e9) if fastest > 0.0 else self._max_step_ns
+        return min(self._max_step_ns, max(bound_ns, shortest_ns))
 
     def _diverged(self) -> EmulatorError:
         return EmulatorError(

@@ -27,7 +27,7 @@ class D669(Table):
     supply_v: Positive
     opamp_full_scale_v: Positive
 
-    def current_scale(self, bits: int = 8) -> SensorScale:
+    def current_scale(self, bits: int) -> SensorScale:
         """Nominal scale of the DAC's codes: A of motor current a code, without sign."""
         return SensorScale(0.0, self.max_current_a / highest_code(bits))
 

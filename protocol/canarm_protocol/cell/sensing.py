@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from .model import Card, Cell, Channel
 from .sensors import SENSOR_KINDS, Fitting, Quantity, Sensor, SensorScale
+from .table import DEGREE
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +81,15 @@ def fitted_sensor(cell: Cell, card: Card, channel: Channel) -> Sensor | None:
     return sensor if channel.leaf in SENSOR_KINDS and isinstance(sensor, Sensor) else None
 
 
+def channel_scale(cell: Cell, card: Card, channel: Channel) -> SensorScale:
+    """Nominal scale of the codes of an input channel. Raises `LookupError` for a channel without a sensor."""
+    sensor, joint = fitted_sensor(cell, card, channel), cell.joints[cell.far_joint(card, channel)]
+    if sensor is None:
+        raise LookupError(f"{channel.signal}: no sensor of the joint")
+    edges = getattr(card, "decoding", 1)
+    return sensor.scale(Fitting(card.codec.bits, edges, joint.motor.gear_ratio, joint.home_deg * DEGREE))
+
+
 def _inputs(card: Card) -> Sequence[Channel]:
     return sorted(
         (channel for channel in card.channel if channel.leaf in SENSOR_KINDS), key=lambda channel: channel.number
@@ -96,6 +106,6 @@ def _wired(cell: Cell, card: Card, channel: Channel, rank: int) -> WiredSensor:
         card,
         channel.number,
         card.codec.bits,
-        sensor.scale(Fitting(card.codec.bits, gear_ratio=cell.joints[joint].motor.gear_ratio)),
+        channel_scale(cell, card, channel),
         rank * (card.channel_us * 1e-6),
     )

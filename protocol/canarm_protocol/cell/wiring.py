@@ -19,8 +19,9 @@ from ..canopen.pdo import (
 )
 from ..cards import Codec, Wire
 from ..cards.sc300 import DirectionBits as DirectionBits
-from .model import Card, Cell, Command, Joint, Quantity
-from .sensors import SENSOR_KINDS, Fitting, SensorScale
+from .model import Card, Cell, Command, Quantity
+from .sensing import channel_scale
+from .sensors import SENSOR_KINDS, SensorScale
 
 FULL_SCALE_CODE = 255
 """Of eight bits."""
@@ -167,22 +168,6 @@ def command_scale(cell: Cell, joint: int) -> SensorScale:
     return cell.joints[joint].drive.current_scale(command_codec(cell, joint).bits)
 
 
-def sensor_scale(joint: Joint, quantity: Quantity, bits: int = 8) -> SensorScale:
-    """Nominal scale of the sensor of `joint` that measures `quantity`: rad, rad/s or A a code of `bits` bits.
-
-    Raises `ValueError` if the joint has none.
-    """
-    sensor = joint.sensor(quantity)
-    if sensor is None:
-        raise ValueError(f"joint {joint.name!r} has no sensor that measures {quantity}")
-    return sensor.scale(Fitting(bits, gear_ratio=joint.motor.gear_ratio))
-
-
-def current_scale(joint: Joint, full_scale: int = FULL_SCALE_CODE) -> SensorScale:
-    """Nominal scale of the DAC channel that drives `joint`: A of motor current a code, without sign."""
-    return joint.drive.current_scale()
-
-
 @dataclass(frozen=True, slots=True)
 class WiredSignal:
     """One joint's command or sensor in a PDO: joint (index in `cell.joints`), its bits, value = raw x factor + offset.
@@ -219,10 +204,7 @@ def wired_signals(cell: Cell, node: CardNode, layout: PdoLayout) -> tuple[WiredS
                 signals.append(WiredSignal(joint, leaf, None, bit, codec.bits, False, 1.0, 0.0, 0, codec.full_scale))
                 continue
             quantity = None if kind is None else kind.quantity
-            if quantity is None:
-                scale = command_scale(cell, joint)
-            else:
-                scale = sensor_scale(cell.joints[joint], quantity, codec.bits)
+            scale = command_scale(cell, joint) if quantity is None else channel_scale(cell, card, channel)
             factor, raw = scale.step / (1 << codec.shift), (codec.lowest_value, codec.value(codec.full_scale))
             signed = mapped.is_signed
             signals.append(WiredSignal(joint, leaf, quantity, bit, mapped.bits, signed, factor, scale(0), *raw))

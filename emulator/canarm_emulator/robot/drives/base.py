@@ -9,6 +9,7 @@ from canarm_protocol.cell.model import Command, Joint
 
 from ...signals import Distortion
 from ..joint_truth import JointTruth
+from ..stages import Stage
 
 
 class DriveModel(Protocol):
@@ -29,6 +30,10 @@ class DriveModel(Protocol):
     """Steps so far in which the drive's own limit held the current down, the D669's for one."""
     supply_limited_steps: int
     """Steps so far in which the supply held it down."""
+
+    @property
+    def damping_nm_s(self) -> float:
+        """Joint torque that the motor loses per rad/s of joint speed where the supply limits its current."""
 
     @property
     def refused_commands(self) -> int:
@@ -54,16 +59,6 @@ class DriveModel(Protocol):
 
     def current_after(self, elapsed_s: float, old_current_a: float) -> float:
         """Signed current `elapsed_s` into the last step, which began at `old_current_a`."""
-
-
-@dataclass(frozen=True, slots=True)
-class Stage:
-    """A place inside a drive at which faults can act: the end of its tap's name, what flows there, and its range."""
-
-    name: str
-    about: str
-    unit: str
-    high: float
 
 
 @dataclass(frozen=True, slots=True)

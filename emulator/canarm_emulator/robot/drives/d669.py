@@ -10,7 +10,8 @@ from canarm_protocol.cell.model import Command, Joint
 
 from ...signals import Distortion
 from ..joint_truth import JointTruth
-from .base import DriveKind, Stage
+from ..stages import Stage
+from .base import DriveKind
 
 DAC_FULL_SCALE = 255 / 256
 """DAC0808 output at code 255, as a fraction of I_ref (data sheet); the op-amp is trimmed to full scale there."""
@@ -106,6 +107,11 @@ class D669Drive:
     def is_on(self) -> bool:
         """Whether the bridge connects the motor."""
         return self._sign != 0 and self._supply_is_on
+
+    @property
+    def damping_nm_s(self) -> float:
+        """K_I·K_e/R, and what shorted turns brake, N·m·s."""
+        return self._torque_nm_a * self._back_emf_v_s_rad / self._winding_ohm + self._braking_nm_s
 
     @property
     def refused_commands(self) -> int:

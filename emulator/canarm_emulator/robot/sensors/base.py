@@ -13,6 +13,7 @@ from canarm_protocol.cell.sensors import AnalogueSensor, Quantity, Sensor
 from canarm_protocol.cell.sensors.base import highest_code
 
 from ...signals import Distortion
+from ..stages import Stage
 from ..truth_keys import Parameter
 
 
@@ -102,6 +103,9 @@ class SensorKind:
     noise: Parameter | None = None
     """Nominally the sensor's `noise_lsb`."""
 
+    stage: Callable[[Sensor], Stage | None] = lambda sensor: None
+    """Where faults act on what it gives; None where they act on its card's code alone."""
+
     def nominal(self, sensor: Sensor) -> dict[str, float]:
         """The true values of a sound `sensor`, by field."""
         values = {row.field: 0.0 for row in self.truth}
@@ -133,4 +137,9 @@ def analogue_kind(
         return of(wired.joint, sensor.quantity, full_scale_v, gain, zero_v, noise_v)
 
     row = Parameter(noise, noise, "LSB", "noise of this sensor alone, standard deviation", 0.0, 255.0)
-    return SensorKind(make, () if offset is None else (offset,), row)
+    return SensorKind(make, () if offset is None else (offset,), row, _pin)
+
+
+def _pin(sensor: Sensor) -> Stage | None:
+    assert isinstance(sensor, AnalogueSensor)
+    return Stage(sensor.kind, f"{sensor.title}'s voltage at the ADC's pin", "V", sensor.full_scale_v)
