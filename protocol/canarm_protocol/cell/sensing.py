@@ -27,6 +27,8 @@ class WiredSensor:
     bits: int
     scale: SensorScale
     skew_s: float
+    gear_ratio: float
+    """Turns of the joint's motor for one of the joint."""
 
     @property
     def quantity(self) -> Quantity:
@@ -108,4 +110,5 @@ def _wired(cell: Cell, card: Card, channel: Channel, rank: int) -> WiredSensor:
         card.codec.bits,
         channel_scale(cell, card, channel),
         rank * (card.channel_us * 1e-6),
+        cell.joints[joint].motor.gear_ratio,
     )
