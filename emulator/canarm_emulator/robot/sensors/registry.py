@@ -5,6 +5,7 @@ from canarm_protocol.cell.sensing import WiredSensor
 from ..joint_truth import JointTruth
 from .base import SensorKind, Source
 from .current_sense import CURRENT_SENSE
+from .encoder import ENCODER
 from .potentiometer import POTENTIOMETER
 from .tachometer import TACHOMETER
 
@@ -12,6 +13,7 @@ SENSORS: dict[str, SensorKind] = {
     "potentiometer": POTENTIOMETER,
     "tachometer": TACHOMETER,
     "current_sense": CURRENT_SENSE,
+    "encoder": ENCODER,
 }
 
 

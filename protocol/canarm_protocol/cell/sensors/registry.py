@@ -3,6 +3,7 @@
 from ..table import Table
 from .base import Quantity, Sensor
 from .current_sense import CurrentSense
+from .encoder import Encoder
 from .potentiometer import Potentiometer
 from .tachometer import Tachometer
 
@@ -13,6 +14,7 @@ class Sensors(Table):
     potentiometer: Potentiometer | None = None
     tachometer: Tachometer | None = None
     current_sense: CurrentSense | None = None
+    encoder: Encoder | None = None
 
     def fitted(self) -> tuple[Sensor, ...]:
         """Those that the joint has, in the order of the registry."""
@@ -23,5 +25,5 @@ class Sensors(Table):
         return next((sensor for sensor in self.fitted() if sensor.quantity is quantity), None)
 
 
-SENSOR_KINDS: dict[str, type[Sensor]] = {kind.kind: kind for kind in (Potentiometer, Tachometer, CurrentSense)}
+SENSOR_KINDS: dict[str, type[Sensor]] = {kind.kind: kind for kind in (Potentiometer, Tachometer, CurrentSense, Encoder)}
 """Every kind by its name."""

@@ -1,0 +1,35 @@
+"""Incremental encoder on a joint's or a motor's shaft, read by a counter card. Nothing of the true one's errors."""
+
+import math
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from ...cards.kind import Wire
+from .base import Fitting, Quantity, Sensor, SensorScale, Sign
+
+
+class Encoder(Sensor):
+    """`lines` periods of two tracks a turn of its shaft, and an index. A counter's 0 is where the joint is parked.
+
+    On the joint's shaft (`shaft = "joint"`) or on the motor's, before the gear.
+    """
+
+    kind: ClassVar[str] = "encoder"
+    title: ClassVar[str] = "encoder"
+    quantity: ClassVar[Quantity] = Quantity.POSITION
+    wire: ClassVar[Wire] = Wire.PULSES
+
+    lines: Annotated[int, Field(ge=1, le=1_000_000)]
+    shaft: Literal["joint", "motor"] = "joint"
+    sign: Sign = 1
+
+    def scale(self, fitting: Fitting) -> SensorScale:
+        """Radians of the joint a count; the joint is at home where the count is 0."""
+        turns = fitting.gear_ratio if self.shaft == "motor" else 1.0
+        step = self.sign * math.tau / (self.lines * fitting.edges_per_period * turns)
+        return SensorScale(-fitting.home_rad / step, step)
+
+    def seen(self) -> tuple[float, float]:
+        """Any angle: a counter goes round."""
+        return -math.inf, math.inf
