@@ -74,28 +74,26 @@ class World:
         self.time_ns = 0
         self._cell, self._truth, self._seed = cell, truth, seed
         self._max_step_ns = cell.physics.max_step_us * 1000
-        self._plant = Plant(cell, truth)
-        self._drives = [make_drive(joint, true) for joint, true in zip(cell.joints, truth.joints, strict=True)]
-        self._parking = Parking(cell)
-        self._held: list[int] = []
-        """Indices into the plant's angles and speeds of what a support carries."""
-        self._hold()
-        self._torque_nm = [0.0] * len(self._drives)
-        self._moment = Moment(self._drives, self._plant.motor_dof)
-        self._deviates = normal_deviates(seed)
+        self._torque_nm = [0.0] * len(cell.joints)
         self._grid = functools.lru_cache(maxsize=256)(self._cut)
         self._schedule: ScanSchedule | None = None
         """That of the last scan: nearly always the next one's too."""
         self._schedule_samples: list[list[tuple[int, float]]] = []
+        self._held: list[int] = []
+        """Indices into the plant's angles and speeds of what a support carries."""
+        self.power_on()
 
     def power_on(self) -> None:
         """As at the beginning, but for the time: parked, at rest, without current, the noise from its start."""
-        truth = self._truth
-        self._plant = Plant(self._cell, truth)
-        self._drives = [Drive(joint, true) for joint, true in zip(self._cell.joints, truth.joints, strict=True)]
-        self._parking = Parking(self._cell)
+        cell, truth = self._cell, self._truth
+        self._plant = Plant(cell, truth)
+        self._drives = [make_drive(joint, true) for joint, true in zip(cell.joints, truth.joints, strict=True)]
+        self._parking = Parking(cell)
         self._hold()
-        self._deviates = sensors.normal_deviates(self._seed)
+        self._moment = Moment(self._drives, self._plant.motor_dof)
+        self._deviates = normal_deviates(self._seed)
+        self._grid.cache_clear()
+        self._schedule = None
 
     def set_dac_output(self, joint_index: int, fraction: float) -> None:
         """Output of the joint's DAC0808, I_out/I_ref from 0 to 255/256; it acts from `time_ns` on."""
