@@ -8,6 +8,7 @@ import argparse
 import os
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
@@ -28,6 +29,7 @@ JOINTS = (1, 3, 5, 6, 7)
 URDF = "bench_arm"
 CELLS = (*map(str, JOINTS), URDF)
 MOTIONS = ("sine", "trapezoid")
+DETECTED = "detected "
 CYCLES = 2048
 """Of a run; the first 1024 are left out of its figures, as everywhere."""
 
@@ -76,10 +78,10 @@ def measure(job: Job) -> Result:
         stopped = rig.reason if rig.state is not State.RUNNING else None
         found = [detection.detector for detection in rig.detections]
         rms = max(joint.rms_error_lsb for joint in rig.joints.values()) if stopped is None else float("nan")
-    return Result(job, rms, stopped or (f"detected {found[0]}" if found else None))
+    return Result(job, rms, stopped or (f"{DETECTED}{found[0]}" if found else None))
 
 
-def with_figures(page: str, results: Sequence[Result], seeds: int) -> str:
+def with_figures(page: str, results: Sequence[Result]) -> str:
     """The page with its tables written again."""
     rms = {result.job: result.rms_lsb for result in results if result.job.seed == 0}
     rows = ["| cell | cycle | " + " | ".join(LAWS) + " |", "|---|---|" + "---|" * len(LAWS)]
@@ -88,9 +90,15 @@ def with_figures(page: str, results: Sequence[Result], seeds: int) -> str:
         figures = ["; ".join(f"{rms[Job(name, law, motion, 0)]:.2f}" for motion in MOTIONS) for law in LAWS]
         rows.append(f"| {cell.title} | {cell.bus.cycle_us / 1000:g} ms | " + " | ".join(figures) + " |")
     page = between(page, "figures", rows)
-    stopped = [result for result in results if result.reason is not None]
-    runs = f"{len(results)} runs without a fault, {seeds} seeds for each cell: {len(stopped)} stops or detections."
-    return between(page, "seeds", [runs])
+    accused = [result for result in results if result.reason is not None and result.reason.startswith(DETECTED)]
+    stops = sum(result.reason is not None for result in results) - len(accused)
+    counts = Counter(result.job.cell for result in {result.job[::3]: result for result in results}.values())
+    listed = ", ".join(f"{cell_of(name).name} {counts[name]}" for name in CELLS)
+    runs = f"{len(results)} runs without a fault, by seeds ({listed}): {stops} stops, {len(accused)} detections."
+    told = [
+        f"- {cell_of(job.cell).name}, {job.law} on the {job.motion}, seed {job.seed}: {why}" for job, _, why in accused
+    ]
+    return between(page, "seeds", [runs, "", *told] if told else [runs])
 
 
 def between(page: str, name: str, lines: Sequence[str]) -> str:
@@ -110,7 +118,7 @@ def main(words: Sequence[str] | None = None) -> int:
         for result in pool.map(measure, wanted):
             results.append(result)
             print(f"{len(results)}/{len(wanted)} {result}", file=sys.stderr)
-    PAGE.write_text(with_figures(PAGE.read_text(encoding="utf-8"), results, arguments.seeds), encoding="utf-8")
+    PAGE.write_text(with_figures(PAGE.read_text(encoding="utf-8"), results), encoding="utf-8")
     return 1 if any(result.reason is not None for result in results) else 0
 
 
