@@ -50,6 +50,7 @@ class ArmWatch:
             self.joints.append(kind(nominal, limit, timing, tell))
             sense = nominal.current
             self.currents.append(None if sense is None else CurrentWatch(nominal, sense, limit, timing, tell))
+        self._pair = (self.joints[0], self.joints[1]) if len(self.joints) == 2 else None
         self._senses = [(index, current) for index, current in enumerate(self.currents) if current is not None]
         self._robots: list[_RobotWatch] = []
         first = 0
@@ -94,18 +95,15 @@ class ArmWatch:
         accelerations = self._accelerate(last_nm)
         if self._resting:
             accelerations = self._from_rest(accelerations, measured_rad_s)
-        replaced = 0
-        is_agitated = False
-        place = 1
-        for joint, x, v, acceleration, x_code, v_code in zip(
-            self.joints, cycle.position_rad, measured_rad_s, accelerations, angle_codes, speed_codes,
-            strict=True,
-        ):  # fmt: skip
-            if joint.step(x, v, acceleration, x_code, v_code):
-                replaced |= place
-            if joint.is_agitated:
-                is_agitated = True
-            place <<= 1
+        if self._pair is not None:  # two joints without a loop: a fifth of the time of `step`
+            first, second = self._pair
+            (x1, x2), (v1, v2), (a1, a2) = cycle.position_rad, measured_rad_s, accelerations
+            replaced = int(first.step(x1, v1, a1, angle_codes[0], speed_codes[0]))
+            if second.step(x2, v2, a2, angle_codes[1], speed_codes[1]):
+                replaced |= 2
+            is_agitated = first.is_agitated or second.is_agitated
+        else:
+            replaced, is_agitated = self._step_all(cycle, accelerations, angle_codes, speed_codes)
         count = self._cycle = self._cycle + 1
         for index, current in self._senses:
             if ((count + index) & 1 or current.cycles) and (
@@ -122,6 +120,20 @@ class ArmWatch:
             self._refresh(cycle.position_rad, [joint.speed for joint in self.joints])
         if is_agitated or self._is_surprised:
             self._look_into(count, measured_rad_s, last_nm)
+
+    def _step_all(
+        self, cycle: Cycle, accelerations: Sequence[float], angle_codes: Sequence[int], speed_codes: Sequence[int]
+    ) -> tuple[int, bool]:
+        """Bits of the joints whose measurements are not to be believed, and whether any joint is agitated."""
+        replaced, place, is_agitated = 0, 1, False
+        rows = zip(cycle.position_rad, cycle.velocity_rad_s, accelerations, angle_codes, speed_codes, strict=True)
+        for joint, row in zip(self.joints, rows, strict=True):
+            if joint.step(*row):
+                replaced |= place
+            if joint.is_agitated:
+                is_agitated = True
+            place <<= 1
+        return replaced, is_agitated
 
     def follow(self, cycle: Cycle) -> None:
         """Judge the following error of one cycle, once its reference is known."""
