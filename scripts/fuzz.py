@@ -53,7 +53,9 @@ def fuzz(name: str, inputs: int, seeds: list[bytes]) -> bool:
         print(f"fuzz: {name}: ESCAPED, or ended early: status {done.returncode}\n{said[-4000:]}", flush=True)
         return False
     edges = COVERED.findall(said)
-    print(f"fuzz: {name}: {count[1]} inputs in {count[2]} s, {edges[-1] if edges else '?'} edges, 0 escaped", flush=True)
+    print(
+        f"fuzz: {name}: {count[1]} inputs in {count[2]} s, {edges[-1] if edges else '?'} edges, 0 escaped", flush=True
+    )
     return True
 
 

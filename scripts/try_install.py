@@ -1,6 +1,7 @@
 """Install canarm as the README says, in an empty environment of every supported Python on this machine, and run it.
 
-The line is read from the README, so that what is tried is what people are told.
+The line is read from the README, so that what is tried is what people are told: by pip with the Python that runs this,
+and with the others by uv where that is there, which takes a tenth of the time.
 """
 
 import os
@@ -15,18 +16,20 @@ ROOT = Path(__file__).resolve().parent.parent
 VERSIONS = ("3.11", "3.12", "3.13", "3.14")
 LINE = re.compile(r"^pip (install \./.+)$", re.MULTILINE)
 INSTALL_LIMIT_S, RUN_LIMIT_S = 900, 180
+UV_PATH = ROOT / ".venv" / "uv.path"
+UV = UV_PATH.read_text().strip() if UV_PATH.exists() else None
 IS_VERSION = "import sys; print('%d.%d' % sys.version_info[:2])"
 
 
 def interpreter(version: str) -> str | None:
-    """A Python of this version that runs, or None. (Version managers put names on PATH that do not.)"""
-    for name in (f"python{version}", sys.executable):
-        found = shutil.which(name)
-        if (
-            found
-            and subprocess.run([found, "-c", IS_VERSION], capture_output=True, text=True).stdout.strip() == version
-        ):
-            return found
+    """A Python of this version that runs, or None. Version managers put names on PATH that do not; uv knows theirs."""
+    found = [sys.executable, shutil.which(f"python{version}")]
+    if UV:
+        asked = [UV, "python", "find", "--no-project", "--no-python-downloads", version]
+        found.append(subprocess.run(asked, cwd="/", capture_output=True, text=True).stdout.strip())
+    for name in filter(None, found):
+        if subprocess.run([name, "-c", IS_VERSION], capture_output=True, text=True).stdout.strip() == version:
+            return name
     return None
 
 
@@ -45,7 +48,13 @@ def try_out(python: str, line: str) -> None:
         run(["git", "clone", "--quiet", str(ROOT), str(clone)], work, RUN_LIMIT_S)
         run([python, "-m", "venv", str(environment)], work, RUN_LIMIT_S)
         bin_folder = environment / ("Scripts" if os.name == "nt" else "bin")
-        run([str(bin_folder / "python"), "-m", "pip", "--quiet", *line.split()], clone, INSTALL_LIMIT_S)
+        inside = str(bin_folder / "python")
+        install, *packages = line.split()
+        if python == sys.executable or UV is None:
+            command = [inside, "-m", "pip", install, "--quiet", *packages]
+        else:
+            command = [UV, "pip", install, "--quiet", "--python", inside, *packages]
+        run(command, clone, INSTALL_LIMIT_S)
         canarm = str(bin_folder / "canarm")
         run([canarm, "check", "--cell", "konkuk1"], work, RUN_LIMIT_S)
         run([canarm, "demo", "--clock", "sync", "--seconds", "0.5", "--no-tui", "--json"], work, RUN_LIMIT_S)

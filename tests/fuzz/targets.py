@@ -1,4 +1,4 @@
-"""What strangers can say to canarm, one target per door: bytes go in, and nothing may come out but the errors of that door.
+"""What strangers can say to canarm, one target per door: bytes go in, and only the errors of that door may come out.
 
 A target takes any bytes and returns; an exception that it lets pass has escaped. `make fuzz` drives the same targets
 guided by coverage, the tests beside this file with a few thousand inputs of a fixed seed.
@@ -20,7 +20,6 @@ from canarm_protocol.cell.cell_file import load_cell, parse_cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import ProtocolError
 from canarm_protocol.faults.conditions import Condition
-unpacked = zlib.decompress
 from canarm_protocol.faults.fault_events import event_from_plain
 from canarm_protocol.faults.script import parse_faults
 from canarm_protocol.runs.run_folder import read_run_file
@@ -56,6 +55,13 @@ class _Benches:
 
 
 _benches = _Benches()
+
+
+def _said(error: Exception) -> None:
+    """A refusal says something, on lines that a terminal can show."""
+    text = str(error)
+    assert text, repr(error)
+    assert all(line.isprintable() for line in text.split("\n")), repr(text)
 
 
 def frames(data: bytes) -> None:
@@ -96,7 +102,7 @@ def toml(data: bytes) -> None:
         try:
             read(text, "input")
         except ProtocolError as error:
-            assert str(error)
+            _said(error)
 
 
 def conditions(data: bytes) -> None:
@@ -105,7 +111,7 @@ def conditions(data: bytes) -> None:
     try:
         condition = Condition(data.decode("utf-8", "replace"), known)
     except ProtocolError as error:
-        assert str(error)
+        _said(error)
     else:
         condition.holds(dict.fromkeys(known, 1.5))
 
@@ -118,17 +124,17 @@ def trajectories(data: bytes) -> None:
         try:
             read_trajectory_csv(path, CELL.joint_names)
         except ControllerError as error:
-            assert str(error)
+            _said(error)
 
 
 def packed(data: bytes) -> None:
     """A packed object of the bench node as its clients read it: the bytes themselves, and the bytes as its content."""
     for payload in (data, zlib.compress(data, 1)):
         try:
-            text = unpacked(payload).decode("ascii", "replace")
+            text = zlib.decompress(payload).decode("ascii", "replace")
             [event_from_plain(json.loads(line)) for line in text.splitlines() if line]
         except ProtocolError as error:
-            assert str(error)
+            _said(error)
 
 
 def run_folders(data: bytes) -> None:
@@ -138,7 +144,7 @@ def run_folders(data: bytes) -> None:
         try:
             read_run_file(Path(folder))
         except ProtocolError as error:
-            assert str(error)
+            _said(error)
 
 
 def _memory() -> str | None:

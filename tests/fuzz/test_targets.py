@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 _spec = importlib.util.spec_from_file_location("fuzz_targets", Path(__file__).parent / "targets.py")
-assert _spec is not None and _spec.loader is not None
+assert _spec is not None
+assert _spec.loader is not None
 targets = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(targets)
 

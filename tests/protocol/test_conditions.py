@@ -180,3 +180,8 @@ def test_a_condition_of_any_depth_is_read_or_refused_in_words(text: str) -> None
 
 def test_the_condition_that_ended_an_emulator_is_refused() -> None:
     assert "nested too deep; at most 25 levels" in refusal("(" + "~" * 380 + "f)(1) > 1")
+
+
+def test_a_condition_that_python_finds_odd_says_nothing_on_the_terminal(recwarn: pytest.WarningsRecorder) -> None:
+    assert Condition("time_s > 1and time_s < 2", {"time_s"}).holds({"time_s": 1.5})
+    assert not recwarn.list

@@ -8,6 +8,7 @@ import ast
 import itertools
 import math
 import operator
+import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 
 from ..cell.cell_messages import nearest
@@ -50,7 +51,9 @@ class Condition:
             raise FaultError(f"a condition of {len(text)} characters: must have at most {LONGEST_CONDITION}")
         self._source = text.strip()
         try:
-            body = ast.parse(self._source, mode="eval").body
+            with warnings.catch_warnings():  # of what Python finds odd, such as `1and`: the text is not ours
+                warnings.simplefilter("ignore", SyntaxWarning)
+                body = ast.parse(self._source, mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise FaultError(f"condition {text!r}: cannot be read; {_EXPECTED}") from None
         self._check_depth(body)
