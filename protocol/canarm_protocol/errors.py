@@ -6,6 +6,8 @@ the trees of the other packages hang on `CanarmError`.
 
 from enum import IntEnum
 
+from .shown import printable_lines
+
 
 class ExitStatus(IntEnum):
     """How a command ends."""
@@ -25,6 +27,10 @@ class CanarmError(Exception):
 
 class ProtocolError(CanarmError):
     """Base of every error raised by `canarm_protocol`."""
+
+    def __str__(self) -> str:
+        """The message, fit for a terminal whatever text of others it repeats."""
+        return printable_lines(super().__str__())
 
 
 class CellError(ProtocolError):

@@ -4,6 +4,8 @@ from collections.abc import Iterable
 
 from textual.content import Content
 
+from canarm_protocol.shown import printable
+
 from .texts import SEPARATOR, Tone, Word
 
 STYLES: dict[Tone, str] = {
@@ -21,5 +23,5 @@ def line_of(words: Iterable[Word]) -> Content:
     for word in words:
         if parts:
             parts.append(Content.styled(SEPARATOR, STYLES[Tone.DIM]))
-        parts.append(Content.styled(word.text, STYLES[word.tone]))
+        parts.append(Content.styled(printable(word.text), STYLES[word.tone]))
     return Content("").join(parts)

@@ -13,6 +13,7 @@ from textual.events import Resize
 from textual.widgets import DataTable, Static
 
 from canarm_protocol.cell.model import Cell
+from canarm_protocol.shown import printable
 
 from . import texts
 from .snapshot import Counters, JointNow, Snapshot
@@ -96,7 +97,7 @@ class JointsTable(DataTable[Content]):
             self._shown[row] = words
 
     def _cell(self, column: int, word: Word) -> Content:
-        return Content.styled(self._aligned(column, word.text), STYLES[word.tone])
+        return Content.styled(self._aligned(column, printable(word.text)), STYLES[word.tone])
 
     def _aligned(self, column: int, text: str) -> str:
         """Numbers to the right; words, in the first and the last column, to the left."""

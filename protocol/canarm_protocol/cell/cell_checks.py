@@ -15,12 +15,15 @@ from .sensors import SENSOR_KINDS, AnalogueSensor
 
 BENCH_NODE_IDS = range(0x70, 0x80)
 """Below them, the COB-IDs of the bench node would meet those of its telemetry and its further SDO channels."""
+LONGEST_TITLE = 200
 MOST_JOINTS = 32
 """The bench node's COB-IDs are laid out for as many."""
 
 
 def problems(cell: Cell) -> Iterator[str]:
     """Everything about a cell that does not fit together."""
+    if not cell.title.isprintable() or len(cell.title) > LONGEST_TITLE:
+        yield f"title = {cell.title!r}: must be one line of at most {LONGEST_TITLE} printable characters"
     yield from _bus_problems(cell.bus)
     yield from _repeated("robot.number", [robot.number for robot in cell.robot])
     yield from _repeated("robot.name", [robot.name for robot in cell.robot])

@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..errors import CellError
+from ..shown import printable
 from ..text_file import parse_toml, read_text
 from .cell_checks import problems
 from .cell_messages import explain, is_switch, keys_at, nearest
@@ -24,8 +25,6 @@ SWITCH = {"0": "false", "1": "true", "false": "false", "true": "true"}
 LARGEST_BYTES = 1_000_000
 DEEPEST = 20
 MOST_PROBLEMS = 20
-LONGEST_LINE = 400
-"""What a cell file may be, and how much is said of a wrong one. A cell has a depth of 5 and some 10 kB."""
 
 
 def shipped_cells() -> dict[str, str]:
@@ -61,13 +60,6 @@ def load_cell(name_or_path: str, settings: Mapping[str, str] | None = None) -> C
     except ValueError as error:
         raise CellError(f"{source}: {error}") from None
     return parse_cell(text, source, settings, path.parent)
-
-
-def printable(text: str) -> str:
-    """`text` on one line of bearable length, with escapes for what cannot be seen."""
-    if len(text) > LONGEST_LINE:
-        text = f"{text[: LONGEST_LINE // 2]} ... {text[-LONGEST_LINE // 2 :]}"
-    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
 
 def parse_cell(text: str, source: str, settings: Mapping[str, str] | None = None, folder: Path = Path()) -> Cell:
