@@ -24,13 +24,13 @@ class CanarmError(Exception):
 
     exit_status = ExitStatus.WRONG_INPUT
 
-
-class ProtocolError(CanarmError):
-    """Base of every error raised by `canarm_protocol`."""
-
     def __str__(self) -> str:
         """The message, fit for a terminal whatever text of others it repeats."""
         return printable_lines(super().__str__())
+
+
+class ProtocolError(CanarmError):
+    """Base of every error raised by `canarm_protocol`."""
 
 
 class CellError(ProtocolError):
