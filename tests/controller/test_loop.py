@@ -177,7 +177,7 @@ def test_an_unknown_feed_forward_is_refused(cell: Cell) -> None:
         make_loop(cell, feedforward="tabel")
 
 
-@pytest.mark.parametrize(("codes", "pose"), [([255, 128], "135"), ([146, 2], "-132.88")])
+@pytest.mark.parametrize(("codes", "pose"), [([255, 128], "135"), ([146, 0], "-135")])
 def test_a_start_beyond_the_limits_is_refused(loop: ControlLoop, codes: list[int], pose: str) -> None:
     with pytest.raises(TrajectoryError, match=rf"start from .*{pose}.*outside limits_deg"):
         loop.begin(codes)
