@@ -316,7 +316,7 @@ class Bench:
             length = self.hooks.cycle_length
             nominal_ns = self.cell.bus.cycle_ns
             self._next_sync_ns = now_ns + (nominal_ns if length is None else max(1, length(nominal_ns, now_ns)))
-        slaves = self.slaves if faults is None and not self._off else self._hearers(origin, now_ns)
+        slaves = self.slaves if faults is None and not self._off else bus.hearers(origin, now_ns)
         if missed_by:
             slaves = [slave for slave in slaves if slave.bus_name not in missed_by]
         pdos = [(slave, layout) for slave in slaves for layout in slave.on_sync(frame.data, now_ns)]
@@ -331,13 +331,6 @@ class Bench:
                 self._finish_transmissions(self.wire)
             bus.records.append(Record(time.time_ns, time_frame(time.time_ns)))
             self._may_move_on = True
-
-    def _hearers(self, sender: object, now_ns: int) -> list[Slave]:
-        """The cards that hear a SYNC while somebody is in bus-off or broken."""
-        if self.bus.is_lost(sender):
-            return []
-        sees = self.hooks.sees_sync
-        return [each for each in self.nodes.running if each.bus_name not in self._off and sees(each, now_ns)]
 
     def _finish_transmissions(self, wire: Wire) -> None:
         """The cycle's inputs reach the controller when the wire has carried them, or never if it is too slow.

@@ -10,7 +10,7 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 
 from ..bus_record import Record
-from ..node.slave import Emit
+from ..node.slave import Emit, Slave
 from ..robot.timeline import Timeline
 from ..wire.bus_trouble import BusTrouble, origin_of, wire_name
 from ..wire.error_frames import error_frame
@@ -84,6 +84,13 @@ class RobotBus:
     def is_lost(self, origin: object) -> bool:
         """Whether a client's frames do not get on the bus."""
         return bool(self._off) and wire_name(origin) in self._off
+
+    def hearers(self, sender: object, now_ns: int) -> list[Slave]:
+        """The cards that hear a SYNC while somebody is in bus-off or broken."""
+        if self.is_lost(sender):
+            return []
+        sees = self._hooks.sees_sync
+        return [each for each in self._nodes.running if each.bus_name not in self._off and sees(each, now_ns)]
 
     def way_out(self, node_id: int, name: Hashable) -> Emit:
         """The way of a card's frames onto the bus, through the card's own faults and those of the messages."""
