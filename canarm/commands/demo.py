@@ -180,7 +180,7 @@ def _served_host(serve: str) -> str:
 
 def _port_of(emulator: Child) -> int:
     """The port on which the emulator offers its buses, from the line in which it says so."""
-    found = emulator.wait_for(rf"^{BENCH_BUS} .*port=(\d+)$", START_S)
+    found = emulator.wait_for(rf"^{BENCH_BUS} .*port=(\d+)\b", START_S)
     if found is not None:
         return int(found.group(1))
     emulator.end()

@@ -59,7 +59,7 @@ def run_foreign(
             file.write_text(as_toml(_script(fault, injected_cycle)), encoding="utf-8")
             arguments += ["--faults", str(file)]
         with Child("emulator", arguments, quiet=True) as emulator:
-            found = emulator.wait_for(rf"^{BENCH_BUS} .*port=(\d+)$", START_S)
+            found = emulator.wait_for(rf"^{BENCH_BUS} .*port=(\d+)\b", START_S)
             if found is None:
                 raise BusError(f"the emulator has not offered its buses: {emulator.complaints.strip()}")
             truth = folder / SIGNALS_FOLDER / SIGNALS_FILE

@@ -39,7 +39,7 @@ def emulator() -> Iterator[int]:
     """The port of an emulator of its own, in lockstep, which gives a busy machine time."""
     arguments = ["--serve", "127.0.0.1:0", "--clock", "sync", "--sync-timeout", "60"]
     with Child("emulator", arguments, quiet=True) as child:
-        match = child.wait_for(r"^bench .*port=(\d+)$", DEADLINE_S)
+        match = child.wait_for(r"^bench .*port=(\d+)\b", DEADLINE_S)
         assert match is not None, child.complaints
         yield int(match.group(1))
 
