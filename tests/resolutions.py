@@ -30,3 +30,15 @@ def cell_of_two_adcs(second_us: int = 150) -> Cell:
     text += f'model = "adc0809"{head}channel = [\n{first}\n]\n\n'
     text += f"{card}conversion_us = {second_us}\nchannel = [\n{second}\n]\n{rest}"
     return parse_cell(text, "konkuk1 with two ADCs")
+
+
+def cell_of_encoders(lines: int = 2048, counter_bits: int = 32) -> Cell:
+    """konkuk1 with an encoder on each joint's shaft, at an encoder counter in slot 5, instead of its potentiometers."""
+    text = re.sub(r"\[robot\.joint\.sensors\.potentiometer\](\n[^\n\[]+)+", "", _konkuk1())
+    encoder = f"[robot.joint.sensors.encoder]\nlines = {lines}\n\n"
+    text = text.replace("[robot.joint.sensors.tachometer]", f"{encoder}[robot.joint.sensors.tachometer]")
+    text = re.sub(r" *\{[^}]*potentiometer[^}]*\},\n", "", text)
+    card = '[[card]]\nname = "counter"\nmodel = "encoder_counter"\nrobot = "konkuk1"\nslot = 5\nnode_id = 0x15\n'
+    wires = [f'{{ number = {n}, signal = "joint{n + 1}.encoder" }}' for n in (1, 2)]
+    text += f"\n{card}counter_bits = {counter_bits}\nchannel = [{', '.join(wires)}]\n"
+    return parse_cell(text, "konkuk1 with encoders")

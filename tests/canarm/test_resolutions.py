@@ -7,7 +7,7 @@ import pytest
 from canarm import Rig
 from canarm.rig.rig import State
 from canarm_protocol.cell.model import Cell
-from tests.resolutions import cell_of_bits, cell_of_two_adcs
+from tests.resolutions import cell_of_bits, cell_of_encoders, cell_of_two_adcs
 
 STEP_OF_8_BITS_RAD = math.radians(270.0) / 255
 
@@ -35,3 +35,9 @@ def test_finer_converters_follow_no_worse_than_the_8_bits_of_the_real_robot() ->
 
 def test_the_loop_runs_with_the_joints_at_two_adc_cards() -> None:
     assert max(error_rad(cell_of_two_adcs())) < STEP_OF_8_BITS_RAD
+
+
+@pytest.mark.parametrize("counter_bits", [16, 32])
+def test_the_loop_runs_on_encoders_that_are_counted_finer_than_eight_bits(counter_bits: int) -> None:
+    pytest.importorskip("canarm_protocol.cell.sensors.encoder")
+    assert max(error_rad(cell_of_encoders(counter_bits=counter_bits))) < STEP_OF_8_BITS_RAD
