@@ -39,5 +39,4 @@ def test_the_loop_runs_with_the_joints_at_two_adc_cards() -> None:
 
 @pytest.mark.parametrize("counter_bits", [16, 32])
 def test_the_loop_runs_on_encoders_that_are_counted_finer_than_eight_bits(counter_bits: int) -> None:
-    pytest.importorskip("canarm_protocol.cell.sensors.encoder")
     assert max(error_rad(cell_of_encoders(counter_bits=counter_bits))) < STEP_OF_8_BITS_RAD
