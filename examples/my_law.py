@@ -5,7 +5,7 @@ Run it:  canarm demo --law examples/my_law.py:MyLaw
 
 from collections.abc import Sequence
 
-from canarm_controller.dynamics import NominalArm
+from canarm_controller.dynamics import Arm
 from canarm_controller.laws import ControlLaw, Cycle
 from canarm_protocol.cell import Control
 
@@ -19,7 +19,7 @@ class MyLaw(ControlLaw):
     name = "mine"
     takes_feedforward = False  # a table would carry the weight a second time
 
-    def __init__(self, arm: NominalArm, control: Control, period_s: float) -> None:
+    def __init__(self, arm: Arm, control: Control, period_s: float) -> None:
         self.arm = arm
 
     def start(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from canarm_protocol.cell.model import Cell
 
-from ..dynamics import Arm, nominal_arm
+from ..dynamics import Arm, cell_arm
 from ..errors import TrajectoryError
 
 Floats = NDArray[np.float64]
@@ -64,7 +64,7 @@ class Limits:
             speed_rad_s=tuple(joint.fastest_rad_s for joint in cell.joints),
             period_s=cell.bus.cycle_s,
             current_a=tuple(joint.drive.max_current_a for joint in cell.joints),
-            arm=nominal_arm(cell.robot[0]) if len(cell.robot) == 1 else None,
+            arm=cell_arm(cell.robot, cell.joint_names),
         )
 
     def check(self, trajectory: Sampled, duration_s: float, source: str) -> None:
