@@ -52,7 +52,7 @@ def cell_of(joints: int, sensors: tuple[str, ...] = SENSORS) -> Cell:
     origin, built = (0.0, 0.0, 0.0), []
     for name, (axis, length, mass) in zip(names, ARMS[joints], strict=True):
         along = UP if axis == UP else ROLLS
-        thin, across = mass * 0.03**2 / 2, mass * length**2 / 12
+        thin, across = mass * 0.03**2 / 2, mass * (3 * 0.03**2 + length**2) / 12
         body = {
             "origin_m": origin,
             "axis": axis,
@@ -107,7 +107,7 @@ def cards_of(names: list[str], sensors: tuple[str, ...], cards: tuple[dict[str, 
 
 
 def with_drives(robot: Robot) -> Robot:
-    """Motors with which gravity takes at most half of the current, and a joint without weight accelerates at will."""
+    """Motors with which gravity takes at most half of the current, and supplies that suffice at full speed."""
     arm, rng = SerialArm.from_robot(robot), np.random.default_rng(0)
     poses = rng.uniform(-2.2, 2.2, (400, arm.joint_count)).tolist()
     hold_nm = np.abs([arm.gravity(pose) for pose in poses]).max(axis=0)
@@ -123,7 +123,9 @@ def with_drives(robot: Robot) -> Robot:
                 "coulomb_friction_nm": 0.025 * torque,
             }
         )
-        joints.append(joint.model_copy(update={"motor": motor}))
+        supply_v = 1.1 * (2.5 * motor.back_emf_v_s_rad + CURRENT_A * motor.winding_ohm)
+        drive = joint.drive.model_copy(update={"supply_v": max(supply_v, joint.drive.supply_v)})
+        joints.append(joint.model_copy(update={"motor": motor, "drive": drive}))
     return robot.model_copy(update={"joint": tuple(joints)})
 
 

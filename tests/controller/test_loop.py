@@ -14,7 +14,7 @@ from canarm_controller.reference.trajectory import make_trajectory
 from canarm_controller.run.loop import ControlLoop
 from canarm_controller.run.state import State
 from canarm_protocol.cell.cell_file import load_cell
-from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.model import CARD_TYPES, Cell
 from canarm_protocol.cell.wiring import card_nodes, input_slots
 
 # Places of konkuk1's codes: potentiometers 2 and 3, tachometers 2 and 3, current senses 2 and 3.
@@ -382,3 +382,18 @@ def test_a_law_cannot_change_what_it_is_judged_by(make_pair, tmp_path: Path) -> 
     assert spoilt.controller.state is State.RUNNING, spoilt.controller.reason
     assert rows[0] == rows[1]
     assert rows[0][59][0] == 59
+
+
+def test_a_table_of_bytes_is_not_what_a_finer_dac_is_fed_from(cell: Cell) -> None:
+    """Unless somebody asks for it: 7 bits of magnitude, where a 12-bit DAC has 12."""
+    cards = tuple(
+        CARD_TYPES["dac"].model_validate({**card.model_dump(exclude_unset=True), "model": "dac", "bits": 12})
+        if card.name == "dac"
+        else card
+        for card in cell.card
+    )
+    fine = cell.model_copy(update={"card": cards})
+    assert make_loop(cell, load_law("mras")).feedforward_kind == "table"
+    assert make_loop(fine, load_law("mras")).feedforward_kind == "online"
+    assert make_loop(fine, load_law("mras"), "table").feedforward_kind == "table"
+    assert make_loop(fine, load_law("pd")).feedforward_kind == "none"

@@ -36,6 +36,8 @@ BANK_END = TABLE_BASE + BANK_BYTES
 """First address above a bank: $8000, well below the end of a 48 KiB Apple II+'s RAM at $C000."""
 DIRECTION_BIT = 0x80
 MAGNITUDE_MASK = 0x7F
+TABLE_BITS = 8
+"""Of a table byte."""
 DAC_STEPS = 255
 """DAC code at full-scale current."""
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from canarm_protocol.cell.arm import Joint
 from canarm_protocol.cell.model import Cell
 
 from ..errors import TrajectoryError
@@ -34,6 +35,8 @@ __all__ = [
 
 BUILT_IN = ("sine", "trapezoid")
 TRAPEZOID_PERIOD_S = 5.12
+LEAST_OF_SUPPLY = 0.2
+"""What is left for the back-EMF of a motor whose winding takes all: it never needs full current at speed."""
 CHECKED_S = 4 * TRAPEZOID_PERIOD_S
 """Of the built-in motions, whose joints have periods of their own: limits that hold for so long hold for ever."""
 
@@ -163,9 +166,16 @@ def _path_of(spec: str) -> tuple[Path, Interpolation | None]:
 def _built_in(name: str, limits: Limits, cell: Cell) -> Trajectory:
     """The two test motions, for the joints of `cell`."""
     home_deg = [joint.home_deg for joint in cell.joints]
-    swings = swings_of(home_deg, limits.low_deg, limits.high_deg, limits.speed_rad_s)
+    speed_rad_s = [min(own, _driven_rad_s(joint)) for own, joint in zip(limits.speed_rad_s, cell.joints, strict=True)]
+    swings = swings_of(home_deg, limits.low_deg, limits.high_deg, speed_rad_s)
     centre, amplitude = [each.centre_deg for each in swings], [each.amplitude_deg for each in swings]
     if name == "sine":
         return Sine(limits, centre, amplitude, [each.period_s for each in swings])
     low, high = ([c + way * a for c, a in zip(centre, amplitude, strict=True)] for way in (-1.0, 1.0))
     return Trapezoid(limits, low, high, period_s=TRAPEZOID_PERIOD_S, blend_s=0.15)
+
+
+def _driven_rad_s(joint: Joint) -> float:
+    """The speed at which the supply still drives all of the amplifier's current through the winding."""
+    left_v = joint.drive.supply_v - joint.drive.max_current_a * joint.motor.winding_ohm
+    return max(left_v, LEAST_OF_SUPPLY * joint.drive.supply_v) / joint.motor.back_emf_v_s_rad

@@ -14,8 +14,8 @@ from ..errors import ControllerError, LawError
 from ..laws.base import ControlLaw, Cycle
 from ..laws.failure import law_failure, shown
 from ..laws.loading import LAWS
-from ..reference.feedforward import make_feedforward
-from ..reference.memory import SAMPLES, MemoryImage
+from ..reference.feedforward import FeedforwardKind, make_feedforward
+from ..reference.memory import SAMPLES, TABLE_BITS, MemoryImage
 from ..reference.trajectory import Reference, Trajectory
 from .inputs import JointInputs
 
@@ -60,7 +60,7 @@ class ControlLoop:
                     "names must be ASCII letters, digits and underscores, such as 'bias_a'"
                 )
         self.trajectory = trajectory
-        self.feedforward_kind = feedforward or law.default_feedforward
+        self.feedforward_kind = feedforward or default_feedforward(cell, law)
         if self.feedforward_kind != "none" and not law.takes_feedforward:
             raise ControllerError(
                 f"law {law.name!r} supplies the torque of the model itself; use --feedforward none, "
@@ -197,6 +197,17 @@ class ControlLoop:
         rows = (map(tuple, part[sample : sample + CHUNK].tolist()) for part in parts)
         self._reference = list(zip(*rows, strict=True))
         self._chunk_tick = tick
+
+
+def default_feedforward(cell: Cell, law: type[ControlLaw]) -> str:
+    """Where the feed-forward of `law` comes from unless somebody says so.
+
+    A byte of the table is as good as an 8-bit DAC; with a finer one the torque of a law that would take it from there
+    is computed on line.
+    """
+    bits = max(command_codec(cell, joint).bits for joint in range(len(cell.joints)))
+    kind = FeedforwardKind(law.default_feedforward)
+    return FeedforwardKind.ONLINE if kind is FeedforwardKind.TABLE and bits > TABLE_BITS else kind
 
 
 def _is_plain_name(name: object) -> bool:
