@@ -139,7 +139,12 @@ class PairState:
     def gradient(self, s: Pair) -> list[float]:
         """Yᵀs, one number per parameter."""
         s1, s2 = s
-        return [of1 * s1 + of2 * s2 for of1, of2 in zip(self._row1, self._row2, strict=True)]
+        a, b = self._row1, self._row2
+        return [
+            a[0] * s1 + b[0] * s2, a[1] * s1 + b[1] * s2, a[2] * s1 + b[2] * s2, a[3] * s1 + b[3] * s2,
+            a[4] * s1 + b[4] * s2, a[5] * s1 + b[5] * s2, a[6] * s1 + b[6] * s2, a[7] * s1 + b[7] * s2,
+            a[8] * s1 + b[8] * s2,
+        ]  # fmt: skip
 
 
 def dot(row: Row, a: Sequence[float]) -> float:

@@ -56,18 +56,22 @@ class ComputedTorque(ControlLaw):
         state, model = self._state, self._model
         state.update(cycle, self._acceleration)
         q, qd, speeds = state.position_rad, state.velocity_rad_s, state.reference_rad_s
-        errors = [angle - wanted for angle, wanted in zip(q, state.reference_rad, strict=True)]
-        rates = [speed - wanted for speed, wanted in zip(qd, speeds, strict=True)]
-        self._error_rad = errors
         stiffness, damping = self._stiffness, self._damping
-        aimed = [
-            change - damping * rate - stiffness * error
-            for change, rate, error in zip(cycle.reference_rad_s2, rates, errors, strict=True)
-        ]
+        lead = damping / stiffness
+        errors: list[float] = []
+        aimed: list[float] = []
+        deviation_rad: list[float] = []
+        for angle, speed, wanted, wanted_speed, change in zip(
+            q, qd, state.reference_rad, speeds, cycle.reference_rad_s2, strict=True
+        ):
+            error, rate = angle - wanted, speed - wanted_speed
+            errors.append(error)
+            aimed.append(change - damping * rate - stiffness * error)
+            deviation_rad.append(error + lead * rate)
+        self._error_rad = errors
         modelled = model.at(q, qd, qd, aimed, speeds).torque_nm(model.nominal)
         torque_nm = [torque + ahead for torque, ahead in zip(modelled, cycle.feedforward_nm, strict=True)]
-        deviation = [error + damping / stiffness * rate for error, rate in zip(errors, rates, strict=True)]
-        return self._standing.apply(cycle, deviation, torque_nm)
+        return self._standing.apply(cycle, deviation_rad, torque_nm)
 
     def internals(self) -> Mapping[str, Sequence[float]]:
         """Position and speed as the law sees them, and the error (rad)."""

@@ -60,12 +60,14 @@ class SlotineLi(ControlLaw):
             raise LawError("law 'slotine-li': the cell has no [control.slotine_li]; give its gains as konkuk1 does")
         self._rate = gains.error_rate_rad_s
         self._damping_nm_s = [gains.sliding_rate_rad_s * inertia for inertia in arm.effective_inertia]
-        self._adapt = period_s * gains.adaptation
         self._leak = period_s * gains.leakage
         self._model = arm_model(arm)
+        self._rates = [period_s * gains.adaptation * nominal for nominal in self._model.nominal]
         self._state = ArmState(control.observer, period_s, arm.joint_count)
         self._standing = StandingHold(control.standing_band_rad, arm.joint_count)
         self.sliding_rad_s: Sequence[float] = ()
+        self.factors: list[float] = []
+        self._parameters: list[float] = []
         self._restart_parameters()
 
     def start(
@@ -81,27 +83,32 @@ class SlotineLi(ControlLaw):
         state, rate = self._state, self._rate
         state.update(cycle, self._acceleration)
         q, qd, speeds = state.position_rad, state.velocity_rad_s, state.reference_rad_s
-        errors = [angle - wanted for angle, wanted in zip(q, state.reference_rad, strict=True)]
-        rates = [speed - wanted for speed, wanted in zip(qd, speeds, strict=True)]
-        sliding = [slope + rate * error for slope, error in zip(rates, errors, strict=True)]
+        sliding: list[float] = []
+        reference_rad_s: list[float] = []
+        reference_rad_s2: list[float] = []
+        deviation_rad: list[float] = []
+        for angle, speed, wanted, wanted_speed, change in zip(
+            q, qd, state.reference_rad, speeds, cycle.reference_rad_s2, strict=True
+        ):
+            error, slope = angle - wanted, speed - wanted_speed
+            s = slope + rate * error
+            sliding.append(s)
+            reference_rad_s.append(wanted_speed - rate * error)
+            reference_rad_s2.append(change - rate * slope)
+            deviation_rad.append(s / rate)
         self.sliding_rad_s = sliding
-        model = self._model.at(
-            q,
-            qd,
-            [speed - rate * error for speed, error in zip(speeds, errors, strict=True)],
-            [change - rate * slope for change, slope in zip(cycle.reference_rad_s2, rates, strict=True)],
-            speeds,
-        )
-        torque_nm = [
-            modelled - damping * s + ahead
-            for modelled, damping, s, ahead in zip(
-                model.torque_nm(self._parameters), self._damping_nm_s, sliding, cycle.feedforward_nm, strict=True
-            )
-        ]
-        commanded_nm = self._standing.apply(cycle, [s / rate for s in sliding], torque_nm)
-        is_held, saturated = self._standing.is_held, cycle.saturated
-        heard = [0.0 if saturated[joint] or is_held(joint) else s for joint, s in enumerate(sliding)]
-        self._learn(model.gradient(heard))
+        model = self._model.at(q, qd, reference_rad_s, reference_rad_s2, speeds)
+        torque_nm: list[float] = []
+        for modelled, damping, s, ahead in zip(
+            model.torque_nm(self._parameters), self._damping_nm_s, sliding, cycle.feedforward_nm, strict=True
+        ):
+            torque_nm.append(modelled - damping * s + ahead)
+        standing = self._standing
+        commanded_nm = standing.apply(cycle, deviation_rad, torque_nm)
+        for joint, is_saturated in enumerate(cycle.saturated):
+            if is_saturated or standing.is_held(joint):
+                sliding = [0.0 if at == joint else s for at, s in enumerate(sliding)]
+        self._learn(model.gradient(sliding))
         return commanded_nm
 
     def internals(self) -> Mapping[str, Sequence[float]]:
@@ -109,12 +116,18 @@ class SlotineLi(ControlLaw):
         return {"sliding_rad_s": list(self.sliding_rad_s), **self._model.by_joint(self.factors)}
 
     def _learn(self, gradient: Sequence[float]) -> None:
-        adapt, leak, nominal = self._adapt, self._leak, self._model.nominal
-        for i, factor in enumerate(self.factors):
-            moved = factor - adapt * nominal[i] * gradient[i] - leak * (factor - 1.0)
-            moved = LOWEST if moved < LOWEST else HIGHEST if moved > HIGHEST else moved
-            self.factors[i] = moved
-            self._parameters[i] = moved * nominal[i]
+        leak = self._leak
+        factors: list[float] = []
+        parameters: list[float] = []
+        for factor, rate, nominal, slope in zip(self.factors, self._rates, self._model.nominal, gradient, strict=True):
+            moved = factor - rate * slope - leak * (factor - 1.0)
+            if moved < LOWEST:
+                moved = LOWEST
+            elif moved > HIGHEST:
+                moved = HIGHEST
+            factors.append(moved)
+            parameters.append(moved * nominal)
+        self.factors, self._parameters = factors, parameters
 
     def _acceleration(self, q: Sequence[float], qd: Sequence[float], torque_nm: Sequence[float]) -> Sequence[float]:
         return self._model.acceleration(self._parameters, q, qd, torque_nm)
