@@ -5,6 +5,7 @@ guided by coverage, the tests beside this file with a few thousand inputs of a f
 """
 
 import tempfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame
 from canarm_protocol.cell.cell_file import load_cell, parse_cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import ProtocolError
+from canarm_protocol.faults.bench_answers import plain_of, unpacked
 from canarm_protocol.faults.conditions import Condition
 from canarm_protocol.faults.script import parse_faults
 from canarm_protocol.runs.run_folder import read_run_file
@@ -124,6 +126,16 @@ def trajectories(data: bytes) -> None:
             _said(error)
 
 
+def packed(data: bytes) -> None:
+    """A packed object of the bench node as its clients read it: the bytes themselves, and the bytes as its content."""
+    for payload in (data, zlib.compress(data, 1)):
+        try:
+            for line in unpacked(payload).splitlines():
+                plain_of(line, dict)
+        except ValueError as error:
+            _said(error)
+
+
 def run_folders(data: bytes) -> None:
     """`run.json` of somebody's run folder."""
     with tempfile.TemporaryDirectory(dir=_memory()) as folder:
@@ -140,7 +152,7 @@ def _memory() -> str | None:
 
 
 TARGETS: dict[str, Callable[[bytes], None]] = {
-    each.__name__: each for each in (frames, socketcand, slcan, toml, conditions, trajectories, run_folders)
+    each.__name__: each for each in (frames, socketcand, slcan, toml, conditions, trajectories, packed, run_folders)
 }
 
 SEEDS: dict[str, list[bytes]] = {
@@ -162,6 +174,7 @@ SEEDS: dict[str, list[bytes]] = {
     ],
     "conditions": [b"joint2.angle_deg > 30 and time_s > 1", b"not (abs(joint2.angle_deg) < 1e3)"],
     "trajectories": [b"time_s,joint2,joint3\n0,20,0\n3,20,0\n3.5,45,0\n"],
+    "packed": [b'{"event":"fault begins","set":"a","tap":"b","fault":"c","time_s":1.0,"cycle":400}\n'],
     "run_folders": [b'{"cell": "konkuk1", "state": "done", "ticks": 4096}'],
 }
 """Inputs that mean something, from which mutations begin."""

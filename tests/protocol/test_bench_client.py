@@ -11,7 +11,7 @@ from canarm_protocol.canopen.sdo import LARGEST_UPLOAD
 from canarm_protocol.cell import bench_objects as objects
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.errors import BusError
-from canarm_protocol.faults import bench_client
+from canarm_protocol.faults import bench_answers
 from canarm_protocol.faults.bench_client import BenchClient
 
 CELL = load_cell("konkuk1")
@@ -80,7 +80,7 @@ def test_an_object_that_is_announced_as_larger_than_any_is_not_taken() -> None:
 
 
 def test_what_unpacks_to_more_than_makes_sense_is_not_unpacked(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench_client, "LARGEST_UNPACKED", 100_000)
+    monkeypatch.setattr(bench_answers, "LARGEST_UNPACKED", 100_000)
     packed = zlib.compress(bytes(20_000_000), 9)
     assert len(packed) < 20_000
     tracemalloc.start()

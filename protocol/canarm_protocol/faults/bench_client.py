@@ -5,11 +5,9 @@ known here: the bench refuses, and this passes the reason on.
 """
 
 import contextlib
-import json
 import secrets
 import struct
 import time
-import zlib
 from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -19,8 +17,10 @@ from ..canopen.sdo import SdoAborted, download, upload
 from ..cell import bench_objects as objects
 from ..cell.model import Cell
 from ..errors import BusError, FaultError
+from ..shown import printable_lines
 from ..transport.port import BusPort
 from ..transport.sdo_session import SdoSession
+from .bench_answers import P, plain_of, unpacked
 from .fault_toml import as_toml
 from .script import LARGEST_TEXT, FaultScript, clearing
 
@@ -31,11 +31,7 @@ MOST_READS = 1000
 _REFUSED = "refused: "
 _TOKEN = struct.Struct("<I")
 
-LARGEST_UNPACKED = 8 << 20
-"""Bytes; the catalogue of the largest cell has less than one million."""
-
 T = TypeVar("T")
-P = TypeVar("P", dict[str, Any], list[Any])
 
 
 class BenchClient:
@@ -125,27 +121,19 @@ class BenchClient:
     def _read(self, index: int) -> bytes:
         return self._ask(lambda session: session.upload(index))
 
-    def _unpacked(self, index: int) -> bytes:
-        """An object that was packed: 408 kB of zeros can be 842 MB, so no more is unpacked than makes sense."""
-        unpacker = zlib.decompressobj()
-        try:
-            data = unpacker.decompress(self._read(index), LARGEST_UNPACKED)
-        except zlib.error:
-            raise BusError(f"{self._where}: what 0x{index:04X} holds cannot be unpacked") from None
-        if not unpacker.eof:
-            reason = f"is longer than {LARGEST_UNPACKED} bytes" if len(data) >= LARGEST_UNPACKED else "is cut short"
-            raise BusError(f"{self._where}: what 0x{index:04X} holds {reason}")
-        return data
-
     def _plain(self, data: bytes, kind: type[P]) -> P:
-        """The JSON of the bench node, of the type that it should have."""
+        return self._sense(lambda: plain_of(data, kind))
+
+    def _unpacked(self, index: int) -> bytes:
+        data = self._read(index)
+        return self._sense(lambda: unpacked(data))
+
+    def _sense(self, read: Callable[[], T]) -> T:
+        """What `read` makes of an answer. Raises `BusError` where it makes nothing of it."""
         try:
-            plain = json.loads(data)
-        except (ValueError, RecursionError):
-            plain = None
-        if not isinstance(plain, kind):
-            raise BusError(f"{self._where}: what it says makes no sense; is it a bench of this project?")
-        return plain
+            return read()
+        except ValueError as error:
+            raise BusError(f"{self._where}: {error}; is it a bench of this project?") from None
 
     def _ask(self, conversation: Callable[[SdoSession], T]) -> T:
         """Talk to the node on a channel that is surely ours. Raises `BusError`."""
@@ -207,4 +195,4 @@ class BenchClient:
 
 
 def _text(data: bytes) -> str:
-    return data.decode("ascii", "replace")
+    return printable_lines(data.decode("ascii", "replace"))
