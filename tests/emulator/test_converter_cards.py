@@ -141,13 +141,13 @@ def test_what_the_master_sets_is_accepted_and_the_inputs_come_in_that_form(bits:
 
 def watch_starts(card: Any, times_ns: list[int]) -> None:
     """Note when a card's conversions start."""
-    start = card.start
+    convert = card.convert
 
-    def noted(volts: float, now_ns: int) -> None:
+    def noted(volts: float, now_ns: int) -> int:
         times_ns.append(now_ns)
-        start(volts, now_ns)
+        return int(convert(volts, now_ns))
 
-    card.start = noted
+    card.convert = noted
 
 
 def test_two_adc_cards_convert_at_the_same_time_and_each_sends_when_it_is_done() -> None:

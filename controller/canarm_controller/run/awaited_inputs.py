@@ -30,9 +30,11 @@ class AwaitedInputs:
 
     def take(self, layout: PdoLayout, data: bytes) -> bool:
         """Take the data of a TPDO. False for what is too short, or no code of the card's converter."""
-        if len(data) < layout.size:
-            return False
-        values = layout.unpack(data[: layout.size])
+        if len(data) != layout.size:
+            if len(data) < layout.size:
+                return False
+            data = data[: layout.size]
+        values = layout.unpack(data)
         if min(values) < self._lowest[layout.cob_id]:
             return False
         for (place, shift), value in zip(self._places[layout.cob_id], values, strict=True):

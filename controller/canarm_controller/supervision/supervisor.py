@@ -231,7 +231,7 @@ class Supervisor:
 
 def _is_finite(torque: object) -> bool:
     """Raises `TypeError` for what is no real number, `OverflowError` for an int that no float can hold."""
-    if not isinstance(torque, Real):
+    if type(torque) is not float and not isinstance(torque, Real):  # an abstract class is slow to ask
         raise TypeError
     return math.isfinite(torque)
 

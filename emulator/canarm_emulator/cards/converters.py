@@ -57,6 +57,12 @@ class Converter:
             self._result = self._converting
         return self._result
 
+    def convert(self, volts: float, now_ns: int) -> int:
+        """Begin as `start` does, and read when the conversion is over."""
+        self._result = self._converting = code = self.code(volts)
+        self._done_ns = now_ns + self.conversion_ns
+        return code
+
     def code(self, volts: float) -> int:
         """The converter's characteristic."""
         step, full_scale = volts * self._gain if volts > 0.0 else 0.0, self._full_scale

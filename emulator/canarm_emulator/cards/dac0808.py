@@ -45,8 +45,13 @@ class Dac0808Card:
 
     def load(self, channel: int, code: int, now_ns: int) -> None:
         """Write both latches of a channel, as the Apple II's program does."""
-        self.write(2 * channel, code & 0x0F, now_ns)
-        self.write(2 * channel + 1, code >> NIBBLE, now_ns)
+        latches, low, high = self._latches, code & 0x0F, code >> NIBBLE
+        if latches[2 * channel] != low:
+            latches[2 * channel] = low
+            self.refresh(channel)
+        if latches[2 * channel + 1] != high:
+            latches[2 * channel + 1] = high
+            self.refresh(channel)
 
     def refresh(self, channel: int) -> None:
         """Convert what stands in the latches, as changed by whatever breaks between them and the converter."""

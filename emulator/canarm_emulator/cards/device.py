@@ -55,14 +55,8 @@ class LatchRegister(RegisterCard, Protocol):
 class AdcRegisters(RegisterCard, Protocol):
     """A card of one A/D converter behind a multiplexer."""
 
-    conversion_ns: int
-
-    def start(self, volts: float, now_ns: int) -> None:
-        """What a write to a channel's address does, with what stands at its pin then."""
-        ...
-
-    def result(self, now_ns: int) -> int:
-        """What reads of the data registers give."""
+    def convert(self, volts: float, now_ns: int) -> int:
+        """Write to a channel's address, with what stands at its pin then; read the data when they are there."""
         ...
 
 
@@ -168,12 +162,9 @@ class AdcDevice:
 
     def scan(self, begin_ns: int, samples: Samples, values: list[float]) -> None:
         """Convert one channel after the other: start, and read when the conversion is over."""
-        start, result, conversion_ns = self._card.start, self._card.result, self._card.conversion_ns
-        codes, distortions = self._codes, self._distortions
+        convert, codes, distortions = self._card.convert, self._codes, self._distortions
         for channel, offset_ns, place in samples:
-            at_ns = begin_ns + offset_ns
-            start(values[place], at_ns)
-            code = result(at_ns + conversion_ns)
+            code = convert(values[place], begin_ns + offset_ns)
             if distortions and channel in distortions:
                 code = int(distortions[channel](code))
             codes[channel] = code

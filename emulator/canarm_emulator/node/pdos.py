@@ -55,6 +55,8 @@ class Pdos:
         self._last_sent: dict[int, bytes] = {}
         self._syncs_until_due: dict[int, int] = {}
         self._first_syncs: dict[int, int] = {}
+        self._is_every_sync = False
+        """Whether every SYNC asks for all TPDOs."""
         self._last_sync_ns = NEVER
         self._sync_overflow = 0
 
@@ -78,6 +80,8 @@ class Pdos:
         self._syncs_until_due = {layout.number: layout.transmission_type for layout in self.tpdos}
         starts = {p.number: optional(COMMUNICATION["tpdo"] + p.number - 1, SYNC_START_VALUE) for p in self.tpdos}
         self._first_syncs = {n: start for n, start in starts.items() if start and self.sync_length}
+        always = (0, 1, SYNCHRONOUS_ON_REQUEST)
+        self._is_every_sync = not self._first_syncs and all(each.transmission_type in always for each in self.tpdos)
         self.events.activate(self.tpdos, now_ns)
 
     def clear(self) -> None:
@@ -120,8 +124,8 @@ class Pdos:
         self._last_sync_ns = now_ns
         if self._received:
             self.apply_outputs()
-        if not self.tpdos:
-            return []
+        if self._is_every_sync:
+            return self.tpdos
         return self.due(data[0] if data and data[0] <= self._sync_overflow else 0)
 
     def apply_outputs(self) -> None:
@@ -193,7 +197,9 @@ class Pdos:
         return layout.pack(*[getter() for getter in self._getters[layout.number]])
 
     def _apply(self, layout: PdoLayout, data: bytes) -> None:
-        for setter, value in zip(self._setters[layout.number], layout.unpack(data[: layout.size]), strict=True):
+        if len(data) != layout.size:
+            data = data[: layout.size]
+        for setter, value in zip(self._setters[layout.number], layout.unpack(data), strict=True):
             setter(value)
 
     def _setter(self, mapped: MappedObject) -> Setter:

@@ -3,6 +3,7 @@
 Values only: nothing here knows a bus, a clock or a node's state.
 """
 
+import functools
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
@@ -115,11 +116,13 @@ def parse_nmt(data: bytes) -> tuple[NmtCommand, int]:
         raise FrameError(f"NMT command specifier 0x{data[0]:02X} is not one of CiA 301's") from None
 
 
+@functools.cache
 def sync_frame(counter: int | None) -> Frame:
     """SYNC, with its counter (1 to 240) or without."""
     return Frame(Cob.SYNC, b"" if counter is None else bytes((counter,)))
 
 
+@functools.cache
 def heartbeat_frame(node_id: int, state: NmtState) -> Frame:
     """Heartbeat of `node_id`; with `NmtState.BOOT_UP` its boot-up message."""
     return Frame(Cob.HEARTBEAT + node_id, bytes((state,)))

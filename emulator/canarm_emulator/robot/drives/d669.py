@@ -185,11 +185,13 @@ class D669Drive:
 
     def refresh_command(self) -> None:
         """Work out the command: from the DAC's output through op-amp and D669 stage to the bridge."""
-        if not self.is_on:
+        if not (self._sign and self._supply_is_on):
             self.command_a = 0.0
             return
         # The op-amp's full-scale voltage cancels: the D669 stage gives max_current_a there.
-        of_full_scale = min(max(self._dac_fraction / DAC_FULL_SCALE, 0.0), 1.0)
+        of_full_scale = self._dac_fraction / DAC_FULL_SCALE
+        if not 0.0 <= of_full_scale <= 1.0:
+            of_full_scale = 0.0 if of_full_scale < 0.0 else 1.0
         if self._distort_opamp is not None:
             full_scale_v = self._joint.drive.opamp_full_scale_v
             of_full_scale = self._distort_opamp(of_full_scale * full_scale_v) / full_scale_v
