@@ -3,6 +3,7 @@
 Filled cycle by cycle; questions about it belong to `rig_joint.py`.
 """
 
+import struct
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -40,12 +41,14 @@ class History:
 
     def __init__(self, cell: Cell, size: int, assessor: Assessor, controlled: Callable[[], int]) -> None:
         self.rows: Floats = np.zeros((size, 1 + len(SIGNALS) * len(cell.joints)))
+        self._memory = self.rows.data
+        self._size, self._row = size, struct.Struct(f"{self.rows.shape[1]}d")
         self._assessor, self._controlled = assessor, controlled
         self._stop: list[CycleTruth] = []
 
     def tick(self, cycle: int, row: Sequence[float]) -> None:
         """The row of controlled cycle number `cycle`, from 0."""
-        self.rows[cycle % len(self.rows)] = row
+        self._row.pack_into(self._memory, cycle % self._size * self._row.size, *row)
 
     def stopping(self, last: CycleTruth | None, truth: CycleTruth) -> None:
         """The truth at a SYNC of the stop; `last` is that of the SYNC before, in whose cycle the stop began."""

@@ -14,3 +14,11 @@ class Record(NamedTuple):
     time_ns: int
     frame: Frame
     origin: object = None
+
+
+_new = tuple.__new__  # a third of the time of a named tuple's own
+
+
+def record(time_ns: int, frame: Frame, origin: object = None) -> Record:
+    """`Record(time_ns, frame, origin)`, for frames of every cycle."""
+    return _new(Record, (time_ns, frame, origin))

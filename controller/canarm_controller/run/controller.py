@@ -6,7 +6,7 @@ The same object runs in a process of its own or inside a test.
 
 from collections.abc import Callable, Collection, Sequence
 
-from canarm_protocol.canopen.frames import Cob, Frame, NmtState, heartbeat_frame, sync_frame
+from canarm_protocol.canopen.frames import Cob, Frame, NmtState, data_frame, heartbeat_frame, sync_frame
 from canarm_protocol.canopen.pdo import PdoLayout
 from canarm_protocol.cell.configuration import SYNC_COUNTER
 from canarm_protocol.cell.model import SENSOR_KINDS, Cell, Quantity
@@ -26,6 +26,7 @@ from .safe_stop import SafeStop, stands_still
 from .sample_times import SampleTimes
 from .state import State
 
+ENDED = State.DONE, State.FAILED
 MISSING_NOTED = DETECTORS["inputs-missing"].debounce_cycles
 MEASURED = Quantity.POSITION, Quantity.VELOCITY, Quantity.CURRENT
 
@@ -94,7 +95,7 @@ class Controller:
     @property
     def is_finished(self) -> bool:
         """Whether the run is over, well or badly."""
-        return self.state in (State.DONE, State.FAILED)
+        return self.state in ENDED
 
     @property
     def reason(self) -> str | None:
@@ -293,7 +294,9 @@ class Controller:
         if self.state is State.RUNNING:
             torque_nm = self._law_output()
             if torque_nm is not None:
-                self.outbox += [Frame(cob_id, data) for cob_id, data in self._outputs.pack(*loop.outputs(torque_nm))]
+                self.outbox += [
+                    data_frame(cob_id, data) for cob_id, data in self._outputs.pack(*loop.outputs(torque_nm))
+                ]
                 self.controlled_ticks += 1
                 if self.on_tick is not None:
                     self.guard(self.on_tick)
@@ -394,4 +397,4 @@ class Controller:
             self.state = State.DONE if self.verdict is None else State.FAILED
         else:
             outputs = self._zero if step.torque_nm is None else self._outputs.pack(*self.loop.outputs(step.torque_nm))
-            self.outbox += [Frame(cob_id, data) for cob_id, data in outputs]
+            self.outbox += [data_frame(cob_id, data) for cob_id, data in outputs]

@@ -29,6 +29,9 @@ class Sample(NamedTuple):
     """The small excess of a sample that is on time."""
 
 
+ON_TIME = Sample(True, False, 0.0, 0.0, 0.0)
+
+
 class SampleTimes:
     """Times of the samples of one run, in cycles of `period_ns`; an ADC needs `scan_ns` for its last channel."""
 
@@ -61,6 +64,9 @@ class SampleTimes:
 
     def take(self) -> Sample:
         """The cycle's inputs are complete and are used now."""
+        if self._is_lockstep and not (self._excess_s or self._unclear_answers):
+            self.missing_cycles = 0
+            return ON_TIME
         is_cycle = not self._excess_s if self._is_lockstep else self._is_cycle()
         is_unclear, excess_s = self._unclear_answers > 0, self._excess_s
         left_out_s = self._unclear_s if is_unclear else max(excess_s, 0.0)

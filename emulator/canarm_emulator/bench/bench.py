@@ -19,7 +19,7 @@ from ..bench_node.bench_device import BenchDevice
 from ..bench_node.bench_node import BenchNode
 from ..bench_node.bus_figures import BusFigures
 from ..bench_node.fault_objects import FaultObjects
-from ..bus_record import Record
+from ..bus_record import Record, record
 from ..cards.rack import Rack
 from ..node.slave import Slave
 from ..robot.timeline import Timeline
@@ -301,7 +301,7 @@ class Bench:
         if lockstep:
             self.advance(self._next_sync_ns)
         now_ns = time.time_ns
-        bus.records.append(Record(now_ns, frame, origin))
+        bus.records.append(record(now_ns, frame, origin))
         if self._scan.due_ns != NEVER:
             self.overruns += 1
         time.catch_up()
@@ -329,7 +329,7 @@ class Bench:
             self.advance(max(world.time_ns, now_ns))
             if self.wire is not None:
                 self._finish_transmissions(self.wire)
-            bus.records.append(Record(time.time_ns, time_frame(time.time_ns)))
+            bus.records.append(record(time.time_ns, time_frame(time.time_ns)))
             self._may_move_on = True
 
     def _finish_transmissions(self, wire: Wire) -> None:

@@ -9,7 +9,7 @@ from canarm_protocol.canopen.frames import HIGHEST_NODE_ID, Cob, Frame, NmtState
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 
-from ..bus_record import Record
+from ..bus_record import Record, record
 from ..node.slave import Emit, Slave
 from ..robot.timeline import Timeline
 from ..wire.bus_trouble import BusTrouble, origin_of, wire_name
@@ -108,7 +108,7 @@ class RobotBus:
             elif is_wired or off or frame.can_id in nodes.takers:
                 self.put_out(time_ns, frame, name)
             else:
-                self.records.append(Record(time_ns, frame))
+                self.records.append(record(time_ns, frame))
 
         return emit
 
@@ -131,7 +131,7 @@ class RobotBus:
         if self.wire is not None and (self._is_carried(frame) or self.is_lost(origin)):
             self._queue(self.wire, frame, wire_name(origin))
         else:
-            self._arrive(Record(time_ns, frame, origin), self._off)
+            self._arrive(record(time_ns, frame, origin), self._off)
 
     def intrude(self, time_ns: int, frame: Frame, origin: Hashable) -> None:
         """A frame of nobody that belongs to the cell gets on the bus. Its sender has room for one frame to wait."""

@@ -136,5 +136,7 @@ class Assessor:
         error = (true.angle_rad - angle_rad) / score.lsb_rad
         score.samples += 1
         score.sum_of_squares += error * error
-        score.max_lsb = max(score.max_lsb, abs(error))
+        size = error if error >= 0.0 else -error
+        if size > score.max_lsb:
+            score.max_lsb = size
         score.ripple.add(angle_rad, true.speed_rad_s)

@@ -7,7 +7,7 @@ their parameters is `pdo_rules`'s; NMT states, EMCY and time-outs are the node's
 from collections.abc import Callable
 
 from canarm_protocol.canopen.dictionary import ERROR_REGISTER, SYNC_OVERFLOW, SYNC_WINDOW
-from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.canopen.frames import Frame, data_frame
 from canarm_protocol.canopen.pdo import COMMUNICATION, Kind, MappedObject, PdoLayout, read_layouts
 from canarm_protocol.errors import DictionaryError
 
@@ -173,7 +173,7 @@ class Pdos:
         elif transmission_type == SYNCHRONOUS_ON_REQUEST:
             self._last_sent[layout.number] = data
             return
-        self._emit(now_ns, Frame(layout.cob_id, data))
+        self._emit(now_ns, data_frame(layout.cob_id, data))
 
     def on_remote(self, cob_id: int, now_ns: int) -> bool:
         """A remote frame: a TPDO of that COB-ID is sent, unless bit 30 forbids it. Returns whether there is one.

@@ -92,7 +92,7 @@ class Slave:
         self._is_configured = False
         self._deadlines = RpdoDeadlines()
         self._too_short: set[int] = set()
-        self._heartbeat_due_ns = NEVER
+        self._heartbeat_ns, self._heartbeat_due_ns = 0, NEVER
         self._watch = HeartbeatConsumer(self._store)
         self._guard = LifeGuard(self._store)
 
@@ -108,8 +108,8 @@ class Slave:
         self.device.take_error_values(self._store.number)
         self._emergency.reset()
         self.pdos.reset()
-        heartbeat_ns = self._store.number(PRODUCER_HEARTBEAT) * MILLISECOND
-        self._heartbeat_due_ns = now_ns + self._scaled(heartbeat_ns) if heartbeat_ns else NEVER
+        self._heartbeat_ns = self._store.number(PRODUCER_HEARTBEAT) * MILLISECOND
+        self._heartbeat_due_ns = now_ns + self._scaled(self._heartbeat_ns) if self._heartbeat_ns else NEVER
         self._watch.reset()
         self._guard.reset()
         self._schedule()
@@ -263,7 +263,7 @@ class Slave:
             return
         if self._heartbeat_due_ns <= now_ns:
             self._emit(self._heartbeat_due_ns, heartbeat_frame(self.node_id, self.state))
-            self._heartbeat_due_ns += self._scaled(self._store.number(PRODUCER_HEARTBEAT) * MILLISECOND)
+            self._heartbeat_due_ns += self._scaled(self._heartbeat_ns)
         if self.watch_due_ns <= now_ns:
             self._emergency.begin(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, self.watch_due_ns)
             self._watch.run(now_ns)
@@ -368,7 +368,8 @@ class Slave:
         is_operational = self.state is NmtState.OPERATIONAL
         check_pdo_write(self._store, self.pdos.can_map, is_operational, index, subindex, value)
         if index == PRODUCER_HEARTBEAT:
-            self._heartbeat_due_ns = self._now_ns + self._scaled(value * MILLISECOND) if value else NEVER
+            self._heartbeat_ns = value * MILLISECOND
+            self._heartbeat_due_ns = self._now_ns + self._scaled(self._heartbeat_ns) if value else NEVER
             self._schedule()
         elif index == CONSUMER_HEARTBEAT:
             self._watch.rewrite(subindex, value)

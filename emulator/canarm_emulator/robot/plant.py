@@ -167,7 +167,7 @@ class Plant:
             self._option.timestep = self._step_s = step_s
         mujoco.mj_step(self._model, self._data)
         self.speed = speed = list(self._velocity)
-        self.angle = [ahead - half_s * speed[dof] for dof, ahead in enumerate(position)]
+        self.angle = [ahead - half_s * rate for ahead, rate in zip(position, speed, strict=True)]
 
     def hold(self, angle: Sequence[float], dofs: Iterable[int]) -> None:
         """Put these of the joints and motors back to `angle`, at rest: a support carries them."""

@@ -38,6 +38,14 @@ class Frame(NamedTuple):
         return self.can_id >= ERROR_FLAG
 
 
+_new = tuple.__new__  # a third of the time of a named tuple's own
+
+
+def data_frame(can_id: int, data: bytes) -> Frame:
+    """`Frame(can_id, data)`, for frames of every cycle."""
+    return _new(Frame, (can_id, data, False, False))
+
+
 class Cob(IntEnum):
     """COB-IDs of the predefined connection set (CiA 301, 7.3.3). Those of a node are bases: its node-ID is added."""
 
@@ -129,17 +137,20 @@ def heartbeat_frame(node_id: int, state: NmtState) -> Frame:
 
 
 DAY_NS = 86_400 * 10**9
+_TIME = Cob.TIME
+_TIME_OF_DAY = struct.Struct("<IH")
+_pack_time, _unpack_time = _TIME_OF_DAY.pack, _TIME_OF_DAY.unpack
 
 
 def time_frame(time_ns: int) -> Frame:
     """TIME object: milliseconds after midnight (28 bit) and days since 1984-01-01 (16 bit) of `time_ns`."""
     days, of_day = divmod(time_ns, DAY_NS)
-    return Frame(Cob.TIME, struct.pack("<IH", of_day // 1_000_000, days & 0xFFFF))
+    return data_frame(_TIME, _pack_time(of_day // 1_000_000, days & 0xFFFF))
 
 
 def parse_time(data: bytes) -> int:
     """Time in ns, to the millisecond, of a TIME object. Raises `FrameError`."""
     if len(data) != 6:
         raise FrameError(f"TIME with {len(data)} bytes; CiA 301 says 6")
-    milliseconds, days = struct.unpack("<IH", data)
+    milliseconds, days = _unpack_time(data)
     return int((milliseconds & 0x0FFF_FFFF) * 1_000_000 + days * DAY_NS)

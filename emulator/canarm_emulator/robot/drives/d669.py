@@ -121,7 +121,8 @@ class D669Drive:
     def take(self, command: Command, value: float) -> None:
         """The DAC's output (I_out/I_ref), or the latch's bits."""
         if command is Command.CURRENT:
-            self.set_dac_output(value)
+            self._dac_fraction = value
+            self.refresh_command()
         else:
             self.set_direction(int(value))
 
