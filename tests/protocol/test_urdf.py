@@ -161,6 +161,11 @@ REFUSED = {
     ),
     "a follower": (arm(joint("j"), joint("k", "bc", inside='<mimic joint="j"/>')), "joint 'k': mimics 'j'"),
     "names that become one": (arm(joint("J 1"), joint("j_1", "bc")), "'J 1' and 'j_1' are both 'j_1' in a cell"),
+    "two links of one name": (arm(joint(), links="abb"), "link 'b': stands there 2 times"),
+    "two fixed joints of one name": (
+        arm(joint("j"), joint("k", "bc", "fixed"), joint("k", "bd", "fixed"), links="abcd"),
+        "joint 'k': stands there 2 times",
+    ),
     "eight joints": (
         arm(*(joint(f"j{k}", "abcdefghi"[k : k + 2]) for k in range(8)), links="abcdefghi"),
         "8 joints move; a cell's robot has 1 to 7",

@@ -7,6 +7,7 @@ they are the cell's.
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -133,6 +134,8 @@ def _parsed(text: str) -> Any:
 
 def _chain(robot: Any) -> tuple[UrdfJoint, ...]:
     """Bodies and joints from base to tip. Raises `_UrdfProblem`."""
+    _check_names("link", robot.links)
+    _check_names("joint", robot.joints)
     links = {link.name: link for link in robot.links}
     children: dict[str, list[Any]] = {name: [] for name in links}
     parents: dict[str, Any] = {}
@@ -169,6 +172,13 @@ def _chain(robot: Any) -> tuple[UrdfJoint, ...]:
     if not 1 <= len(found) <= MOST_JOINTS:
         raise _UrdfProblem(f"{len(found)} joints move; a cell's robot has 1 to {MOST_JOINTS}")
     return tuple(found)
+
+
+def _check_names(what: str, named: Sequence[Any]) -> None:
+    """Of two links with one name only the last would count. Raises `_UrdfProblem`."""
+    name, count = Counter(each.name for each in named).most_common(1)[0] if named else ("", 0)
+    if count > 1:
+        raise _UrdfProblem(f"{what} {name!r}: stands there {count} times; each {what} has a name of its own")
 
 
 def _is_below(name: str, root: str, parents: Mapping[str, Any]) -> bool:
