@@ -115,6 +115,7 @@ def test_no_frame_breaks_the_cards_and_none_makes_them_grow(count: int, clock: C
         bench.receive(nmt_frame(NmtCommand.PRE_OPERATIONAL, node_id))
         bench.receive(Frame(0x600 + node_id, next(download(0x1011, 1, b"load"))))
     bench.receive(nmt_frame(NmtCommand.RESET_NODE))
+    bench.advance(bench.time_ns + 1_000_000 * CELL.bus.boot_ms)
     bench.records.clear()
     for node_id in NODE_IDS:
         bench.receive(Frame(0x600 + node_id, next(upload(0x1000, 0))))

@@ -82,7 +82,10 @@ class Pair:
         if controller.clock is Clock.WALL and controller.state in (State.RUNNING, State.STOPPING):
             self._cycle_on_the_wall_clock()
         elif not said and controller.deadline_ns is not None:
-            controller.time_out(controller.deadline_ns)
+            if self.bench.clock is Clock.WALL and self.bench.next_due_ns < controller.deadline_ns:
+                self.bench.advance(self.bench.next_due_ns)  # cards take their time to boot
+            else:
+                controller.time_out(controller.deadline_ns)
         self.deliver()
 
     def send(self) -> bool:

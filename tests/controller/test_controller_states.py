@@ -135,7 +135,7 @@ def test_another_clock_on_the_cards_is_a_clock_mismatch(make_pair, ours: Clock, 
     pair = make_pair(clock=ours, bench_clock=theirs)
     pair.run_to_end()
     assert isinstance(pair.controller.error, ClockMismatchError)
-    assert f"--clock {theirs.name.lower()}, this controller on --clock {ours.name.lower()}" in pair.controller.reason
+    assert f"--clock {theirs.name.lower()}, its master on --clock {ours.name.lower()}" in pair.controller.reason
 
 
 @pytest.mark.parametrize(
