@@ -8,13 +8,15 @@ from typing import Any
 
 LONGEST_LINE = 400
 """Of a text that is shown; of a longer one the middle is left out."""
+LONGEST_OF_LINES = 4000
+"""Of a line in a whole message, which may list a lot."""
 MOST_LINES = 200
 
 
-def printable(text: str) -> str:
+def printable(text: str, longest: int = LONGEST_LINE) -> str:
     """`text` on one line of bearable length, with escapes for what cannot be seen."""
-    if len(text) > LONGEST_LINE:
-        text = f"{text[: LONGEST_LINE // 2]} ... {text[-LONGEST_LINE // 2 :]}"
+    if len(text) > longest:
+        text = f"{text[: longest // 2]} ... {text[-longest // 2 :]}"
     if text.isprintable():
         return text
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
@@ -22,11 +24,11 @@ def printable(text: str) -> str:
 
 def printable_lines(text: str) -> str:
     """Each line of `text` made `printable`, at most `MOST_LINES` of them."""
-    if len(text) <= LONGEST_LINE and text.isprintable():
+    if len(text) <= LONGEST_OF_LINES and text.isprintable():
         return text
     lines = text.split("\n", MOST_LINES)
     more = ["..."] if len(lines) > MOST_LINES else []
-    return "\n".join([*map(printable, lines[:MOST_LINES]), *more])
+    return "\n".join([*(printable(line, LONGEST_OF_LINES) for line in lines[:MOST_LINES]), *more])
 
 
 def printable_values(value: Any) -> Any:
