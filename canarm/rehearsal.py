@@ -17,8 +17,8 @@ from .rig.rig import Rig
 from .session import make_controller
 from .usage import DEFAULT_LAW, UsageError
 
-REHEARSED_S = 0.25
-"""Long enough for all that is computed to have been computed; the entry into the motion has begun."""
+REHEARSED_S = 2.0
+"""The entry into the motion: what the robot cannot follow at all has shown by then."""
 
 
 def rehearse(cell: Cell) -> Iterator[str]:
