@@ -363,7 +363,7 @@ def test_a_bad_batch_is_refused_with_sample_and_joint(make: Callable[..., Nomina
 
 def test_more_than_seven_joints_are_refused() -> None:
     with pytest.raises(DynamicsError, match=r"robot 'arm' has 8 joints; must have 1 to 7"):
-        SerialArm.from_robot(arm_of_links([{}] * 7, (0.0, 0.0, -9.8)))
+        SerialArm.from_robot(arm_of_links([{}] * 8, (0.0, 0.0, -9.8)))
 
 
 @pytest.mark.parametrize("make", [NominalArm.from_robot, SerialArm.from_robot], ids=["closed form", "serial"])
