@@ -142,7 +142,7 @@ def test_a_run_of_so_many_ticks_ends_done(clock: Clock) -> None:
 def test_on_the_wall_clock_a_sync_leaves_every_period() -> None:
     setup = Setup(Clock.WALL)
     result = setup.run()
-    booted_s = 0.020  # bring-up waits for the cards: boot_ms is 10 in konkuk1, and no wait is shorter
+    booted_s = 0.020  # about: cards take boot_ms = 10 to boot, and bring-up looks for them more than once
     assert setup.waited_s == pytest.approx(403 * 0.0025 + booted_s, abs=0.01)
     assert result.real_time_factor == pytest.approx(1.0, abs=0.01)
     assert result.pacing is not None
