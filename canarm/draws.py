@@ -1,0 +1,204 @@
+"""Robots drawn from a box: what may differ from nominal, a Latin hypercube over it, and the bound of a proportion.
+
+Owns the box, and what a place in it means for a cell. What is run with a draw, and how it is judged, must not enter.
+"""
+
+import math
+import random
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from canarm_protocol.cell.cell_checks import problems
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.errors import CellError
+
+Value = float | int | str
+
+CONFIDENCE = 0.95
+BISECTIONS = 60
+"""Of a probability between 0 and 1: more than a float can tell."""
+HEARTBEAT_CYCLES = 2
+"""A heartbeat is sent every second cycle at the most."""
+SHORT_DELAY_SHARE = 8
+"""Of a cycle: what the controller takes where the cell's own delay would be longer than a fifth."""
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A quantity drawn evenly between two ends; a factor evenly in its logarithm: half is as likely as twice."""
+
+    name: str
+    low: float
+    high: float
+    unit: str = ""
+    is_factor: bool = False
+
+    def at(self, share: float) -> float:
+        """The value at a `share` of the way, 0 to 1."""
+        if self.is_factor:
+            return float(self.low * (self.high / self.low) ** share)
+        return self.low + (self.high - self.low) * share
+
+    def __str__(self) -> str:
+        sign = "x " if self.is_factor else ""
+        return f"{self.name} {sign}{self.low:g} to {self.high:g} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One of some values, each as often as any other."""
+
+    name: str
+    values: tuple[Value, ...]
+
+    def at(self, share: float) -> Value:
+        """The value at a `share` of the way, 0 to 1."""
+        return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
+
+    def __str__(self) -> str:
+        return f"{self.name} {', '.join(map(str, self.values))}"
+
+
+@dataclass(frozen=True, slots=True)
+class Whole:
+    """A whole number from `low` to `high`, such as a seed."""
+
+    name: str
+    low: int
+    high: int
+
+    def at(self, share: float) -> int:
+        """The value at a `share` of the way, 0 to 1."""
+        return min(self.low + int(share * (self.high - self.low + 1)), self.high)
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.low} to {self.high}"
+
+
+Axis = Span | Choice | Whole
+
+SEED = Whole("seed", 0, 2**31 - 1)
+CYCLE_MS = Span("cycle", 0.8, 10.0, "ms", is_factor=True)
+PAYLOAD = Span("payload", -0.5, 0.8)
+"""By what share of its mass the last link is heavier than the controller thinks."""
+JOINT_BOX: tuple[Axis, ...] = (
+    Choice("wire", ("rigid", "elastic")),
+    Span("wire_stiffness", 0.5, 2.0, is_factor=True),
+    Span("noise", 0.5, 2.0, is_factor=True),
+    Span("coulomb", 0.3, 2.7, is_factor=True),
+    Span("viscous", 1.0 / 3.0, 3.0, is_factor=True),
+    Span("torque_constant", 0.9, 1.1, is_factor=True),
+    Span("offset", -1.0, 1.0, "deg"),
+    Span("start", -20.0, 20.0, "deg"),
+)
+"""What is drawn for each joint of its own: factors of the cell's nominal values, the error of the potentiometer's zero,
+and how far from its home pose the arm is parked."""
+LIMIT_MARGIN_DEG = 1.0
+"""No arm is parked nearer to a stop."""
+
+
+def robot_box(cell: Cell) -> list[Axis]:
+    """The box of whole robots of `cell`: the payload, and the axes of each joint, as `joint2.coulomb`."""
+    axes: list[Axis] = [PAYLOAD]
+    for name in cell.joint_names:
+        axes += [replace(axis, name=f"{name}.{axis.name}") for axis in JOINT_BOX]
+    return axes
+
+
+def hypercube(axes: Sequence[Axis], count: int, seed: int) -> list[dict[str, Value]]:
+    """`count` draws of a Latin hypercube: each axis is cut into `count` slices, and each slice is drawn from once.
+
+    An axis is drawn by its name and `seed` alone: one more axis leaves the others as they were.
+    """
+    columns = []
+    for axis in axes:
+        generator = random.Random(f"{seed}/{axis.name}")
+        slices = list(range(count))
+        generator.shuffle(slices)
+        columns.append([axis.at((place + generator.random()) / count) for place in slices])
+    names = [axis.name for axis in axes]
+    return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
+
+
+def truth_of(cell: Cell, draw: Mapping[str, Value]) -> dict[str, str]:
+    """What `--truth` takes for a draw from `robot_box`; an axis that the draw lacks is nominal."""
+    truth: dict[str, str] = {}
+    for name, joint in zip(cell.joint_names, cell.joints, strict=True):
+        motor = joint.motor
+
+        def lay(key: str, value: float | None, owner: str = name) -> None:
+            if value is not None:
+                truth[f"{owner}.{key}"] = f"{value:.6g}"
+
+        def times(axis: str, nominal: float, owner: str = name) -> float | None:
+            factor = draw.get(f"{owner}.{axis}")
+            return None if factor is None else float(factor) * nominal
+
+        if draw.get(f"{name}.wire") == "elastic":
+            truth[f"{name}.wire"] = "1"
+            lay("wire_stiffness", times("wire_stiffness", motor.wire_stiffness_nm_rad))
+        lay("coulomb", times("coulomb", motor.coulomb_friction_nm))
+        lay("viscous", times("viscous", motor.viscous_friction_nm_s))
+        lay("torque_constant", times("torque_constant", motor.torque_constant_nm_a))
+        for sensor in joint.sensors.fitted():
+            noise_lsb = getattr(sensor, "noise_lsb", None)
+            if noise_lsb is not None:
+                lay(f"{sensor.kind}_noise_lsb", times("noise", noise_lsb))
+            if sensor.kind == "potentiometer":
+                lay("potentiometer_offset_deg", times("offset", 1.0))
+        start = draw.get(f"{name}.start")
+        if start is not None:
+            low, high = joint.limits_deg
+            lay("initial_deg", min(max(joint.home_deg + float(start), low + LIMIT_MARGIN_DEG), high - LIMIT_MARGIN_DEG))
+    payload = draw.get(PAYLOAD.name)
+    if payload is not None:
+        truth |= payload_truth(cell, float(payload))
+    return truth
+
+
+def payload_truth(cell: Cell, share: float) -> dict[str, str]:
+    """The key of `--truth` that makes the last link heavier by a `share` of its mass, and its value."""
+    return {f"{cell.joint_names[-1]}.mass": f"{cell.joints[-1].mass_kg * (1.0 + share):.6g}"}
+
+
+def retimed(cell: Cell, cycle_us: int) -> Cell:
+    """The same cell with another cycle; heartbeat and delay go with it where they have to. Raises `CellError`."""
+    table = cell.model_dump(exclude_none=True)
+    bus = table["bus"]
+    bus["cycle_us"] = cycle_us
+    bus["heartbeat_ms"] = max(bus["heartbeat_ms"], math.ceil(HEARTBEAT_CYCLES * cycle_us / 1000))
+    if 5 * bus["compute_delay_us"] > cycle_us:
+        bus["compute_delay_us"] = cycle_us // SHORT_DELAY_SHARE
+    other = Cell.model_validate(table)
+    wrong = list(problems(other))
+    if wrong:
+        raise CellError("\n".join(f"{cell.name} at {cycle_us} us: {line}" for line in wrong))
+    return other
+
+
+def clopper_pearson(hits: int, count: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """The exact two-sided bounds of the probability of which `hits` of `count` were seen (Clopper, Pearson 1934)."""
+    tail = 0.5 * (1.0 - confidence)
+    low = 0.0 if hits == 0 else _root(lambda p: 1.0 - _at_most(hits - 1, count, p) - tail)
+    high = 1.0 if hits == count else _root(lambda p: tail - _at_most(hits, count, p))
+    return low, high
+
+
+def _root(rising: Callable[[float], float]) -> float:
+    """Where a function that rises with a probability passes 0."""
+    low, high = 0.0, 1.0
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if rising(middle) > 0.0 else (middle, high)
+    return 0.5 * (low + high)
+
+
+def _at_most(hits: int, count: int, probability: float) -> float:
+    """The binomial distribution: how likely it is to see `hits` or fewer."""
+    one, none = math.log(probability), math.log1p(-probability)
+    logs = (_log_choose(count, k) + k * one + (count - k) * none for k in range(hits + 1))
+    return math.fsum(math.exp(each) for each in logs)
+
+
+def _log_choose(count: int, hits: int) -> float:
+    return math.lgamma(count + 1) - math.lgamma(hits + 1) - math.lgamma(count - hits + 1)
