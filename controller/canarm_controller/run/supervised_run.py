@@ -1,0 +1,93 @@
+"""A run as its detectors see it: what they notice is noted and told, and may stop the robot.
+
+Which frames and cycles make up a run never enters.
+"""
+
+from collections.abc import Callable, Collection
+
+from canarm_protocol.cell.model import Cell
+
+from ..errors import ControllerError
+from ..supervision.arm_watch import ArmWatch
+from ..supervision.detection import DETECTORS, Detection, Reaction
+from ..supervision.supervisor import Verdict, law_verdict
+from .detection_log import DetectionLog
+from .loop import ControlLoop
+from .safe_stop import SafeStop
+from .state import State
+
+
+class SupervisedRun:
+    """State, detections and verdict of one run."""
+
+    def __init__(self, cell: Cell, loop: ControlLoop) -> None:
+        self.cell, self.loop = cell, loop
+        self.state = State.IDLE
+        self.tick = -1
+        """The cycle that the last SYNC began; -1 before the first."""
+        self.verdict: Verdict | None = None
+        self.on_detection: Callable[[Detection], None] | None = None
+        """Called with every detection; may raise as `on_tick` may."""
+        self.without: Collection[str] = ()
+        """Names of detectors that are switched off."""
+        self.starved_by: Callable[[str, str], str | None] = lambda detector, detail: None
+        """Asked with every detection: the lack of computing time that explains it, as whoever owns the clock knows."""
+        self._log = DetectionLog()
+        self._watch = ArmWatch(cell, loop.arm, loop.law.following_error_lsb, self._detect_at_joint)
+        self._stop = SafeStop(loop, self._watch.safe_hold, self._watch.standing_rad_s)
+
+    @property
+    def detections(self) -> list[Detection]:
+        """What has been noticed, oldest first; what stopped the robot is one of them."""
+        return self._log.entries
+
+    @property
+    def degraded(self) -> list[Detection]:
+        """Detections with which the run went on, less able than before; empty while all is well."""
+        return [each for each in self.detections if each.reaction in (Reaction.DEGRADED, Reaction.SUBSTITUTE)]
+
+    def guard(self, tell: Callable[[], None]) -> None:
+        """Call what records or reports the run; what it fails with, as `on_tick` may, stops the robot safely."""
+        try:
+            tell()
+        except ControllerError as error:
+            self._judge(law_verdict(error))
+        except OSError as error:
+            self._judge(Verdict("recording-failed", str(error)))
+
+    def _judge(self, verdict: Verdict | None) -> None:
+        if verdict is not None and self.state in (State.RUNNING, State.STOPPING):
+            row = DETECTORS[verdict.detector]
+            reaction = row.reaction if row.reaction.stops else Reaction.OFF
+            self._detect(verdict.detector, verdict.where, verdict.detail, reaction)
+
+    def _detect_at_joint(self, detector: str, joint: int, detail: str, reaction: Reaction | None) -> bool:
+        name = self.cell.joint_names[joint]
+        return self._detect(detector, name, f"{name}: {detail}", reaction)
+
+    def _detect_at_node(self, detector: str, node_id: int, detail: str, reaction: Reaction | None) -> bool:
+        return self._detect(detector, f"0x{node_id:02X}", detail, reaction)
+
+    def _detect(self, detector: str, where: str | None, detail: str, reaction: Reaction | None = None) -> bool:
+        """Note what was noticed and react. False if the detector is switched off."""
+        if detector in self.without:
+            return False
+        reaction = reaction or DETECTORS[detector].reaction
+        if (cause := self.starved_by(detector, detail)) is not None:
+            if not reaction.stops:
+                return False
+            detail = f"{cause}; {detector} followed from it"
+            detector, where = "deadline-missed", None
+        if self.state in (State.RUNNING, State.STOPPING):
+            is_end = reaction.stops and self.state is State.RUNNING
+            detection = self._log.note(Detection(detector, where, max(self.tick, 0), detail, reaction), is_end)
+            tell = self.on_detection
+            if detection is not None and tell is not None:
+                self.guard(lambda: tell(detection))
+        if reaction.stops and self.state is State.RUNNING:
+            self.verdict = Verdict(detector, detail, where)
+            self.state = State.STOPPING
+            self._stop.holds = reaction is Reaction.HOLD
+        elif reaction is Reaction.OFF:
+            self._stop.holds = False
+        return True
