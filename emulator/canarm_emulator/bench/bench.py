@@ -1,60 +1,29 @@
 """The emulated test bench, without any input or output: frames and times go in, frames come out.
 
-Owns why virtual time passes, what a SYNC and an NMT command do, and the cycles of a run. How frames get on the robot's
-bus is `robot_bus`'s, the bench bus `bench_node`'s. Sockets, wall clocks and files belong to the runner. The same object
-runs in a process of its own or inside a test.
+Owns what a frame, a SYNC and an NMT command do, and the cycles of a run. How time passes is in `bench_time`, how frames
+get on the robot's bus in `robot_bus`, the bench's own bus in `bench_node`. Sockets, wall clocks and files belong to the
+runner. The same object runs in a process of its own or inside a test.
 """
 
-from collections.abc import Callable, Collection, Hashable, Sequence
-from typing import NamedTuple
+from collections.abc import Collection
 
-from canarm_protocol.canopen.dictionary import eds_text, load_dictionary
 from canarm_protocol.canopen.frames import Cob, Frame, NmtCommand, parse_nmt, time_frame
-from canarm_protocol.cell.model import Card, Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FrameError
 
-from ..bench_node.assessor import Assessor
-from ..bench_node.bench_device import BenchDevice
-from ..bench_node.bench_node import BenchNode
-from ..bench_node.bus_figures import BusFigures
-from ..bench_node.fault_objects import FaultObjects
 from ..bus_record import Record, record
-from ..cards.rack import Rack
-from ..node.slave import Slave
-from ..robot.timeline import Timeline
 from ..robot.truth import Truth
-from ..robot.world import JointState, World
-from ..timing import MILLISECOND, NEVER
+from ..timing import NEVER
 from ..wire.wire import Wire
-from .card_nodes import CardNodes
-from .fault_hooks import FaultHooks, Faults, SecondCard
-from .input_scan import InputScan
-from .rest import RestWatch
-from .robot_bus import RobotBus, is_sync
+from .bench_time import BenchTime, CycleTruth
+from .robot_bus import is_sync
 
 __all__ = ["Bench", "CycleTruth", "Record"]
 
-RUN_ON_NS = 500_000_000
-"""How long after the heartbeat time the world runs on when the sender of SYNC is lost in lockstep."""
-IDLE_STEP_NS = 5_000_000
-"""The world follows in pieces of this length while no SYNC asks for more."""
-SILENT_CYCLES = 4
-"""The truth is told after this many cycles without SYNC as well: a test wants to see what the arm does then."""
-SETTLE_NS = 100_000_000
-"""What a wire has not carried after so much time, it never will: nobody is left to acknowledge."""
 _SYNC = int(Cob.SYNC)
 
 
-class CycleTruth(NamedTuple):
-    """The world at a SYNC: cycle since NMT start, its time, the true state of every joint."""
-
-    cycle: int
-    time_ns: int
-    joints: Sequence[JointState]
-
-
-class Bench:
+class Bench(BenchTime):
     """The robot's side of a cell, and the bench node.
 
     `on_cycle` is called with the truth at every SYNC after NMT start, and for a while after SYNCs have ended. Frames on
@@ -70,151 +39,12 @@ class Bench:
     (`attach_faults`).
     """
 
-    def __init__(self, cell: Cell, truth: Truth, clock: Clock, seed: int, with_wire: bool = False) -> None:
-        self.cell, self.clock = cell, clock
-        self.on_cycle: Callable[[CycleTruth], None] | None = None
-        self.overruns = 0
-        """SYNCs that arrived while the converters were still busy with the last one's scan."""
-        self.world = World(cell, truth, seed)
-        self.assessor = Assessor(cell)
-        self.rack = Rack(cell, self.world, truth)
-        self.hooks = FaultHooks()
-        """What faults have changed."""
-        self._faults: Faults | None = None
-        self._next_sync_ns = 0
-        self._may_move_on = False
-        self._last_cycle_ns = 0
-        self._scan = InputScan(self.rack, self.world, self.hooks)
-        self._time = Timeline(self.world)
-        self.nodes = CardNodes(self._time, self.hooks, self._nmt)
-        self.slaves = self.nodes.slaves
-        """The cards as nodes, in the cell's order."""
-        self.bus = RobotBus(cell, clock, self._time, self.nodes, self.hooks, with_wire, self._sync)
-        self.wire, self.trouble = self.bus.wire, self.bus.trouble
-        self._off = self.trouble.off
-        self.slaves.extend(self.make_card(card, card.node_id) for card in cell.card)
-        figures = BusFigures(self.wire, self.trouble, [slave.node_id for slave in self.slaves])
-        faults = FaultObjects(self._time_and_run)
-        self.device = BenchDevice(
-            cell, self.assessor, figures, faults, self._set_emergency_stop, lambda: self.power_cycle()
-        )
-        self.device.truth = self.world.state()
-        self.node = BenchNode(cell, clock, self._time, self.device, with_wire)
-        self._node_slave = self.node.slave
-
-    @property
-    def time_ns(self) -> int:
-        """Virtual time since the bench was made."""
-        return self._time.time_ns
-
-    @property
-    def cycle(self) -> int:
-        """The last SYNC's number since NMT start; -1 before the first."""
-        return self._time.cycle
-
-    @property
-    def run(self) -> int:
-        """How many runs NMT start has begun so far."""
-        return self._time.run
-
-    @property
-    def begin_ns(self) -> int | None:
-        """When cycle 0 was; None before."""
-        return self._time.begin_ns
-
-    @property
-    def records(self) -> list[Record]:
-        """Frames on the robot's bus."""
-        return self.bus.records
-
-    @records.setter
-    def records(self, records: list[Record]) -> None:
-        self.bus.records = records
-
-    @property
-    def bench_records(self) -> list[Record]:
-        """Frames on the bench bus."""
-        return self.node.records
-
-    @bench_records.setter
-    def bench_records(self, records: list[Record]) -> None:
-        self.node.records = records
-
-    @property
-    def ignored_frames(self) -> int:
-        """Frames on the robot's bus that nobody took, those of cards left aside."""
-        return self.bus.ignored_frames
-
-    @property
-    def is_operational(self) -> bool:
-        """Whether a card is in OPERATIONAL."""
-        return self.nodes.is_operational
-
-    def make_card(self, card: Card, name: Hashable) -> Slave:
-        """A card that goes by `name` on the robot's bus: one of the cell's, or a second one, which is wired to nothing.
-
-        It has not booted, and is to be told to `nodes`.
-        """
-        node_id = card.node_id
-        device = self.rack.spare(card) if isinstance(name, SecondCard) else self.rack.devices[node_id]
-        dictionary, emit = load_dictionary(card.model, node_id), self.bus.way_out(node_id, name)
-        eds = eds_text(card.model).encode()
-        slave = Slave(card.name, node_id, dictionary, device, emit, self.clock.value, eds)
-        slave.bus_name = name
-        if self.clock is Clock.WALL:
-            slave.boot_ns = self.cell.bus.boot_ms * MILLISECOND
-        return slave
-
     def start(self) -> None:
         """Power on: every node boots; the bench node starts itself."""
         for slave in self.slaves:
             slave.boot(self._time.time_ns)
         self.node.start()
         self.nodes.refresh()
-
-    @property
-    def next_due_ns(self) -> int:
-        """When `advance` has something to send."""
-        due_ns = self.nodes.next_due_ns
-        if self._node_slave.next_due_ns < due_ns:
-            due_ns = self._node_slave.next_due_ns
-        if self._scan.due_ns < due_ns:
-            due_ns = self._scan.due_ns
-        if self.wire is not None and (wire_due_ns := self.wire.next_due_ns) < due_ns:
-            due_ns = wire_due_ns
-        return due_ns if self._faults is None else min(due_ns, self.hooks.due_ns)
-
-    def advance(self, until_ns: int) -> None:
-        """Let virtual time pass, on the wall clock or while nobody sends SYNC; a time gone by is no error."""
-        time = self._time
-        while (due_ns := self.next_due_ns) <= until_ns:
-            self._run_due(due_ns)
-        if until_ns > time.time_ns:
-            time.time_ns = until_ns
-            if until_ns - self.world.time_ns > IDLE_STEP_NS:
-                self.world.advance(until_ns)
-                self._tell_idle_truth()
-                if self._faults is not None:
-                    self._faults.update(until_ns, time.cycle)
-        if self.wire is not None and self.clock is Clock.WALL:
-            self.bus.carry(self.wire, until_ns)
-
-    def run_on(self) -> None:
-        """In lockstep, the sender of SYNC is lost: time runs on until the cards are safe and the arms at rest."""
-        time = self._time
-        timeouts_ns = [slave.watch_due_ns for slave in self.slaves if slave.watch_due_ns != NEVER]
-        timeouts_ns.append(time.time_ns + self.cell.bus.heartbeat_timeout_ms * 1_000_000)
-        end_ns = max(timeouts_ns) + RUN_ON_NS
-        rest = RestWatch(time.time_ns, end_ns)
-        while rest.waits(time.time_ns):
-            step_end_ns = time.time_ns + IDLE_STEP_NS
-            self.advance(min(step_end_ns, end_ns) if time.time_ns < end_ns else step_end_ns)
-            time.catch_up()
-            rest.look(time.time_ns, self.world.state())
-            self._tell_idle_truth()
-            if self._faults is not None:
-                self._faults.update(time.time_ns, time.cycle)
-        self._next_sync_ns = time.time_ns
 
     def power_cycle(self) -> None:
         """Everything off and on again: no emergency stop, arms parked and at rest, every card boots. Time goes on."""
@@ -239,12 +69,6 @@ class Bench:
         if self._may_move_on:
             self._may_move_on = False
             self._time.move_world(self._next_sync_ns)
-
-    def settle(self) -> None:
-        """Let the wire carry what still waits on it, at the end of a run."""
-        wire, limit_ns = self.wire, self._time.time_ns + SETTLE_NS
-        while wire is not None and (due_ns := wire.next_due_ns) <= limit_ns:
-            self.advance(due_ns)
 
     def leave(self, origin: object) -> None:
         """A client has left the robot's bus; what it sent before is still carried."""
@@ -274,21 +98,9 @@ class Bench:
         """The bench node sends its TPDOs: for a runner that knows that somebody listens."""
         self.node.send_telemetry()
 
-    def attach_faults(self, faults: Faults) -> None:
-        """From now on `faults` are told of time as it passes."""
-        self._faults = faults
-
     def change_truth(self, truth: Truth) -> None:
         """The true robot is another one from now on."""
         self.world.change(truth)
-
-    def _time_and_run(self) -> tuple[int, int, bool]:
-        """Virtual time, cycle, and whether a run is on: fault times count from its cycle 0."""
-        return self._time.time_ns, self._time.cycle, self.is_operational and self.begin_ns is not None
-
-    def catch_up(self) -> None:
-        """The world moves on to the bench's time."""
-        self._time.catch_up()
 
     def _set_emergency_stop(self, is_on: bool) -> None:
         """Open the supply of every amplifier, or close it again."""
@@ -353,30 +165,6 @@ class Bench:
         self.assessor.truth(time.cycle, joints, self.world.supply_limited_steps)
         if self.on_cycle is not None:
             self.on_cycle(CycleTruth(time.cycle, now_ns, joints))
-
-    def _tell_idle_truth(self) -> None:
-        """The truth while no SYNC asks for it: shown always, told to `on_cycle` until the cards have acted."""
-        joints, time = self.world.state(), self._time
-        self.device.truth = joints
-        silence_ns = time.time_ns - self._last_cycle_ns
-        limit_ns = self.cell.bus.heartbeat_timeout_ms * 1_000_000 + RUN_ON_NS
-        is_told = SILENT_CYCLES * self.cell.bus.cycle_ns < silence_ns <= limit_ns
-        if is_told and time.cycle >= 0 and self.on_cycle is not None:
-            self.on_cycle(CycleTruth(time.cycle, time.time_ns, joints))
-
-    def _run_due(self, due_ns: int) -> None:
-        wire = self.wire
-        if wire is not None and wire.next_due_ns <= due_ns:
-            self.bus.carry(wire, due_ns)
-        self._time.reach(due_ns)
-        if self._faults is not None:
-            self.hooks.release(due_ns)
-        if self._scan.due_ns <= due_ns:
-            self._scan.finish(due_ns)
-        if self.nodes.next_due_ns <= due_ns:
-            self.nodes.run_timers(due_ns)
-        if self._node_slave.next_due_ns <= due_ns:
-            self._node_slave.run_timers(due_ns)
 
     def _nmt(self, data: bytes) -> None:
         try:

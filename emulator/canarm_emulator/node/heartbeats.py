@@ -1,16 +1,48 @@
-"""Heartbeat consumer of one node (0x1016, CiA 301, 7.5.2.19): which nodes it monitors, when each is lost.
+"""Heartbeats of one node: those that it produces (0x1017), and those that it monitors (0x1016, CiA 301, 7.5.2.19).
 
 What a lost heartbeat brings about is the node's business.
 """
 
+from collections.abc import Callable
+
 from canarm_protocol.canopen.dictionary import CONSUMER_HEARTBEAT
-from canarm_protocol.canopen.frames import HIGHEST_NODE_ID
+from canarm_protocol.canopen.frames import HIGHEST_NODE_ID, Frame, NmtState, heartbeat_frame
 from canarm_protocol.canopen.sdo import AbortCode
 
 from ..timing import MILLISECOND, NEVER
 from .store import ObjectStore, SdoRefused
 
 NODE_IDS = range(1, HIGHEST_NODE_ID + 1)
+
+
+class HeartbeatProducer:
+    """Sends the heartbeats of node `node_id`. `scale` multiplies the producer time wherever it is given."""
+
+    def __init__(self, node_id: int, emit: Callable[[int, Frame], None]) -> None:
+        self.due_ns = NEVER
+        """When the next one is sent."""
+        self._node_id, self._emit = node_id, emit
+        self._period_ns = 0
+
+    def begin(self, time_ms: int, now_ns: int, scale: float) -> None:
+        """The producer time is `time_ms` from now on; 0 for no heartbeats."""
+        self._period_ns = time_ms * MILLISECOND
+        self.due_ns = now_ns + _scaled(self._period_ns, scale) if time_ms else NEVER
+
+    def stop(self) -> None:
+        """Send none until `begin`."""
+        self.due_ns = NEVER
+
+    def restart(self, now_ns: int) -> None:
+        """Go on after a standstill, with one at once."""
+        if self.due_ns != NEVER:
+            self.due_ns = now_ns
+
+    def run(self, now_ns: int, state: NmtState, scale: float) -> None:
+        """Send the one that has fallen due by `now_ns`."""
+        if self.due_ns <= now_ns:
+            self._emit(self.due_ns, heartbeat_frame(self._node_id, state))
+            self.due_ns += _scaled(self._period_ns, scale)
 
 
 class HeartbeatConsumer:
@@ -63,7 +95,7 @@ class HeartbeatConsumer:
         if time_ns is None:
             return False
         self._lost.discard(node_id)
-        self._due_ns[node_id] = now_ns + (time_ns if scale == 1.0 else round(time_ns * scale))
+        self._due_ns[node_id] = now_ns + _scaled(time_ns, scale)
         self.due_ns = min(self._due_ns.values())
         return True
 
@@ -91,3 +123,7 @@ class HeartbeatConsumer:
 def _entry(value: int) -> tuple[int, int]:
     """Node-ID and time in ns of an entry."""
     return value >> 16 & 0xFF, (value & 0xFFFF) * MILLISECOND
+
+
+def _scaled(period_ns: int, scale: float) -> int:
+    return period_ns if scale == 1.0 else round(period_ns * scale)

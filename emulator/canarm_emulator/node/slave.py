@@ -10,45 +10,38 @@ identifiers, another COB-ID for SYNC, and changes of PDOs in OPERATIONAL.
 from collections.abc import Callable, Hashable
 
 from canarm_protocol.canopen.dictionary import (
-    CLOCK_MODE,
-    CONSUMER_HEARTBEAT,
     CYCLE_PERIOD,
     EMERGENCY_COB_ID,
     ERROR_BEHAVIOUR,
     ERROR_HISTORY,
-    GUARD_TIME,
     INTERRUPT_ENABLE,
-    INTERRUPT_SOURCE,
-    LIFE_TIME_FACTOR,
     PRODUCER_HEARTBEAT,
-    STORED_EDS,
     SYNC_COB_ID,
     SYNC_OVERFLOW,
     SYNC_WINDOW,
     Dictionary,
 )
 from canarm_protocol.canopen.frames import Cob, ErrorCode, Frame, NmtCommand, NmtState, heartbeat_frame
-from canarm_protocol.canopen.pdo import COMMUNICATION, DISABLED, PDO_COUNT, PdoLayout
+from canarm_protocol.canopen.pdo import COMMUNICATION, PDO_COUNT, PdoLayout
 from canarm_protocol.canopen.sdo import AbortCode
 
-from ..timing import MICROSECOND, MILLISECOND, NEVER
+from ..timing import MICROSECOND, NEVER
 from ..wire.confinement import ErrorState
 from . import save_and_restore
 from .analogue_events import AnalogueEvents
 from .emergency import EmergencyProducer
-from .event_pdos import EVENT_TIMER
-from .guarding import LifeGuard
-from .heartbeats import HeartbeatConsumer
+from .heartbeats import HeartbeatProducer
 from .io_device import IoDevice
+from .life_watch import LifeWatch
+from .live_objects import APPLICATION_OBJECTS, LiveObjects
 from .pdo_rules import check_emergency_cob_id, check_pdo_write, check_sync_cob_id, check_sync_overflow
 from .pdos import Pdos
-from .rpdo_deadlines import RpdoDeadlines
+from .rpdo_watch import RpdoWatch
 from .sdo_server import SdoServers
 from .store import ObjectStore, SdoRefused
 
 Emit = Callable[[int, Frame], None]
 
-APPLICATION_OBJECTS = 0x2000
 SILENT_STATES = (NmtState.STOPPED, NmtState.BOOT_UP)
 """Neither SDO nor EMCY, and no SYNC acts."""
 
@@ -81,7 +74,6 @@ class Slave:
         self.refuses_sdo = False
         """Whether every SDO request is answered by an abort."""
         self._emit = emit
-        self._clock_mode, self._eds = clock_mode, eds
         self._now_ns = 0
         self._store = ObjectStore(dictionary, self._read_object, self._write_object)
         self._sdo = SdoServers(self._store)
@@ -89,12 +81,11 @@ class Slave:
         self._inputs = AnalogueEvents(self._store) if INTERRUPT_ENABLE in dictionary else None
         self.pdos = Pdos(name, self._store, device, self._inputs, emit)
         """What of its process data is in force."""
+        self._live = LiveObjects(device, self.pdos, self._inputs, clock_mode, eds)
         self._is_configured = False
-        self._deadlines = RpdoDeadlines()
-        self._too_short: set[int] = set()
-        self._heartbeat_ns, self._heartbeat_due_ns = 0, NEVER
-        self._watch = HeartbeatConsumer(self._store)
-        self._guard = LifeGuard(self._store)
+        self._rpdo_watch = RpdoWatch(self._store, self._emergency)
+        self._heartbeat = HeartbeatProducer(node_id, emit)
+        self._life = LifeWatch(self._store, self._emergency)
 
     def boot(self, now_ns: int, everything: bool = True) -> None:
         """Reset: communication objects take their defaults, with `everything` the application's too; then boot-up."""
@@ -102,16 +93,13 @@ class Slave:
         self._store.reset(keep=lambda index: not everything and not 0x1000 <= index < 0x2000)
         self._sdo.reset()
         self._deactivate_pdos()
-        self._deadlines.reset()
-        self._too_short.clear()
+        self._rpdo_watch.reset()
         self.device.configure(self._store.number)
         self.device.take_error_values(self._store.number)
         self._emergency.reset()
         self.pdos.reset()
-        self._heartbeat_ns = self._store.number(PRODUCER_HEARTBEAT) * MILLISECOND
-        self._heartbeat_due_ns = now_ns + self._scaled(self._heartbeat_ns) if self._heartbeat_ns else NEVER
-        self._watch.reset()
-        self._guard.reset()
+        self._heartbeat.begin(self._store.number(PRODUCER_HEARTBEAT), now_ns, self.timer_scale)
+        self._life.reset()
         self._schedule()
         self._emit(now_ns, heartbeat_frame(self.node_id, NmtState.BOOT_UP))
         self.state = NmtState.PRE_OPERATIONAL
@@ -122,20 +110,17 @@ class Slave:
             self.boot(now_ns, everything)
             return
         self._boot_due_ns, self._boots_everything = now_ns + self.boot_ns, everything
-        self._heartbeat_due_ns = NEVER
-        self._watch.reset()
-        self._guard.reset()
+        self._heartbeat.stop()
+        self._life.reset()
         self._emergency.reset()
         self.device.take_error_values(self._store.number)
         self._leave_operational(NmtState.BOOT_UP)
 
     def resume(self, now_ns: int) -> None:
         """Go on after a standstill of the node: heartbeat, time-outs and the timers of PDOs start again."""
-        if self._heartbeat_due_ns != NEVER:
-            self._heartbeat_due_ns = now_ns
-        self._watch.reset()
-        self._guard.restart()
-        self._deadlines.restart()
+        self._heartbeat.restart(now_ns)
+        self._life.restart()
+        self._rpdo_watch.restart()
         self._emergency.postpone(now_ns)
         self.pdos.events.restart(now_ns)
         self._schedule()
@@ -171,17 +156,17 @@ class Slave:
     @property
     def watch_due_ns(self) -> int:
         """When the next heartbeat of a watched node, or the master that guards this one, is lost."""
-        return min(self._watch.due_ns, self._guard.due_ns)
+        return self._life.due_ns
 
     @property
     def world_due_ns(self) -> int:
         """When `run_timers` has something to do that reads the card's inputs or sets its outputs."""
-        return min(self._boot_due_ns, self._watch.due_ns, self._guard.due_ns, self.pdos.events.due_ns)
+        return min(self._boot_due_ns, self._life.due_ns, self.pdos.events.due_ns)
 
     @property
     def watched_node_ids(self) -> list[int]:
         """The nodes whose heartbeats are monitored (0x1016)."""
-        return self._watch.node_ids
+        return self._life.node_ids
 
     def on_sdo(self, cob_id: int, data: bytes, now_ns: int) -> None:
         """Serve one SDO request that came on `cob_id`; answered at `now_ns`, but not in STOPPED nor before boot-up."""
@@ -204,15 +189,10 @@ class Slave:
         """
         if len(data) < layout.size:
             self.ignored_frames += 1
-            self._too_short.add(layout.number)
-            self._emergency.begin(ErrorCode.PDO_LENGTH, now_ns)
+            self._rpdo_watch.too_short(layout.number, now_ns)
             self._schedule()
             return
-        is_monitored = self._deadlines.is_used and self._deadlines.received(layout.number, now_ns)
-        if self._emergency.present:
-            self._too_short.discard(layout.number)
-            self._end_rpdo_errors(now_ns)
-        if is_monitored or self._emergency.present:
+        if self._rpdo_watch.received(layout.number, now_ns):
             self._schedule()
         self.ignored_frames += not self.pdos.take(layout, data, now_ns)
 
@@ -236,18 +216,18 @@ class Slave:
         """A remote frame asks for a TPDO or, with the COB-ID of the heartbeat, guards the node. Whether it answers."""
         if cob_id != Cob.HEARTBEAT + self.node_id:
             return self.pdos.on_remote(cob_id, now_ns)
-        answer = None if self.state is NmtState.BOOT_UP else self._guard.asked(self.state, now_ns, self.timer_scale)
+        answer = None if self.state is NmtState.BOOT_UP else self._life.asked(self.state, now_ns, self.timer_scale)
         if answer is None:
             return False
         self._emit(now_ns, Frame(cob_id, answer))
-        self._end_life_errors(now_ns)
+        self._life.end_error(now_ns)
+        self._schedule()
         return True
 
     def on_heartbeat(self, node_id: int, now_ns: int) -> None:
         """A heartbeat of another node: monitoring begins with the first one (CiA 301, 7.5.2.19)."""
-        if self.state is NmtState.BOOT_UP or not self._watch.heard(node_id, now_ns, self.timer_scale):
-            return
-        self._end_life_errors(now_ns)
+        if self.state is not NmtState.BOOT_UP and self._life.heard(node_id, now_ns, self.timer_scale):
+            self._schedule()
 
     def on_error_state(self, state: ErrorState, now_ns: int) -> None:
         """The node's CAN controller has changed its error state; bus-off acts as a lost heartbeat does (0x1029:1)."""
@@ -261,17 +241,10 @@ class Slave:
         if self._boot_due_ns <= now_ns:
             self.boot(self._boot_due_ns, self._boots_everything)
             return
-        if self._heartbeat_due_ns <= now_ns:
-            self._emit(self._heartbeat_due_ns, heartbeat_frame(self.node_id, self.state))
-            self._heartbeat_due_ns += self._scaled(self._heartbeat_ns)
-        if self.watch_due_ns <= now_ns:
-            self._emergency.begin(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, self.watch_due_ns)
-            self._watch.run(now_ns)
-            self._guard.run(now_ns)
+        self._heartbeat.run(now_ns, self.state, self.timer_scale)
+        if self._life.run(now_ns):
             self._communication_lost()
-        if self._deadlines.due_ns <= now_ns:
-            self._emergency.begin(ErrorCode.RPDO_TIMEOUT, self._deadlines.due_ns)
-            self._deadlines.run(now_ns)
+        self._rpdo_watch.run(now_ns)
         if self._emergency.due_ns <= now_ns:
             self._emergency.run(now_ns)
         if self.pdos.events.due_ns <= now_ns:
@@ -286,65 +259,32 @@ class Slave:
         elif behaviour == 2:
             self._leave_operational(NmtState.STOPPED)
 
-    def _end_life_errors(self, now_ns: int) -> None:
-        """Report that nobody who is watched is missing any more."""
-        if not self._watch.is_any_lost and not self._guard.is_lost:
-            self._emergency.end(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, now_ns)
-        self._schedule()
-
-    def _end_rpdo_errors(self, now_ns: int) -> None:
-        """Report the end of what no RPDO suffers from any more."""
-        if not self._deadlines.missed:
-            self._emergency.end(ErrorCode.RPDO_TIMEOUT, now_ns)
-        if not self._too_short:
-            self._emergency.end(ErrorCode.PDO_LENGTH, now_ns)
-
     def _activate_pdos(self, now_ns: int) -> None:
         self.pdos.activate(now_ns)
-        optional, rpdos = self._store.optional, self.pdos.rpdos
-        timers_ms = {p.number: optional(COMMUNICATION["rpdo"] + p.number - 1, EVENT_TIMER) for p in rpdos}
-        self._deadlines.activate({number: time_ms * MILLISECOND for number, time_ms in timers_ms.items()})
+        self._rpdo_watch.activate(self.pdos.rpdos)
         self._schedule()
 
     def _deactivate_pdos(self) -> None:
         self.pdos.clear()
-        self._deadlines.activate({})
+        self._rpdo_watch.activate(())
 
     def _leave_operational(self, state: NmtState) -> None:
         self.state = state
         self._deactivate_pdos()
         self._schedule()
 
-    def _scaled(self, period_ns: int) -> int:
-        return period_ns if self.timer_scale == 1.0 else round(period_ns * self.timer_scale)
-
     def _schedule(self) -> None:
         self.next_due_ns = min(
             self._boot_due_ns,
-            self._heartbeat_due_ns,
-            self._watch.due_ns,
-            self._guard.due_ns,
-            self._deadlines.due_ns,
+            self._heartbeat.due_ns,
+            self._life.due_ns,
+            self._rpdo_watch.due_ns,
             self._emergency.due_ns,
             self.pdos.events.due_ns,
         )
 
     def _read_object(self, index: int, subindex: int) -> bytes | None:
-        if index == CLOCK_MODE:
-            return bytes((self._clock_mode,))
-        if index == STORED_EDS:
-            return self._eds
-        if index == ERROR_HISTORY and subindex and subindex > self._store.number(ERROR_HISTORY):
-            raise SdoRefused(AbortCode.NO_DATA)
-        if index == INTERRUPT_SOURCE and subindex and self._inputs is not None:
-            return self._inputs.take_sources().to_bytes(4, "little")
-        if index >= APPLICATION_OBJECTS:
-            if not self.pdos.is_scanned(index, subindex):
-                self.device.refresh(index, subindex)
-            getter = self.device.getter(index, subindex)
-            if getter is not None:
-                return bytes(self._store.variable(index, subindex).encode_raw(getter()))
-        return None
+        return self._live.read(self._store, index, subindex)
 
     def _write_object(self, index: int, subindex: int, data: bytes) -> bool:
         setter = self.device.setter(index, subindex) if index >= APPLICATION_OBJECTS else None
@@ -368,22 +308,12 @@ class Slave:
         is_operational = self.state is NmtState.OPERATIONAL
         check_pdo_write(self._store, self.pdos.can_map, is_operational, index, subindex, value)
         if index == PRODUCER_HEARTBEAT:
-            self._heartbeat_ns = value * MILLISECOND
-            self._heartbeat_due_ns = self._now_ns + self._scaled(self._heartbeat_ns) if value else NEVER
+            self._heartbeat.begin(value, self._now_ns, self.timer_scale)
             self._schedule()
-        elif index == CONSUMER_HEARTBEAT:
-            self._watch.rewrite(subindex, value)
-            self._end_life_errors(self._now_ns)
-        elif index in (GUARD_TIME, LIFE_TIME_FACTOR):
-            self._guard.restart()
-            self._end_life_errors(self._now_ns)
+        elif self._life.rewrite(index, subindex, value, self._now_ns):
+            self._schedule()
         elif 0 <= index - COMMUNICATION["rpdo"] < PDO_COUNT:
-            number, is_disabled = index - COMMUNICATION["rpdo"] + 1, subindex == 1 and value & DISABLED
-            if is_disabled:
-                self._too_short.discard(number)
-            if is_disabled or (subindex == EVENT_TIMER and not value):
-                self._deadlines.missed.discard(number)
-            self._end_rpdo_errors(self._now_ns)
+            self._rpdo_watch.rewrite(index - COMMUNICATION["rpdo"] + 1, subindex, value, self._now_ns)
             self._schedule()
         elif index == SYNC_COB_ID:
             check_sync_cob_id(value)
