@@ -17,7 +17,7 @@ from canarm_controller.run.runner import LISTEN_NS, Runner, RunResult
 from canarm_controller.run.state import State
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.errors import BusError
+from canarm_protocol.errors import BusError, BusOptionsError
 from canarm_protocol.runs.run_folder import SIGNALS_FOLDER, create_run_folder, update_run_file
 from canarm_protocol.transport.realtime import ask_for_realtime
 
@@ -189,11 +189,16 @@ def _run(
     on_open: Callable[[], None],
     pacing: Mapping[str, Any],
 ) -> RunResult:
-    """Open the buses and run; a bus that cannot be opened is a failed run, without `on_open`."""
+    """Open the buses and run; a bus that cannot be opened is a failed run, without `on_open`.
+
+    Raises `BusOptionsError` for options that a driver does not take.
+    """
     with contextlib.ExitStack() as stack:
         try:
             port = stack.enter_context(robot_bus.open())
             bench = None if bench_bus is None else stack.enter_context(bench_bus.open())
+        except BusOptionsError:
+            raise
         except BusError as error:
             controller.lose(ControllerError(str(error)))
             follower.on_state(controller.state)
