@@ -11,8 +11,14 @@ import time
 from collections.abc import Sequence
 from typing import IO, Self
 
-from .cli import ENVIRONMENT_PREFIX, LOG_LEVEL
+from canarm_protocol.errors import BusError, ExitStatus
 
+from .cli import ENVIRONMENT_PREFIX, LOG_LEVEL
+from .usage import UsageError
+
+START_S = 300.0
+"""How long a process may take until it says that it is ready: a cold start reads a physics engine from disk, and an
+emulated machine may be 25 times slower than its host."""
 END_S = 10.0
 """How long a process may take to end when it is asked to; a safe stop takes 2 s."""
 KEPT = 256 * 1024
@@ -89,6 +95,26 @@ class Child:
 
     def __exit__(self, *exception: object) -> None:
         self.end()
+
+
+def offered_port(emulator: Child) -> int:
+    """The port on which an emulator offers its buses, from the line in which it says so.
+
+    Ends one that does not, and raises `UsageError` for what it was asked for, else `BusError`.
+    """
+    found = emulator.wait_for(r"^bench .*port=(\d+)\b", START_S)
+    if found is not None:
+        return int(found.group(1))
+    if emulator.status is None:
+        emulator.end()
+        raise BusError(f"the emulator has not offered its buses within {START_S:g} s")
+    words = " ".join(emulator.complaints.split())
+    raise ended_too_early(emulator, words or f"the emulator has ended with status {emulator.status}")
+
+
+def ended_too_early(child: Child, text: str) -> Exception:
+    """The error for a process that has ended; what was wrong usage to it is wrong usage to us."""
+    return (UsageError if child.status == ExitStatus.WRONG_INPUT else BusError)(text)
 
 
 class _Drain:

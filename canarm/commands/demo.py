@@ -15,10 +15,9 @@ from canarm_controller.bus.assessment import JointFigures
 from canarm_emulator.robot.truth import Truth as TrueRobot
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.errors import BusError
 from canarm_protocol.runs.run_folder import create_run_folder, new_run_folder, update_run_file
 
-from ..child import Child
+from ..child import START_S, Child, ended_too_early, offered_port
 from ..fault_file import load_faults
 from ..options import (
     BENCH_BUS,
@@ -49,8 +48,6 @@ from ..stdout import keep_stdout
 from ..summary import Summary
 from ..usage import UsageError, parse_settings
 
-START_S = 60.0
-"""How long the emulator may take to offer its bus: a cold start reads a physics engine from disk."""
 SLOWEST = 10.0
 """A run may take this many times its robot time, and START_S, before it is given up."""
 PACE_HELP = (
@@ -113,7 +110,7 @@ def demo(
     if faults is not None:
         robot += ["--faults", str(faults)]
     with Child("emulator", [*common, *robot], quiet=with_dashboard) as emulator:
-        port = _port_of(emulator)
+        port = offered_port(emulator)
         arguments = [*common, *_controller_arguments(control, f"{host}:{port}", seconds)]
         if pace is not None:
             arguments += ["--pace", pace_text(pace)]
@@ -178,21 +175,6 @@ def _served_host(serve: str) -> str:
     return host
 
 
-def _port_of(emulator: Child) -> int:
-    """The port on which the emulator offers its buses, from the line in which it says so."""
-    found = emulator.wait_for(rf"^{BENCH_BUS} .*port=(\d+)\b", START_S)
-    if found is not None:
-        return int(found.group(1))
-    emulator.end()
-    print(emulator.complaints, end="", file=sys.stderr)
-    raise _failure(emulator, f"the emulator has not offered its buses; it ended with status {emulator.status}")
-
-
-def _failure(child: Child, text: str) -> Exception:
-    """The error for a process that has ended too early; what was wrong usage to it is wrong usage to us."""
-    return UsageError(text) if child.status == WRONG_USAGE else BusError(text)
-
-
 def _show_dashboard(cell: Cell, host: str, port: int, controller: Child, deadline_s: float) -> None:
     """The dashboard in this process, until the controller has ended, time is up, or the user leaves it."""
     from canarm_tui.app import run_dashboard
@@ -225,7 +207,7 @@ def _report(
         result = dict(json.loads(controller.printed.splitlines()[-1]))
     except (IndexError, ValueError):
         text = f"the controller ended with status {controller.status} and without a summary"
-        raise _failure(controller, text) from None
+        raise ended_too_early(controller, text) from None
     summary = _summary({**result, **known, "out": str(folder)})
     update_run_file(folder, "summary", summary.as_json())
     say(json.dumps(summary.as_json()) if as_json else summary.as_text())

@@ -24,15 +24,13 @@ from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.faults.script import FaultScript, FaultSet, FaultSpec, Trigger
 from canarm_protocol.runs.run_folder import CAN_LOG_FILE, LOG_START_S, SIGNALS_FOLDER
 
-from ..child import END_S, Child
-from ..options import BENCH_BUS, DEFAULT_HOST
+from ..child import END_S, Child, offered_port
+from ..options import DEFAULT_HOST
 from ..usage import UsageError
 from .bus_reactions import END_OF_DRIVING, ENDED, SILENT, cycle_at, reactions
 from .evidence import Evidence, Motion, Notice, Received, motion_of, seen_by_controller
 from .plan import INJECTED_S, OBSERVED_S, MatrixCell, Scenario
 
-START_S = 60.0
-"""How long the emulator may take to begin."""
 FIRST_SYNC_S = 30.0
 """How long a controller may take to its first cycles: an interpreter, its libraries and three cards to configure."""
 SILENT_S = 15.0
@@ -59,11 +57,9 @@ def run_foreign(
             file.write_text(as_toml(_script(fault, injected_cycle)), encoding="utf-8")
             arguments += ["--faults", str(file)]
         with Child("emulator", arguments, quiet=True) as emulator:
-            found = emulator.wait_for(rf"^{BENCH_BUS} .*port=(\d+)\b", START_S)
-            if found is None:
-                raise BusError(f"the emulator has not offered its buses: {emulator.complaints.strip()}")
+            port = offered_port(emulator)
             truth = folder / SIGNALS_FOLDER / SIGNALS_FILE
-            with _started(command, found.group(1), Path(name) / "said") as process:
+            with _started(command, str(port), Path(name) / "said") as process:
                 end = _watch(process, truth, last_cycle)
             _settle(truth)
         motion = _motion(truth, len(cell.joints), last_cycle)

@@ -24,9 +24,9 @@ from canarm_protocol.faults.script import FaultScript
 from canarm_protocol.transport.port import BusPort, open_port
 from canarm_protocol.transport.sdo_session import SdoSession
 
-from ..child import Child
+from ..child import Child, offered_port
 from ..reports.run_plot import plot_run
-from ..rig.bus_rig import BENCH_BUS, HOST, port_of
+from ..rig.bus_rig import BENCH_BUS, HOST
 from ..rig.findings import begun_of
 from ..rig.recorded import RecordedHistory, fault_events, read_events, recorded_joints
 from ..rig.rig_faults import FaultControl, FaultSource, plainly
@@ -86,7 +86,7 @@ class CanarmBench(FaultControl):
         words += ["--seed", str(self._seed if seed is None else seed), "--out", str(self.folder)]
         words += [word for key, value in (truth or {}).items() for word in ("--truth", f"{key}={value}")]
         self._emulator = Child("emulator", [*words, *(["--wire"] * wire)], quiet=True)
-        self._port = port_of(self._emulator)
+        self._port = offered_port(self._emulator)
         self._watch = BusWatch(open_port("canarm", "can0", host=HOST, port=self._port))
         if faults is not None:
             self.inject_file(faults)

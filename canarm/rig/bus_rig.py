@@ -22,7 +22,7 @@ from canarm_protocol.faults.script import FaultScript
 from canarm_protocol.transport.port import open_port
 
 from ..bus_choice import VIRTUAL_BUSES, BusChoice
-from ..child import Child
+from ..child import START_S, Child, ended_too_early, offered_port
 from ..session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, tick_count
 from ..summary import Summary
 from ..usage import UsageError, value_text
@@ -33,15 +33,12 @@ from .rig_faults import FaultControl, FaultSource
 from .rig_joint import Joints
 
 HOST, BENCH_BUS = "127.0.0.1", "bench"
-START_S = 60.0
-"""How long the emulator may take to offer its buses."""
-ANSWER_S = 10.0
-"""How long the bench may take to answer."""
+ANSWER_S = 60.0
+"""How long the bench may take to answer: longer than any machine needs, so that a dead one is told from a slow one."""
 SLOWEST = 10.0
 """A run may take this many times its robot time, and START_S."""
 SYNC_TIMEOUT_S = 30.0
 """A busy machine must not look like a lost controller."""
-WRONG_USAGE = 2
 
 
 class BusRig(FaultControl):
@@ -91,7 +88,7 @@ class BusRig(FaultControl):
         robot = ["--serve", f"{HOST}:0", "--seed", str(seed), "--sync-timeout", str(SYNC_TIMEOUT_S)]
         robot += [word for key, value in (truth or {}).items() for word in ("--truth", f"{key}={value_text(value)}")]
         self._emulator = Child("emulator", [*self._common, *robot, *bus.flags, *(["--wire"] * wire)], quiet=True)
-        self._port = port_of(self._emulator)
+        self._port = offered_port(self._emulator)
         self.joints = self._read({})
         if faults is not None:
             self.inject_file(faults)
@@ -204,19 +201,9 @@ class BusRig(FaultControl):
         return recorded_joints(self.cell, history)
 
 
-def port_of(emulator: Child) -> int:
-    """The port on which an emulator offers its buses. Ends it and raises `UsageError` or `BusError` if it does not."""
-    found = emulator.wait_for(r"^bench .*port=(\d+)\b", START_S)
-    if found is not None:
-        return int(found.group(1))
-    emulator.end()
-    text = " ".join(emulator.complaints.split()) or f"the emulator has ended with status {emulator.status}"
-    raise (UsageError if emulator.status == WRONG_USAGE else BusError)(text)
-
-
 def _last_object(controller: Child) -> dict[str, Any]:
     try:
         return dict(json.loads(controller.printed.splitlines()[-1]))
     except (IndexError, ValueError):
         text = " ".join(controller.complaints.split()) or f"the controller has ended with status {controller.status}"
-        raise (UsageError if controller.status == WRONG_USAGE else BusError)(text) from None
+        raise ended_too_early(controller, text) from None

@@ -109,7 +109,7 @@ def test_an_emulator_that_cannot_start_is_explained(canarm):
     demo = canarm("demo", "--clock", "sync", "--no-tui", "--out", "run")
     assert demo.wait() == 2
     assert "canarm: run/events.jsonl: cannot be written: Is a directory" in demo.complaint
-    assert "canarm: the emulator has not offered its buses; it ended with status 2" in demo.complaint
+    assert "canarm: the emulator has ended with status 2" in demo.complaint
 
 
 def test_an_emulator_that_is_killed_is_reported(canarm, run_folder):

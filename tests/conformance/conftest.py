@@ -25,14 +25,17 @@ from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.dictionary import eds_text
 from canarm_protocol.canopen.frames import Frame
-from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell, shipped_cells
 from canarm_protocol.clock import Clock
 
 CELL = load_cell("konkuk1")
 NODE_IDS = [card.node_id for card in CELL.card]
 SILENT = {f"{joint}.noise_lsb": "0" for joint in CELL.joint_names}
-DEADLINE_S = 60.0 * float(os.environ.get("PATIENCE", "1"))
+PATIENCE = float(os.environ.get("PATIENCE", "1"))
+DEADLINE_S = 60.0 * PATIENCE
 """Far longer than anything takes: a busy machine must not fail a test. PATIENCE=10 is for emulated machines."""
+BOOT_MS = min(round(10 * PATIENCE**2), 1000)
+"""What a card takes to boot on the wall clock: longer than the machine takes from a master's send to its wait."""
 MILLISECOND = 1_000_000
 LONGEST_MS = 10_000
 LINKS = (
@@ -290,25 +293,36 @@ def wall_clock_emulator() -> Iterator[Emulator]:
     emulator.close()
 
 
-def _on_socketcan(clock: Clock) -> Iterator[str]:
+def _slow_to_boot(folder: Path) -> Path:
+    """A file of the same cell whose cards take `BOOT_MS` to boot."""
+    text = shipped_cells()["konkuk1"]
+    assert "[bus]\n" in text
+    assert "boot_ms" not in text
+    file = folder / "konkuk1.toml"
+    file.write_text(text.replace("[bus]\n", f"[bus]\nboot_ms = {BOOT_MS}\n"), encoding="utf-8")
+    return file
+
+
+def _on_socketcan(clock: Clock, folder: Path) -> Iterator[str]:
     """The interface of an emulator with that clock: the first that CANARM_SOCKETCAN names, or the second."""
     names = os.environ.get("CANARM_SOCKETCAN", "").replace(",", " ").split()
     if len(names) != 2:
         pytest.skip("CANARM_SOCKETCAN does not name two SocketCAN interfaces (such as vcan0,vcan1)")
     name = names[clock is Clock.SYNC]
-    emulator = Emulator("--clock", clock.name.lower(), "-i", "socketcan", "-c", name)
+    cell = _slow_to_boot(folder)
+    emulator = Emulator("--cell", str(cell), "--clock", clock.name.lower(), "-i", "socketcan", "-c", name)
     yield name
     emulator.close()
 
 
 @pytest.fixture(scope="session")
-def lockstep_interface() -> Iterator[str]:
-    yield from _on_socketcan(Clock.SYNC)
+def lockstep_interface(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    yield from _on_socketcan(Clock.SYNC, tmp_path_factory.mktemp("cell"))
 
 
 @pytest.fixture(scope="session")
-def wall_clock_interface() -> Iterator[str]:
-    yield from _on_socketcan(Clock.WALL)
+def wall_clock_interface(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    yield from _on_socketcan(Clock.WALL, tmp_path_factory.mktemp("cell"))
 
 
 @pytest.fixture(scope="session", params=LINKS)
