@@ -10,6 +10,8 @@ STAMP := $(VENV)/.ready$(if $(NO_UV),-without-uv)
 
 # Shells of robotics and Python tools set these; they would let foreign packages into .venv or point uv elsewhere.
 unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV CONDA_PREFIX UV_PROJECT_ENVIRONMENT UV_PYTHON
+# Images of containers often set this; each of the processes that the tests start would then compile all that it imports.
+unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:

@@ -4,6 +4,7 @@ Exit status 0: done. 1: the run failed or ended in a safe stop. 2: the command l
 """
 
 import contextlib
+import gc
 import importlib
 import importlib.metadata
 import logging
@@ -24,9 +25,15 @@ FAILED = ExitStatus.FAILED
 ENVIRONMENT_PREFIX = "CANARM_"
 LOG_LEVEL = f"{ENVIRONMENT_PREFIX}LOG"
 
+
+def version() -> str:
+    """The version of the installed distribution."""
+    return importlib.metadata.version("canarm")
+
+
 app = App(
     name="canarm",
-    version=importlib.metadata.version("canarm"),
+    version=version,
     help="Hardware-in-the-loop bench for robot servo controllers on a virtual CAN bus.",
     help_epilogue=(
         "Every option can be given in the environment as well: --sync-timeout as CANARM_SYNC_TIMEOUT, and so on. "
@@ -77,6 +84,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status. Every error ends in a line on stderr, never in a traceback."""
     try:
+        if list(arguments) == ["--version"]:
+            print(version())  # the parser would load what formats a page of help
+            return 0
         _import_command(arguments)
         _set_up_logging()
         result = app(arguments, exit_on_error=False, print_error=False)
@@ -104,6 +114,7 @@ def _import_command(arguments: Sequence[str]) -> None:
     for name in ("_".join(arguments[:words]) for words in (1, 2)):
         if name in (*COMMANDS, "fault_matrix"):
             importlib.import_module(f"canarm.commands.{name.replace('-', '_')}")
+    gc.enable()
     if not arguments or arguments[0] not in WITH_STOP_REQUEST:
         interrupt_on_terminate()
 

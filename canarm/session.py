@@ -5,20 +5,21 @@ import math
 import platform
 import sys
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from canarm_controller.laws.loading import load_law
 from canarm_controller.reference.trajectory import make_trajectory
 from canarm_controller.run.controller import Controller
 from canarm_controller.run.loop import ControlLoop
-from canarm_emulator.faults.fault_bench import FaultBench
-from canarm_emulator.robot.truth import Truth
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.schedulability import cell_verdict
 from canarm_protocol.cell.wiring import card_nodes, input_slots
 from canarm_protocol.clock import Clock
 
 from .usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError
+
+if TYPE_CHECKING:
+    from canarm_emulator.faults.fault_bench import FaultBench
 
 __all__ = [
     "DEFAULT_CELL",
@@ -33,8 +34,14 @@ __all__ = [
 ]
 
 
-def make_bench(cell: Cell, truth: Mapping[str, str], clock: Clock, seed: int, with_wire: bool = False) -> FaultBench:
-    """The emulated bench. Raises `TruthError`."""
+def make_bench(cell: Cell, truth: Mapping[str, str], clock: Clock, seed: int, with_wire: bool = False) -> "FaultBench":
+    """The emulated bench. Raises `TruthError`.
+
+    The physics engine is loaded only here: a controller starts without it.
+    """
+    from canarm_emulator.faults.fault_bench import FaultBench
+    from canarm_emulator.robot.truth import Truth
+
     return FaultBench(cell, Truth.from_settings(cell, truth), clock, seed, with_wire)
 
 

@@ -85,7 +85,17 @@ def test_help_of_a_command_shows_its_options_with_defaults_and_units(canarm, com
 def test_version_is_the_distributions(canarm):
     process = canarm("--version")
     assert process.wait() == 0
-    assert process.stdout == [cli.app.version]
+    assert process.stdout == [cli.version()]
+
+
+def test_a_controller_starts_without_the_physics_engine(canarm):
+    process = canarm.run(
+        sys.executable,
+        "-c",
+        "import canarm.commands.controller, sys; print(sorted({'canopen', 'mujoco'} & {*sys.modules}))",
+    )
+    assert process.wait() == 0
+    assert process.stdout == ["['canopen']"]
 
 
 @pytest.mark.parametrize(
