@@ -29,7 +29,7 @@ class RigFactory:
         self._keeper = keeper
         self._seed: int = config.getoption("--canarm-seed")
         bus: str | None = config.getoption("--canarm-bus")
-        self._bus = None if bus is None else BusChoice.parse(bus)
+        self._kind: type[Rig | BusRig] = Rig if bus is None else BusRig.over(BusChoice.parse(bus))
         self._rigs: list[Rig | BusRig] = []
 
     def __call__(self, cell: Any = DEFAULT_CELL, *arguments: str, **options: Any) -> Any:
@@ -37,16 +37,11 @@ class RigFactory:
         __tracebackhide__ = True
         words = [*map(repr, (cell, *arguments)), *(f"{name}={value!r}" for name, value in options.items())]
         options = {"seed": self._seed, "out": self._keeper.new_folder(), **options}
-        rig = plainly(lambda: self._make(cell, *arguments, **options))
+        rig = plainly(lambda: self._kind(cell, *arguments, **options))
         self._rigs.append(rig)
         folder = None if options["out"] is None else Path(options["out"])
         self._keeper.watch(_RigRun(rig, folder, f"canarm_rig({', '.join(words)})"))
         return rig
-
-    def _make(self, cell: Any, *arguments: str, **options: Any) -> Rig | BusRig:
-        if self._bus is None:
-            return Rig(cell, *arguments, **options)
-        return BusRig(cell, *arguments, **options, bus=self._bus)
 
     def __enter__(self) -> Self:
         return self

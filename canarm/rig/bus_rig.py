@@ -8,28 +8,26 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from canarm_controller.bus.assessment import JointFigures
 from canarm_controller.run.state import State
-from canarm_controller.supervision.detection import Detection
 from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import BusError, FaultError
 from canarm_protocol.faults.bench_client import BenchClient
-from canarm_protocol.faults.fault_events import FaultEvent
 from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.faults.script import FaultScript
 from canarm_protocol.transport.port import open_port
 
 from ..bus_choice import VIRTUAL_BUSES, BusChoice
 from ..child import START_S, Child, ended_too_early, offered_port
-from ..session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, tick_count
+from ..session import tick_count
 from ..summary import Summary
-from ..usage import UsageError, value_text
-from .arguments import as_text, checked_seed
-from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question
+from ..usage import UsageError
+from .any_rig import AnyRig
+from .arguments import as_text
 from .recorded import RecordedHistory, fault_events, noticed, read_events, recorded_joints
-from .rig_faults import FaultControl, FaultSource
 from .rig_joint import Joints
 
 HOST, BENCH_BUS = "127.0.0.1", "bench"
@@ -41,57 +39,42 @@ SYNC_TIMEOUT_S = 30.0
 """A busy machine must not look like a lost controller."""
 
 
-class BusRig(FaultControl):
-    """As `canarm.Rig`, in lockstep, with `run` once. `out` names the run folder, which keeps every cycle: `history_s`
-    bounds nothing here.
+class BusRig(AnyRig):
+    """As `canarm.Rig`, in lockstep, with `run` once. `cell`, `law` and `trajectory` must be names or files. `out` must
+    name the run folder, which keeps every cycle: `history_s` bounds nothing here.
 
     Raises `UsageError` for what a command line refuses, and for what cannot be had over a bus; `BusError` where a
     process does not start or end.
     """
 
-    def __init__(
-        self,
-        cell: str | Path = DEFAULT_CELL,
-        law: str | Path = DEFAULT_LAW,
-        trajectory: str | Path = DEFAULT_TRAJECTORY,
-        *,
-        out: Path,
-        bus: BusChoice = VIRTUAL_BUSES,
-        feedforward: str | None = None,
-        seed: int = 0,
-        wire: bool = False,
-        truth: Mapping[str, object] | None = None,
-        settings: Mapping[str, object] | None = None,
-        faults: FaultSource | None = None,
-        history_s: float | None = None,
-    ) -> None:
-        super().__init__()
-        if not isinstance(cell, str | Path):
-            raise UsageError("cell: over a bus it must be a name or a file, for the processes to read")
-        for name, value in (("law", law), ("trajectory", trajectory)):
-            if not isinstance(value, str | Path):
-                raise UsageError(f"{name}: over a bus it must be a name or a file, for the processes to read")
-        seed, law, trajectory = checked_seed(seed), str(law), str(trajectory)
+    bus: BusChoice = VIRTUAL_BUSES
+    """What carries it; see `over`."""
+
+    @classmethod
+    def over(cls, bus: BusChoice) -> type["BusRig"]:
+        """The class of rigs over `bus`."""
+        return type(cls.__name__, (cls,), {"bus": bus})
+
+    def _open(self, cell: str | Path | Cell, settings: Mapping[str, object] | None) -> None:
+        words = [_word("cell", cell), _word("law", self._law), _word("trajectory", self._trajectory)]
+        name, self._law_word, self._trajectory_word = words
+        if self._out is None:
+            raise UsageError("out: over a bus there is always a run folder; name it")
         given = as_text(settings)
-        self.cell = load_cell(str(cell), given)
-        self.folder = out
+        self.cell = load_cell(name, given)
+        self.folder = Path(self._out)
         self.reason: str | None = None
-        self.noticed: list[Noticed] = []
-        self.fault_events: list[FaultEvent] = []
-        self._law, self._trajectory, self._feedforward = law, trajectory, feedforward
-        self._bus, self._seed = bus, seed
         self._result: dict[str, Any] | None = None
         self._is_finished = False
-        self._scripts: list[FaultScript] = []
-        self._common = ["--cell", str(cell), "--clock", "sync", "--out", str(out), "--json"]
+        self._common = ["--cell", name, "--clock", "sync", "--out", str(self.folder), "--json"]
         self._common += [word for key, value in given.items() for word in ("--set", f"{key}={value}")]
-        robot = ["--serve", f"{HOST}:0", "--seed", str(seed), "--sync-timeout", str(SYNC_TIMEOUT_S)]
-        robot += [word for key, value in (truth or {}).items() for word in ("--truth", f"{key}={value_text(value)}")]
-        self._emulator = Child("emulator", [*self._common, *robot, *bus.flags, *(["--wire"] * wire)], quiet=True)
+        robot = ["--serve", f"{HOST}:0", "--seed", str(self._seed), "--sync-timeout", str(SYNC_TIMEOUT_S)]
+        robot += [word for key, value in self._true_settings.items() for word in ("--truth", f"{key}={value}")]
+        self._emulator = Child(
+            "emulator", [*self._common, *robot, *self.bus.flags, *(["--wire"] * self._wire)], quiet=True
+        )
         self._port = offered_port(self._emulator)
         self.joints = self._read({})
-        if faults is not None:
-            self.inject_file(faults)
 
     @property
     def state(self) -> State:
@@ -101,22 +84,6 @@ class BusRig(FaultControl):
         if self._result["state"] != "done":
             return State.FAILED
         return State.DONE if self._is_finished else State.RUNNING
-
-    @property
-    def begun(self) -> list[Begun]:
-        """Faults that have begun; oldest first."""
-        return begun_of(self.fault_events)
-
-    @property
-    def detections(self) -> list[Detection]:
-        """What the controller has detected; oldest first."""
-        return [each.detection for each in self.noticed]
-
-    def detected(self, name: str | None = None, joint: str | None = None, *, since: float | None = None) -> Detected:
-        """As `Rig.detected`."""
-        __tracebackhide__ = True
-        check_question(self.cell, name, joint)
-        return ask_detected(self.noticed, self.begun, name, joint, since)
 
     @property
     def torque_is_off(self) -> bool:
@@ -135,8 +102,8 @@ class BusRig(FaultControl):
         tick_count(self.cell, seconds, "seconds")
         if self._result is not None or self._is_finished:
             raise UsageError("run: over a bus a rig runs once; declare faults before it, with at=, cycle= or when=")
-        words = ["--connect", f"{HOST}:{self._port}"] if self._bus.channels is None else self._bus.flags
-        words += ["--law", self._law, "--trajectory", self._trajectory, "--seconds", repr(float(seconds))]
+        words = ["--connect", f"{HOST}:{self._port}"] if self.bus.channels is None else self.bus.flags
+        words += ["--law", self._law_word, "--trajectory", self._trajectory_word, "--seconds", repr(float(seconds))]
         words += ["--feedforward", self._feedforward] if self._feedforward is not None else []
         with Child("controller", [*self._common, *words], quiet=True) as controller:
             if not controller.wait(START_S + SLOWEST * seconds):
@@ -171,9 +138,6 @@ class BusRig(FaultControl):
         self._is_finished = True
         self._emulator.end()
 
-    def __enter__(self) -> Self:
-        return self
-
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
@@ -189,16 +153,23 @@ class BusRig(FaultControl):
             raise UsageError("faults: the rig is finished; make a new one")
         if self._result is not None:
             raise UsageError("faults: over a bus they are declared before run(), with at=, cycle= or when=")
-        if self._bus.channels is None:
+        if self.bus.channels is None:
             port = open_port("canarm", BENCH_BUS, host=HOST, port=self._port)
         else:
-            port = open_port("socketcan", self._bus.channels[1])
+            port = open_port("socketcan", self.bus.channels[1])
         with port, BenchClient(port, self.cell, ANSWER_S) as client:
             client.inject(as_toml(script))
 
     def _read(self, figures: Mapping[str, JointFigures]) -> Joints:
         history = RecordedHistory(self.cell, self.folder, figures)
         return recorded_joints(self.cell, history)
+
+
+def _word(argument: str, value: object) -> str:
+    """An argument as a command line takes it."""
+    if not isinstance(value, str | Path):
+        raise UsageError(f"{argument}: over a bus it must be a name or a file, for the processes to read")
+    return str(value)
 
 
 def _last_object(controller: Child) -> dict[str, Any]:

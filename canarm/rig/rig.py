@@ -8,7 +8,6 @@ from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Self
 
 from canarm_controller.errors import ControllerError
 from canarm_controller.laws.loading import law_name
@@ -16,7 +15,6 @@ from canarm_controller.reference.trajectory import trajectory_name
 from canarm_controller.run.controller import Controller
 from canarm_controller.run.recording import ControllerRecorder
 from canarm_controller.run.state import State
-from canarm_controller.supervision.detection import Detection
 from canarm_emulator.bench.bench import CycleTruth, Record
 from canarm_emulator.bench_node.assessor import Assessor
 from canarm_emulator.faults.turns import SetStatus
@@ -30,20 +28,20 @@ from canarm_protocol.faults.fault_events import FaultEvent, event_details, event
 from canarm_protocol.faults.script import FaultScript
 from canarm_protocol.runs.run_folder import create_run_folder, update_run_file
 
-from ..session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, make_bench, make_controller, provenance, tick_count
+from ..session import make_bench, make_controller, provenance, tick_count
 from ..summary import Summary, detections_as_plain
 from ..usage import UsageError, value_text
-from .arguments import RigWarning, as_text, check_mechanics, checked_seed
-from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question
+from .any_rig import AnyRig
+from .arguments import RigWarning, check_mechanics
+from .findings import Noticed
 from .rig_cell import rig_cell
-from .rig_faults import FaultControl, FaultSource
 from .rig_history import Event, History, StampedFrame
 from .rig_joint import TRUE_SIGNALS, Joints, RigJoint
 
 FRAMES_KEPT = 10_000
 
 
-class Rig(FaultControl):
+class Rig(AnyRig):
     """A cell with its controller, ready to run in virtual time; use it in a `with` statement.
 
     `cell` is a name, a file or a `Cell`. `law`, `trajectory` and `feedforward` are as on the command line; `law` may be
@@ -58,30 +56,12 @@ class Rig(FaultControl):
     What goes wrong on the robot raises nothing: it ends in a safe stop, with `reason`.
     """
 
-    def __init__(
-        self,
-        cell: str | Path | Cell = DEFAULT_CELL,
-        law: object = DEFAULT_LAW,
-        trajectory: object = DEFAULT_TRAJECTORY,
-        *,
-        feedforward: str | None = None,
-        seed: int = 0,
-        wire: bool = False,
-        truth: Mapping[str, object] | None = None,
-        settings: Mapping[str, object] | None = None,
-        faults: FaultSource | None = None,
-        history_s: float = 60.0,
-        out: Path | str | None = None,
-    ) -> None:
-        super().__init__()
-        self._seed = seed = checked_seed(seed)
+    def _open(self, cell: str | Path | Cell, settings: Mapping[str, object] | None) -> None:
         self.cell = rig_cell(cell, settings)
-        self._law, self._trajectory = law_name(law), trajectory_name(trajectory)
-        self._true_settings = as_text(truth)
-        self._bench = make_bench(self.cell, self._true_settings, Clock.SYNC, seed, wire)
-        self._controller = make_controller(self.cell, law, trajectory, feedforward, Clock.SYNC)
+        self._bench = make_bench(self.cell, self._true_settings, Clock.SYNC, self._seed, self._wire)
+        self._controller = make_controller(self.cell, self._law, self._trajectory, self._feedforward, Clock.SYNC)
         self._assessor: Assessor = self._bench.assessor
-        size = tick_count(self.cell, history_s, "history_s")
+        size = tick_count(self.cell, self._history_s, "history_s")
         controller = self._controller
         self._history = History(self.cell, size, self._assessor, lambda: controller.controlled_ticks)
         self._truth: CycleTruth | None = None
@@ -89,10 +69,6 @@ class Rig(FaultControl):
         """Changes of the controller's state, with the reason of a stop, and of the truth; beginnings and ends of
         faults, and detections; oldest first.
         """
-        self.fault_events: list[FaultEvent] = []
-        """Beginnings and ends of faults; oldest first."""
-        self.noticed: list[Noticed] = []
-        """Detections with their times; oldest first."""
         self.never_begun: list[str] | None = None
         """After `finish`: the sets that were injected, not cleared, and have never begun."""
         self._faulty: FaultError | None = None
@@ -106,15 +82,13 @@ class Rig(FaultControl):
         self._state = State.IDLE
         self._folder: Path | None = None
         self._recorders: tuple[Recorder, ControllerRecorder] | None = None
-        if out is not None:
-            self._record(create_run_folder(Path(out)))
+        if self._out is not None:
+            self._record(create_run_folder(Path(self._out)))
         self._bench.on_cycle = self._keep_truth
         self._bench.device.faults.on_event = self._note_fault
         self._controller.on_tick = self._on_tick
         self._bench.start()
         self._exchange()
-        if faults is not None:
-            self.inject_file(faults)
 
     @property
     def controller(self) -> Controller:
@@ -150,27 +124,6 @@ class Rig(FaultControl):
     def fault_status(self) -> list[SetStatus]:
         """Every set that was injected and not cleared: name, state, activations so far."""
         return self._bench.faults.status()
-
-    @property
-    def detections(self) -> list[Detection]:
-        """What the controller has detected; oldest first."""
-        return [each.detection for each in self.noticed]
-
-    def detected(self, name: str | None = None, joint: str | None = None, *, since: float | None = None) -> Detected:
-        """What was detected by detector `name` at `joint` (any where None): true where there is anything.
-
-        `.within(0.025)` asks whether the first detection after the latest fault began came no later than that; with
-        `since`, in s of virtual time, only what came after it counts, and from there. `joint` may be a card or node
-        ("0x14"). Raises `UsageError` for a detector, joint or node that there is not.
-        """
-        __tracebackhide__ = True
-        check_question(self.cell, name, joint)
-        return ask_detected(self.noticed, self.begun, name, joint, since)
-
-    @property
-    def begun(self) -> list[Begun]:
-        """Faults that have begun; oldest first."""
-        return begun_of(self.fault_events)
 
     @property
     def torque_is_off(self) -> bool:
@@ -245,8 +198,8 @@ class Rig(FaultControl):
         controller = self._controller
         return Summary(
             cell=self.cell.name,
-            law=self._law,
-            trajectory=self._trajectory,
+            law=law_name(self._law),
+            trajectory=trajectory_name(self._trajectory),
             feedforward=controller.loop.feedforward_kind,
             clock="sync",
             seed=self._seed,
@@ -262,9 +215,6 @@ class Rig(FaultControl):
             faults=len(self.begun),
             detections=detections_as_plain(self.detections),
         )
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -386,5 +336,5 @@ class Rig(FaultControl):
         self._recorders = (Recorder(folder, self.cell), ControllerRecorder(folder, self._controller))
         self._controller.on_detection = self._recorders[1].detection
         update_run_file(folder, "cell", self.cell.model_dump(mode="json"))
-        names = {"law": self._law, "trajectory": self._trajectory, "seed": self._seed}
+        names = {"law": law_name(self._law), "trajectory": trajectory_name(self._trajectory), "seed": self._seed}
         update_run_file(folder, "rig", {**provenance(), **names, "truth": self._true_settings})

@@ -26,5 +26,5 @@ def rig_cell(cell: str | Path | Cell, settings: Mapping[str, object] | None) -> 
         loaded = load_cell(name, as_text(settings))
     warning = traffic_warning(loaded, name)
     if warning is not None:
-        warnings.warn(warning, RigWarning, stacklevel=3)
+        warnings.warn(warning, RigWarning, stacklevel=4)
     return loaded

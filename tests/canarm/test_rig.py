@@ -1,7 +1,9 @@
 """The rig as a user of Python meets it: its values, its errors, its ends."""
 
+import inspect
 import json
 import math
+import pydoc
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -77,6 +79,16 @@ def test_only_what_is_asked_for_is_imported() -> None:
     assert canarm.__all__ == ["BenchClient", "BusRig", "Rig", "State", "__version__"]
     with pytest.raises(AttributeError, match="no attribute 'Rg'"):
         canarm.Rg  # noqa: B018
+
+
+def test_help_and_editors_show_every_argument_with_its_type_and_both_rigs_take_the_same() -> None:
+    shown = inspect.signature(Rig)
+    assert list(shown.parameters) == [
+        "cell", "law", "trajectory", "feedforward", "seed", "wire", "truth", "settings", "faults", "history_s", "out",
+    ]  # fmt: skip
+    assert all(each.annotation is not inspect.Parameter.empty for each in shown.parameters.values())
+    assert "seed: int = 0" in pydoc.render_doc(Rig, renderer=pydoc.plaintext)
+    assert inspect.signature(canarm.BusRig) == shown
 
 
 # Histories

@@ -1,0 +1,80 @@
+"""What all rigs have in common, whatever carries them: what they are given, and questions about faults and detections.
+
+How a run is carried out never enters.
+"""
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Self
+
+from canarm_controller.supervision.detection import Detection
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.faults.fault_events import FaultEvent
+
+from ..session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY
+from .arguments import as_text, checked_seed
+from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question
+from .rig_faults import FaultControl, FaultSource
+
+
+class AnyRig(FaultControl):
+    """The arguments of every rig, kept for `_open`, which makes what they say."""
+
+    cell: Cell
+
+    def __init__(
+        self,
+        cell: str | Path | Cell = DEFAULT_CELL,
+        law: object = DEFAULT_LAW,
+        trajectory: object = DEFAULT_TRAJECTORY,
+        *,
+        feedforward: str | None = None,
+        seed: int = 0,
+        wire: bool = False,
+        truth: Mapping[str, object] | None = None,
+        settings: Mapping[str, object] | None = None,
+        faults: FaultSource | None = None,
+        history_s: float = 60.0,
+        out: Path | str | None = None,
+    ) -> None:
+        super().__init__()
+        self._law, self._trajectory, self._feedforward = law, trajectory, feedforward
+        self._seed, self._wire = checked_seed(seed), wire
+        self._true_settings = as_text(truth)
+        self._history_s, self._out = history_s, out
+        self.fault_events: list[FaultEvent] = []
+        """Beginnings and ends of faults; oldest first."""
+        self.noticed: list[Noticed] = []
+        """Detections with their times; oldest first."""
+        self._open(cell, settings)
+        if faults is not None:
+            self.inject_file(faults)
+
+    @abstractmethod
+    def _open(self, cell: str | Path | Cell, settings: Mapping[str, object] | None) -> None:
+        """Make what a run needs, with `settings` laid over the cell."""
+
+    @property
+    def begun(self) -> list[Begun]:
+        """Faults that have begun; oldest first."""
+        return begun_of(self.fault_events)
+
+    @property
+    def detections(self) -> list[Detection]:
+        """What the controller has detected; oldest first."""
+        return [each.detection for each in self.noticed]
+
+    def detected(self, name: str | None = None, joint: str | None = None, *, since: float | None = None) -> Detected:
+        """What was detected by detector `name` at `joint` (any where None): true where there is anything.
+
+        `.within(0.025)` asks whether the first detection after the latest fault began came no later than that; with
+        `since`, in s of virtual time, only what came after it counts, and from there. `joint` may be a card or node
+        ("0x14"). Raises `UsageError` for a detector, joint or node that there is not.
+        """
+        __tracebackhide__ = True
+        check_question(self.cell, name, joint)
+        return ask_detected(self.noticed, self.begun, name, joint, since)
+
+    def __enter__(self) -> Self:
+        return self
