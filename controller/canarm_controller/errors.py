@@ -11,6 +11,10 @@ class DynamicsError(ControllerError):
     """A state or a robot cannot be put into the equations of motion, or they have no solution."""
 
 
+class CooperationError(ControllerError):
+    """Two arms and an object, or a path for them, cannot be used: another shape, or numbers that fit nothing."""
+
+
 class TrajectoryError(ControllerError):
     """A trajectory cannot be read, or asks for what the robot cannot do."""
 

@@ -4,6 +4,7 @@ import importlib
 import json
 import re
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -12,6 +13,8 @@ FROM = re.compile(r"^\s*from (canarm\w*(?:\.\w+)*) import (?:\(([^)]*)\)|(.+))$"
 PLAIN = re.compile(r"^\s*import (canarm\w*\.[\w.]+)", re.MULTILINE)
 FACES = [
     "canarm",
+    "canarm.cooperation",
+    "canarm_controller.cooperation",
     "canarm_controller.dynamics",
     "canarm_controller.laws",
     "canarm_controller.run",
@@ -55,5 +58,6 @@ def test_there_are_imports_to_look_at() -> None:
 def test_a_face_offers_what_it_names(face: str) -> None:
     package = importlib.import_module(face)
     assert all(hasattr(package, name) for name in package.__all__)
+    assert not [name for name in package.__all__ if isinstance(getattr(package, name), ModuleType)]  # of its name
     with pytest.raises(AttributeError, match=rf"'{face}' has no attribute 'nothing'"):
         _ = package.nothing
