@@ -1,11 +1,14 @@
 """What a run leaves on disk: readable by others' tools, whole after a kill, shared by several processes."""
 
+import contextlib
 import csv
 import json
+import resource
 import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 
 import can
 import pytest
@@ -16,6 +19,7 @@ from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.runs import run_folder
 from canarm_protocol.runs.run_folder import (
     CanLog,
+    EventLog,
     RunFolderError,
     SignalLog,
     candump_line,
@@ -208,18 +212,48 @@ def test_of_two_that_claim_a_folder_one_is_refused(tmp_path, monkeypatch) -> Non
         claim_run_folder(tmp_path / "run")
 
 
+@contextlib.contextmanager
+def full_at(size: int) -> Iterator[None]:
+    """A disk on which no file grows beyond `size` bytes: what fits of a write is written, as on any full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("left", [0, 1, 40, 99])
+def test_events_on_a_full_disk_are_whole_lines_and_go_on_when_there_is_room_again(tmp_path, left: int) -> None:
+    path = tmp_path / "events.jsonl"
+    with EventLog(path, "emulator") as emulator, EventLog(path, "controller") as controller:
+        emulator.write(0, "state")
+        size = path.stat().st_size
+        with full_at(size + left):
+            with pytest.raises(OSError, match="File too large"):
+                emulator.write(1, "emergency", padding="x" * 100)
+            assert path.stat().st_size == size
+        controller.write(2, "state")
+    assert [json.loads(line)["time_ns"] for line in path.read_text().splitlines()] == [0, 2]
+
+
+def test_signals_on_a_full_disk_are_whole_rows_and_go_on_when_there_is_room_again(tmp_path) -> None:
+    path = tmp_path / "robot.csv"
+    log = SignalLog(path, ["a"])
+    with full_at(1000), pytest.raises(OSError, match="File too large"):
+        for tick in range(run_folder.FLUSH_EVERY):
+            log.write(tick, 0, [0.5])
+    assert 900 < path.stat().st_size <= 1000
+    log.write(run_folder.FLUSH_EVERY, 0, [0.5])
+    log.close()
+    header, *rows = path.read_text(encoding="ascii").splitlines()
+    ticks = [int(row.split(",")[0]) for row in rows]
+    assert {len(row.split(",")) for row in (header, *rows)} == {3}
+    assert ticks == [*range(len(ticks) - 1), run_folder.FLUSH_EVERY]
+
+
 def test_a_full_disk_leaves_no_draft_and_names_the_file(tmp_path) -> None:
-    program = """
-import resource, signal, sys
-from pathlib import Path
-from canarm_protocol.runs.run_folder import update_run_file
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
-try:
-    update_run_file(Path(sys.argv[1]), "summary", "x" * 5000)
-except OSError as error:
-    print(error.filename)
-"""
-    done = subprocess.run([sys.executable, "-c", program, tmp_path], capture_output=True, text=True, check=True)
-    assert done.stdout == f"{tmp_path / 'run.json'}\n"
+    with full_at(1000), pytest.raises(OSError, match="File too large") as raised:
+        update_run_file(tmp_path, "summary", "x" * 5000)
+    assert raised.value.filename == str(tmp_path / "run.json")
     assert list(tmp_path.iterdir()) == []

@@ -1,13 +1,21 @@
 """Files that are made in a folder that others may write to: what was planted there is never followed.
 
 A link, a pipe, a device or a second name of somebody's file is refused in a line; whole files are replaced, not opened.
-What is written belongs to the caller.
+A disk that fills up leaves whole lines and whole files. What is written belongs to the caller.
 """
 
 import contextlib
 import os
 import stat
+from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
+
+fcntl: ModuleType | None
+try:
+    import fcntl
+except ImportError:  # no POSIX: processes that share a file on a full disk may then cut each other's lines
+    fcntl = None
 
 _NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
 _NO_WAIT = getattr(os, "O_NONBLOCK", 0)
@@ -22,9 +30,10 @@ def open_new(path: Path) -> int:
 def open_own(path: Path, *, append: bool = False) -> int:
     """A file descriptor of `path`, for writing: a new file, or one that is there already, emptied unless `append`.
 
+    What is written goes to the end of the file, also after a cut (`append_lines`).
     Raises `OSError` for what cannot be written and for what is no plain file of its own.
     """
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND * append | _NO_FOLLOW | _NO_WAIT, 0o666)
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | _NO_FOLLOW | _NO_WAIT, 0o666)
     try:
         found = os.fstat(descriptor)
         if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
@@ -52,3 +61,35 @@ def replace_file(path: Path, data: bytes) -> None:
         with contextlib.suppress(OSError):
             draft.unlink()
         raise OSError(error.errno, error.strerror, str(path)) from None
+
+
+def append_lines(descriptor: int, data: bytes) -> None:
+    """Write `data`, which ends with a line end, at the end of an open file, in whole lines however full the disk is.
+
+    Processes that append to one file take turns. Raises `OSError`; the lines that fitted are then in the file.
+    """
+    with _turn(descriptor):
+        size = os.fstat(descriptor).st_size
+        written = 0
+        try:
+            while written < len(data):
+                written += os.write(descriptor, data[written:])
+        except OSError:
+            with contextlib.suppress(OSError):
+                os.ftruncate(descriptor, size + data.rfind(b"\n", 0, written) + 1)
+            raise
+
+
+@contextlib.contextmanager
+def _turn(descriptor: int) -> Iterator[None]:
+    """Keep others from appending meanwhile, where the file system knows how."""
+    if fcntl is None:
+        yield
+        return
+    with contextlib.suppress(OSError):
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            fcntl.flock(descriptor, fcntl.LOCK_UN)

@@ -15,7 +15,7 @@ from typing import Any, Self
 
 from ..canopen.frames import Frame
 from ..errors import ProtocolError
-from .own_file import open_own, replace_file
+from .own_file import append_lines, open_own, replace_file
 
 RUN_FILE, EVENTS_FILE, CAN_LOG_FILE, SIGNALS_FOLDER = "run.json", "events.jsonl", "can0.log", "signals"
 CONTROLLER_SIGNALS = f"{SIGNALS_FOLDER}/controller.csv"
@@ -126,7 +126,6 @@ class _LineFile:
         except OSError as error:
             raise RunFolderError(f"{path}: cannot be written: {error.strerror}") from None
         self._lines: list[str] = []
-        self._size = 0
 
     def _write(self, line: str) -> None:
         self._lines.append(line)
@@ -137,15 +136,7 @@ class _LineFile:
         """Write what has gathered in one piece. Raises `OSError`; what is on disk then ends with a whole line."""
         data = "".join(self._lines).encode("ascii", errors="backslashreplace")
         self._lines.clear()
-        written = 0
-        try:
-            while written < len(data):
-                written += self._file.write(data[written:])
-        except OSError:
-            with contextlib.suppress(OSError):
-                self._file.truncate(self._size + data.rfind(b"\n", 0, written) + 1)
-            raise
-        self._size += len(data)
+        append_lines(self._file.fileno(), data)
 
     def close(self) -> None:
         """Write out what is left. May be called again."""
@@ -208,6 +199,9 @@ class EventLog(_LineFile):
         self._source = source
 
     def write(self, time_ns: int, event: str, **details: Any) -> None:
-        """Append one event at once. Keys: `time_ns` (virtual time in lockstep), `source`, `event`, and the details."""
+        """Append one event at once. Keys: `time_ns` (virtual time in lockstep), `source`, `event`, and the details.
+
+        Raises `OSError`; the file then ends with a whole line.
+        """
         record = {"time_ns": time_ns, "source": self._source, "event": event, **details}
-        self._file.write(json.dumps(record).encode("ascii") + b"\n")
+        append_lines(self._file.fileno(), json.dumps(record).encode("ascii") + b"\n")
