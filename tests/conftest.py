@@ -2,9 +2,13 @@
 
 import contextlib
 import os
+import resource
 import signal
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 
+import pytest
 from hypothesis import settings
 
 # A shell that starts the tests in the background has SIGINT ignored, nohup SIGHUP; every process that they start would
@@ -20,3 +24,19 @@ sys.dont_write_bytecode = False
 
 settings.register_profile("canarm", deadline=None, derandomize="CI" in os.environ, print_blob=True)
 settings.load_profile("canarm")
+
+
+@contextlib.contextmanager
+def _full_at(size: int) -> Iterator[None]:
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.fixture
+def full_at() -> Callable[[int], AbstractContextManager[None]]:
+    """A disk on which no file grows beyond so many bytes: what fits of a write is written, as on any full disk."""
+    return _full_at

@@ -46,6 +46,7 @@ from ..options import (
     pace_text,
     parse_address,
 )
+from ..recording import recording_failure
 from ..session import make_controller, provenance, tick_count, traffic_warning
 from ..stdout import keep_stdout
 from ..stopping import StopRequest
@@ -224,15 +225,14 @@ def _start_recording(folder: Path, controller: Controller, given: Mapping[str, A
 
 def _end_recording(folder: Path, recorder: ControllerRecorder, summary: Summary, result: RunResult) -> bool:
     """Close the files and add the summary; False, and a line on stderr, where that cannot be written."""
-    try:
-        recorder.close()
-        update_run_file(folder, "summary", summary.as_json())
-        if result.pacing is not None:
-            update_run_file(folder, "pacing", result.pacing.summary())
-    except OSError as error:
-        _tell(f"{folder}: recording failed: {error.strerror or error}")
-        return False
-    return True
+    steps = [recorder.close, lambda: update_run_file(folder, "summary", summary.as_json())]
+    if result.pacing is not None:
+        pacing = result.pacing.summary()
+        steps.append(lambda: update_run_file(folder, "pacing", pacing))
+    failures = dict.fromkeys(filter(None, [recording_failure(folder, step) for step in steps]))
+    for text in failures:
+        _tell(text)
+    return not failures
 
 
 def _tell(text: str) -> None:

@@ -42,6 +42,7 @@ from ..options import (
     parse_address,
     wait_text,
 )
+from ..recording import recording_failure
 from ..serving import attach_flags, is_remote
 from ..session import make_bench, make_controller, tick_count, traffic_warning
 from ..stdout import keep_stdout
@@ -209,8 +210,11 @@ def _report(
         text = f"the controller ended with status {controller.status} and without a summary"
         raise ended_too_early(controller, text) from None
     summary = _summary({**result, **known, "out": str(folder)})
-    update_run_file(folder, "summary", summary.as_json())
+    failure = recording_failure(folder, lambda: update_run_file(folder, "summary", summary.as_json()))
     say(json.dumps(summary.as_json()) if as_json else summary.as_text())
+    if failure is not None:
+        _tell(failure)
+        return 1
     assert controller.status is not None
     return END_STATUS.get(controller.status, 1)
 

@@ -6,7 +6,7 @@ import math
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -51,6 +51,7 @@ from ..options import (
     check_clock,
     parse_address,
 )
+from ..recording import recording_failure
 from ..serving import attach_flags, exposure_lines
 from ..session import make_bench, provenance, traffic_warning
 from ..stopping import StopRequest
@@ -117,7 +118,7 @@ def emulator(
     bench = make_bench(nominal, settings, Clock[world.clock.upper()], world.seed, world.wire)
     script = None if world.faults is None else load_faults(world.faults, bench)
     stop = StopRequest(seconds, with_parent)
-    with _recording(output.out), contextlib.ExitStack() as stack:
+    with contextlib.ExitStack() as stack:
         hub = stack.enter_context(contextlib.closing(_serve(host, port, allow_remote)))
         ports = {name: [] if named is None else [stack.enter_context(named.open())] for name, named in buses.items()}
         adapter = stack.enter_context(_offer_slcan(slcan, allow_remote)) if slcan is not False else None
@@ -141,12 +142,13 @@ def emulator(
         if warning is not None:
             _tell(warning)
         runner = EmulatorRunner(bench, hub, ports, recorder, world.sync_timeout, stop.is_due, _tell, script)
-        runner.run()
+        failure = _run(runner, recorder, output.out)
         summary = {
             "cell": nominal.name,
             "clock": world.clock,
             "seed": world.seed,
-            "state": "done",
+            "state": "done" if failure is None else "failed",
+            "reason": failure,
             "faults_never_begun": [] if script is None else bench.faults.never_begun,
             **_figures(bench, runner),
             "malformed_commands": hub.malformed + (0 if adapter is None else adapter.refused),
@@ -156,12 +158,26 @@ def emulator(
             "out": None if output.out is None else str(output.out),
         }
         if output.out is not None:
-            update_run_file(output.out, "emulator_summary", summary)
+            folder = output.out
+            unwritten = recording_failure(folder, lambda: update_run_file(folder, "emulator_summary", summary))
+            failure = failure or unwritten
     if output.json:
         print(json.dumps(summary), flush=True)
     elif "wire" in summary:
         _tell(_wire_text(summary["wire"]))
-    return 0
+    if failure is not None:
+        _tell(failure)
+    return 0 if failure is None else 1
+
+
+def _run(runner: EmulatorRunner, recorder: Recorder | None, folder: Path | None) -> str | None:
+    """Serve until the end; why that came too early, if the run could not be recorded: a full disk for example."""
+    if recorder is None or folder is None:
+        runner.run()
+        return None
+    failure = recording_failure(folder, runner.run)
+    unwritten = recording_failure(folder, recorder.close)
+    return failure or unwritten
 
 
 def _serve(host: str, port: int, allow_remote: bool) -> Hub:
@@ -181,17 +197,6 @@ def _offer_slcan(where: bool | str, allow_remote: bool) -> SlcanPort:
             f"such as /tmp/{where} (a serial adapter that is there already: -i slcan -c PORT)"
         )
     return SlcanTerminal(Path(where) if isinstance(where, str) else None)
-
-
-@contextlib.contextmanager
-def _recording(folder: Path | None) -> Iterator[None]:
-    """Name the run folder in what is raised when it cannot be written any more, a full disk for example."""
-    try:
-        yield
-    except OSError as error:
-        if folder is None or isinstance(error, BrokenPipeError):
-            raise
-        raise OSError(error.errno, f"recording failed: {error.strerror}", str(folder)) from None
 
 
 def _start_recording(folder: Path, cell: Cell, given: Mapping[str, Any]) -> Recorder:

@@ -89,17 +89,23 @@ def matrix(
         also = f", {without} without" if without else ""
         progress.note(f"runs: {with_fault} with a fault{also}; {processes} at a time")
         result = run_campaign(campaign, processes, progress, progress.note)
-        written = write(out, result) if out is not None and result.runs else []
+        written, trouble = [], None
+        try:
+            written = write(out, result) if out is not None and result.runs else []
+        except OSError as error:
+            trouble = f"--out {out}: {Path(str(error.filename)).name} cannot be written: {error.strerror}"
     where = f"written: {', '.join(map(str, written))}" if written else ""
     if result.runs_left:
         progress.leave()
-        progress.note("; ".join(filter(None, (part_of(result), where))))
+        progress.note("; ".join(filter(None, (part_of(result), where, trouble))))
         return 1
     if json_:
         say(json.dumps(_plain(result)))
     else:
         say("\n".join(filter(None, (as_text(result), where))))
-    return 0 if result.passes else 1
+    if trouble is not None:
+        progress.note(trouble)
+    return 0 if result.passes and trouble is None else 1
 
 
 def _chosen(nominal: Cell, only: Sequence[str], name: str) -> "tuple[MatrixCell, ...]":

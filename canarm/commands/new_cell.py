@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.schedulability import cell_verdict
 from canarm_protocol.cell.wiring import card_nodes
+from canarm_protocol.runs.own_file import create_file, replace_file
 
 from ..new_cell import Request, write_cell
 from ..new_cell.arms import SEGMENTS, arm_of_urdf, made_up_arm
@@ -69,10 +70,8 @@ def _arm(urdf: Path | None, joints: int | None, folder: Path) -> Arm:
 
 def _write(out: Path, text: str, force: bool) -> None:
     try:
-        if force:
-            out.unlink(missing_ok=True)
-        with out.open("x", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        write = replace_file if force else create_file
+        write(out, text.encode())
     except OSError as error:
         raise UsageError(f"--out {out}: cannot be written: {error.strerror}") from None
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
-from canarm_protocol.runs.own_file import open_own
+from canarm_protocol.runs.own_file import open_own, replace_file, write_all
 
 from ..usage import UsageError
 from .html_report import as_html
@@ -49,17 +49,26 @@ def claimed(folder: Path) -> Iterator[None]:
 def write(folder: Path, matrix: Matrix) -> list[Path]:
     """Write the table and the page, under other names where the matrix is partial. Returns their paths.
 
-    Raises `UsageError` for a file that cannot be written.
+    Raises `OSError` with the name of the file; nothing is then left of it.
     """
     names = (PARTIAL_CSV_FILE, PARTIAL_HTML_FILE) if matrix.runs_left else (CSV_FILE, HTML_FILE)
     paths = [folder / name for name in names]
     for path, text in zip(paths, (as_csv(matrix.rows), as_html(matrix)), strict=True):
-        try:
-            with os.fdopen(open_own(path), "w", encoding="utf-8", newline="") as file:
-                file.write(text)
-        except OSError as error:
-            raise UsageError(f"--out {folder}: {path.name} cannot be written: {error.strerror}") from None
+        if path.name == CSV_FILE:
+            _fill_claim(path, text.encode())
+        else:
+            replace_file(path, text.encode())
     return paths
+
+
+def _fill_claim(path: Path, data: bytes) -> None:
+    """The table's file stays the one that is claimed."""
+    with os.fdopen(open_own(path), "wb", buffering=0) as file:
+        try:
+            write_all(file.fileno(), data)
+        except OSError as error:
+            file.truncate(0)
+            raise OSError(error.errno, error.strerror, str(path)) from None
 
 
 def _claim(folder: Path) -> int:

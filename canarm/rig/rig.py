@@ -3,6 +3,7 @@
 The same two objects as in `canarm emulator` and `canarm controller`, joined by a wire that is a list.
 """
 
+import contextlib
 import warnings
 from collections import deque
 from collections.abc import Mapping
@@ -187,10 +188,11 @@ class Rig(AnyRig):
         self._note_state()
         summary = self.summary()
         if self._recorders is not None and self._folder is not None:
-            for recorder in self._recorders:
-                recorder.close()
-            self._recorders = None
-            update_run_file(self._folder, "summary", summary.as_json())
+            recorders, self._recorders = self._recorders, None
+            with contextlib.ExitStack() as stack:
+                stack.callback(update_run_file, self._folder, "summary", summary.as_json())
+                for recorder in recorders:
+                    stack.callback(recorder.close)
         return summary
 
     def summary(self) -> Summary:

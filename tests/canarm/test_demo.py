@@ -48,6 +48,42 @@ def test_without_json_it_ends_with_a_summary_for_people_and_records_below_runs(c
     run_folder(folder).check()
 
 
+UNWRITABLE = {
+    # The controller's disk is full in its last cycles, for events too: the first one tells so.
+    "full disk": "resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))",
+    # Somebody has put something else in the place of run.json, for all three processes.
+    "no run.json": "os.replace('run/run.json', 'run/run.json.old'); os.mkdir('run/run.json')",
+}
+UNWRITING_LAW = """
+import os, resource
+from canarm_controller.laws.pd import Pd
+
+class Unwriting(Pd):
+    name = "unwriting"
+
+    def update(self, cycle):
+        if cycle.tick == 195:
+            {statement}
+        return super().update(cycle)
+"""
+
+
+@pytest.mark.parametrize("trouble", UNWRITABLE)
+def test_the_summary_is_printed_also_where_it_cannot_be_recorded(canarm, trouble):
+    (canarm.folder / "laws.py").write_text(UNWRITING_LAW.format(statement=UNWRITABLE[trouble]))
+    demo = canarm(
+        *("demo", "--no-tui", "--json", "--seconds", "0.5", "--law", "laws.py:Unwriting", "--out", "run"),
+    )
+    assert demo.wait() == 1, demo
+    assert len(demo.stdout) == 1
+    state = "failed" if trouble == "full disk" else "done"  # the disk is full before the run is over
+    assert (demo.json["state"], demo.json["ticks"], set(demo.json["joints"])) == (state, 200, {"joint2", "joint3"})
+    assert demo.json["faults"] == 0, "the emulator's own summary was lost"
+    assert "recording failed: " in demo.complaint
+    said = "File too large" if trouble == "full disk" else "run/run.json: cannot be read: is no regular file"
+    assert said in demo.complaint
+
+
 def test_options_reach_the_process_that_they_are_for(canarm, run_folder):
     options = (
         "--law pd --feedforward online --trajectory trapezoid --set control.damping_ratio=0.9 --truth joint3.mass=0.9"

@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib
+import json
 import os
 import shlex
 import signal
@@ -392,6 +393,22 @@ def test_a_command_that_is_none_is_refused_before_anything_runs(
     assert run(["fault", "matrix", "--only", "sdo-abort", "--controller", command]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"canarm: --controller {words}")
+
+
+@pytest.mark.parametrize(("size", "left"), [(50, set()), (1000, {"matrix.csv"})])
+def test_a_matrix_that_a_full_disk_does_not_take_is_shown_and_no_half_of_it_is_left(
+    size: int, left: set[str], tmp_path: Path, capsys, full_at, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Hours of runs must not be lost with the file. The page is some 10 kB, the table of one row some 200 bytes."""
+    monkeypatch.setattr("canarm.matrix.campaign.run_campaign", lambda *_: Matrix("title", (ROW,), 0, ()))
+    monkeypatch.setattr("canarm.commands.fault_matrix.keep_stdout", lambda: print)
+    with full_at(size):
+        assert run(["fault", "matrix", "--only", "sdo-abort", "--json", "--out", str(tmp_path)]) == 1
+    said = capsys.readouterr()
+    assert json.loads(said.out)["cells"] == [ROW.as_plain()]
+    name = "matrix.html" if left else "matrix.csv"
+    assert f"--out {tmp_path}: {name} cannot be written: File too large" in said.err
+    assert {path.name for path in tmp_path.iterdir()} == left
 
 
 def test_a_partial_matrix_says_so_in_name_and_text(tmp_path: Path) -> None:

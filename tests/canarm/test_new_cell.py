@@ -116,6 +116,19 @@ def test_a_slower_bus_gets_a_longer_cycle() -> None:
     assert cell_of(2, Request(bitrate=125_000)).bus.cycle_us > 2500
 
 
+@pytest.mark.parametrize("words", [[], ["--force"]])
+def test_a_full_disk_leaves_no_half_of_a_cell(
+    words: list[str], tmp_path: Path, full_at, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "my.toml"
+    if words:
+        out.write_text("precious")
+    with full_at(1000):
+        assert run(["new-cell", "--joints", "1", "--out", str(out), *words]) == 2
+    assert f"--out {out}: cannot be written: File too large" in capsys.readouterr().err
+    assert [path.read_text() for path in tmp_path.iterdir()] == (["precious"] if words else [])
+
+
 def test_a_file_that_is_there_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "my.toml"
     out.write_text("mine")

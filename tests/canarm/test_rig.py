@@ -492,3 +492,16 @@ def test_a_run_folder_holds_the_run(tmp_path: Path) -> None:
     assert states == ["BRINGING_UP", "RUNNING", "STOPPING", "DONE"]
     with pytest.raises(RunFolderError, match="holds a run already"):
         Rig(out=folder)
+
+
+def test_on_a_full_disk_everything_that_fits_is_kept_and_the_figures_are_there(tmp_path: Path, full_at) -> None:
+    folder = tmp_path / "run"
+    rig = Rig(law="pd", out=folder)
+    rig.run(0.25)
+    with full_at(5_000), pytest.raises(OSError, match="File too large"):
+        rig.finish()
+    assert rig.summary().ticks == 100
+    for name in ("can0.log", "signals/robot.csv", "signals/controller.csv", "events.jsonl"):
+        data = (folder / name).read_bytes()
+        assert data.endswith(b"\n"), name
+        assert not name.startswith("signals") or 4_000 < len(data) <= 5_000, name

@@ -356,6 +356,24 @@ def test_recording_that_fails_stops_the_robot(pair) -> None:
     assert_stopped(pair, "recording-failed", "No space left on device")
 
 
+@pytest.mark.parametrize("first", ["recording-failed", "impossible-position"])
+def test_a_full_disk_that_takes_no_detection_either_stops_the_robot_once(pair, first: str) -> None:
+    """What cannot be told is the end of the run, and no reason to tell it again and again."""
+
+    def full(*anything: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    pair.run_to_tick(100)
+    pair.controller.on_detection = full
+    if first == "recording-failed":
+        pair.controller.on_tick = full
+    else:
+        pair.to_controller = bent_position(pair, 255)
+    assert_stopped(pair, first)
+    assert pair.controller.detections[0].detector == first
+    assert [each.detector for each in pair.controller.detections].count("recording-failed") == 1
+
+
 # The safe stop itself
 
 

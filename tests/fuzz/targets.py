@@ -175,6 +175,6 @@ SEEDS: dict[str, list[bytes]] = {
     "conditions": [b"joint2.angle_deg > 30 and time_s > 1", b"not (abs(joint2.angle_deg) < 1e3)"],
     "trajectories": [b"time_s,joint2,joint3\n0,20,0\n3,20,0\n3.5,45,0\n"],
     "packed": [b'{"event":"fault begins","set":"a","tap":"b","fault":"c","time_s":1.0,"cycle":400}\n'],
-    "run_folders": [b'{"cell": "konkuk1", "state": "done", "ticks": 4096}'],
+    "run_folders": [b'{"cell": "konkuk1", "state": "done", "ticks": 4096}', b"null", b'["cell"]'],
 }
 """Inputs that mean something, from which mutations begin."""

@@ -1,14 +1,12 @@
 """What a run leaves on disk: readable by others' tools, whole after a kill, shared by several processes."""
 
-import contextlib
 import csv
+import fcntl
 import json
-import resource
 import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 
 import can
 import pytest
@@ -191,10 +189,26 @@ def test_a_folder_that_cannot_be_made_says_so(tmp_path) -> None:
         CanLog(tmp_path / "nowhere" / "can0.log")
 
 
-def test_a_run_file_that_is_no_json_says_so(tmp_path) -> None:
-    (tmp_path / "run.json").write_text("{")
-    with pytest.raises(RunFolderError, match=r"run\.json: cannot be read: "):
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("{", "Expecting property name"),
+        ("null", "is no JSON object"),
+        ('["run"]', "is no JSON object"),
+        ("[" * 100_000, "nested too deep"),
+        ('{"seed": 1' + " " * (16 << 20) + "}", "is larger than 16777216 bytes"),
+    ],
+)
+def test_a_run_file_that_is_none_says_so(tmp_path, text: str, why: str) -> None:
+    (tmp_path / "run.json").write_text(text)
+    with pytest.raises(RunFolderError, match=rf"run\.json: cannot be read: .*{why}"):
         read_run_file(tmp_path)
+
+
+def test_a_folder_in_the_place_of_the_run_file_says_so(tmp_path) -> None:
+    (tmp_path / "run.json").mkdir()
+    with pytest.raises(RunFolderError, match=r"run\.json: cannot be read: is no regular file"):
+        update_run_file(tmp_path, "seed", 1)
 
 
 def test_a_log_may_be_closed_twice(tmp_path) -> None:
@@ -212,19 +226,8 @@ def test_of_two_that_claim_a_folder_one_is_refused(tmp_path, monkeypatch) -> Non
         claim_run_folder(tmp_path / "run")
 
 
-@contextlib.contextmanager
-def full_at(size: int) -> Iterator[None]:
-    """A disk on which no file grows beyond `size` bytes: what fits of a write is written, as on any full disk."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
 @pytest.mark.parametrize("left", [0, 1, 40, 99])
-def test_events_on_a_full_disk_are_whole_lines_and_go_on_when_there_is_room_again(tmp_path, left: int) -> None:
+def test_events_on_a_full_disk_are_whole_lines_and_go_on_when_there_is_room_again(tmp_path, full_at, left: int) -> None:
     path = tmp_path / "events.jsonl"
     with EventLog(path, "emulator") as emulator, EventLog(path, "controller") as controller:
         emulator.write(0, "state")
@@ -237,12 +240,21 @@ def test_events_on_a_full_disk_are_whole_lines_and_go_on_when_there_is_room_agai
     assert [json.loads(line)["time_ns"] for line in path.read_text().splitlines()] == [0, 2]
 
 
-def test_signals_on_a_full_disk_are_whole_rows_and_go_on_when_there_is_room_again(tmp_path) -> None:
+def test_who_keeps_a_file_locked_holds_up_no_run(tmp_path) -> None:
+    path = tmp_path / "events.jsonl"
+    with EventLog(path, "emulator") as log, path.open() as planted:
+        fcntl.flock(planted, fcntl.LOCK_EX)
+        log.write(0, "state")
+    assert json.loads(path.read_text())["event"] == "state"
+
+
+def test_signals_on_a_full_disk_are_whole_rows_and_go_on_when_there_is_room_again(tmp_path, full_at) -> None:
     path = tmp_path / "robot.csv"
     log = SignalLog(path, ["a"])
+    for tick in range(run_folder.FLUSH_EVERY - 1):
+        log.write(tick, 0, [0.5])
     with full_at(1000), pytest.raises(OSError, match="File too large"):
-        for tick in range(run_folder.FLUSH_EVERY):
-            log.write(tick, 0, [0.5])
+        log.write(run_folder.FLUSH_EVERY - 1, 0, [0.5])
     assert 900 < path.stat().st_size <= 1000
     log.write(run_folder.FLUSH_EVERY, 0, [0.5])
     log.close()
@@ -252,7 +264,7 @@ def test_signals_on_a_full_disk_are_whole_rows_and_go_on_when_there_is_room_agai
     assert ticks == [*range(len(ticks) - 1), run_folder.FLUSH_EVERY]
 
 
-def test_a_full_disk_leaves_no_draft_and_names_the_file(tmp_path) -> None:
+def test_a_full_disk_leaves_no_draft_and_names_the_file(tmp_path, full_at) -> None:
     with full_at(1000), pytest.raises(OSError, match="File too large") as raised:
         update_run_file(tmp_path, "summary", "x" * 5000)
     assert raised.value.filename == str(tmp_path / "run.json")

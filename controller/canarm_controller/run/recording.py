@@ -1,5 +1,6 @@
 """What a controller leaves in a run folder: reference, measurement, command and the law's internals; events."""
 
+import contextlib
 from pathlib import Path
 
 from canarm_protocol.runs.own_file import replace_file
@@ -79,10 +80,14 @@ class ControllerRecorder:
             self._tell_others(detection)
 
     def close(self) -> None:
-        """Write out what is left, and the memory image: table and log as the Apple II would hold them."""
-        self._signals.close()
-        self._events.close()
-        self._write_memory()
+        """Write out what is left, and the memory image: table and log as the Apple II would hold them.
+
+        Raises `OSError` once all that can be written is.
+        """
+        with contextlib.ExitStack() as stack:  # one file that cannot be written does not keep the others from it
+            stack.callback(self._write_memory)
+            stack.callback(self._events.close)
+            stack.callback(self._signals.close)
 
     def _write_memory(self) -> None:
         """The image from $2000 on: the table before a run, with the measurements after it."""

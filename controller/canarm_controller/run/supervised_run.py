@@ -78,16 +78,16 @@ class SupervisedRun:
                 return False
             detail = f"{cause}; {detector} followed from it"
             detector, where = "deadline-missed", None
-        if self.state in (State.RUNNING, State.STOPPING):
-            is_end = reaction.stops and self.state is State.RUNNING
-            detection = self._log.note(Detection(detector, where, max(self.tick, 0), detail, reaction), is_end)
-            tell = self.on_detection
-            if detection is not None and tell is not None:
-                self.guard(lambda: tell(detection))
-        if reaction.stops and self.state is State.RUNNING:
+        is_noted, is_end = self.state in (State.RUNNING, State.STOPPING), reaction.stops and self.state is State.RUNNING
+        if is_end:
             self.verdict = Verdict(detector, detail, where)
             self.state = State.STOPPING
             self._stop.holds = reaction is Reaction.HOLD
         elif reaction is Reaction.OFF:
             self._stop.holds = False
+        if is_noted:  # after the stop: what cannot be told is a reason to stop, and must not be one again and again
+            detection = self._log.note(Detection(detector, where, max(self.tick, 0), detail, reaction), is_end)
+            tell = self.on_detection
+            if detection is not None and tell is not None:
+                self.guard(lambda: tell(detection))
         return True

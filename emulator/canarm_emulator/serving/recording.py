@@ -3,6 +3,7 @@
 Times are virtual, since power-on; the cycle beside them counts from the first SYNC after NMT start.
 """
 
+import contextlib
 from collections.abc import Hashable
 from pathlib import Path
 
@@ -79,9 +80,10 @@ class Recorder:
         self.event(event.time_ns, event_name(event), **event_details(event))
 
     def close(self) -> None:
-        """Write out what is left."""
-        for file in (self._log, self._signals, self._events):
-            file.close()
+        """Write out what is left. Raises `OSError` once all that can be written is. May be called again."""
+        with contextlib.ExitStack() as stack:
+            for file in (self._events, self._signals, self._log):
+                stack.callback(file.close)
 
 
 def _party(name: Hashable) -> dict[str, object]:

@@ -7,6 +7,7 @@ A disk that fills up leaves whole lines and whole files. What is written belongs
 import contextlib
 import os
 import stat
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -20,6 +21,8 @@ except ImportError:  # no POSIX: processes that share a file on a full disk may 
 _NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
 _NO_WAIT = getattr(os, "O_NONBLOCK", 0)
 """A pipe that nobody reads would hold up whoever opens it."""
+LONGEST_TURN_S = 0.1
+"""How long one that appends is waited for: a line takes microseconds."""
 
 
 def open_new(path: Path) -> int:
@@ -46,6 +49,17 @@ def open_own(path: Path, *, append: bool = False) -> int:
     return descriptor
 
 
+def create_file(path: Path, data: bytes) -> None:
+    """Make `path`, which must not be there yet, with `data` in it. Raises `OSError`; nothing is then left of it."""
+    with os.fdopen(open_new(path), "wb", buffering=0) as file:
+        try:
+            write_all(file.fileno(), data)
+        except OSError:
+            with contextlib.suppress(OSError):
+                path.unlink()
+            raise
+
+
 def replace_file(path: Path, data: bytes) -> None:
     """Put `data` in the place of `path` in one piece: a reader sees the file before or after, never half of it.
 
@@ -54,8 +68,7 @@ def replace_file(path: Path, data: bytes) -> None:
     draft = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         draft.unlink(missing_ok=True)
-        with os.fdopen(open_new(draft), "wb") as file:
-            file.write(data)
+        create_file(draft, data)
         draft.replace(path)
     except OSError as error:
         with contextlib.suppress(OSError):
@@ -70,24 +83,39 @@ def append_lines(descriptor: int, data: bytes) -> None:
     """
     with _turn(descriptor):
         size = os.fstat(descriptor).st_size
-        written = 0
         try:
-            while written < len(data):
-                written += os.write(descriptor, data[written:])
+            write_all(descriptor, data)
         except OSError:
             with contextlib.suppress(OSError):
+                written = os.fstat(descriptor).st_size - size
                 os.ftruncate(descriptor, size + data.rfind(b"\n", 0, written) + 1)
             raise
 
 
+def write_all(descriptor: int, data: bytes) -> None:
+    """Write `data`, however many times the system takes a part of it only. Raises `OSError`."""
+    left = memoryview(data)
+    while left:
+        left = left[os.write(descriptor, left) :]
+
+
 @contextlib.contextmanager
 def _turn(descriptor: int) -> Iterator[None]:
-    """Keep others from appending meanwhile, where the file system knows how."""
+    """Keep others from appending meanwhile, where the file system knows how; who keeps the file for long is ignored."""
     if fcntl is None:
         yield
         return
-    with contextlib.suppress(OSError):
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    limit_s = time.monotonic() + LONGEST_TURN_S
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            break
+        except BlockingIOError:
+            if time.monotonic() > limit_s:
+                break
+            time.sleep(0.001)
+        except OSError:  # a file system without locks
+            break
     try:
         yield
     finally:

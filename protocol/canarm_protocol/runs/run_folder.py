@@ -15,6 +15,7 @@ from typing import Any, Self
 
 from ..canopen.frames import Frame
 from ..errors import ProtocolError
+from ..text_file import read_text
 from .own_file import append_lines, open_own, replace_file
 
 RUN_FILE, EVENTS_FILE, CAN_LOG_FILE, SIGNALS_FOLDER = "run.json", "events.jsonl", "can0.log", "signals"
@@ -22,6 +23,8 @@ CONTROLLER_SIGNALS = f"{SIGNALS_FOLDER}/controller.csv"
 FLUSH_EVERY = 200
 """Lines between two flushes of a log: at most half a second of a run is lost with the process."""
 LOCK_S = 5.0
+LARGEST_RUN_FILE = 16 << 20
+"""Bytes; a cell with seven joints has thirty thousand."""
 LOG_START_S = 1
 """What a candump log shows at time 0: can-utils' log2asc takes a start second of 0 for none, and breaks the file."""
 
@@ -92,11 +95,17 @@ def update_run_file(folder: Path, section: str, content: Any) -> None:
 
 def read_run_file(folder: Path) -> dict[str, Any]:
     """`run.json` as a dict. Raises `RunFolderError`."""
+    path = folder / RUN_FILE
     try:
-        document = json.loads((folder / RUN_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise RunFolderError(f"{folder / RUN_FILE}: cannot be read: {error}") from None
-    return dict(document)
+        document = json.loads(read_text(path, LARGEST_RUN_FILE, "a run's record", "JSON"))
+    except OSError as error:
+        raise RunFolderError(f"{path}: cannot be read: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
+        why = "brackets are nested too deep" if isinstance(error, RecursionError) else str(error)
+        raise RunFolderError(f"{path}: cannot be read: {why}") from None
+    if not isinstance(document, dict):
+        raise RunFolderError(f"{path}: cannot be read: is no JSON object")
+    return document
 
 
 @contextlib.contextmanager
