@@ -34,6 +34,7 @@ class TapKind(Enum):
     CURRENT = "current command of the amplifier"
     SUPPLY = "supply of the amplifier"
     MOTOR = "motor and its leads"
+    BRAKE = "brake"
     LINK = "link of the arm"
     DRIVE_WIRE = "drive wire"
     SENSOR = "voltage of a sensor"
@@ -188,9 +189,9 @@ class SignalFault(Fault):
 
 
 class JointFault(Fault):
-    """Changes the truth of a joint: its mechanics, motor or supply."""
+    """Changes the truth of a joint: its mechanics, motor, brake or supply."""
 
-    able_at = frozenset({TapKind.SUPPLY, TapKind.MOTOR, TapKind.LINK, TapKind.DRIVE_WIRE})
+    able_at = frozenset({TapKind.SUPPLY, TapKind.MOTOR, TapKind.BRAKE, TapKind.LINK, TapKind.DRIVE_WIRE})
 
     varies: ClassVar[bool] = False
     """Whether `change` is to be asked every cycle; otherwise only when some fault of the arm begins or ends."""

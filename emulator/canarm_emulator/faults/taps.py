@@ -21,6 +21,7 @@ _OF_A_CARD = {
 _OF_A_JOINT = (
     ("amplifier.supply", TapKind.SUPPLY, "supply of amplifier and motor"),
     ("motor", TapKind.MOTOR, "motor, its winding and its leads"),
+    ("brake", TapKind.BRAKE, "brake at the motor's shaft"),
     ("wire", TapKind.DRIVE_WIRE, "drive wire between gear and joint"),
     ("link", TapKind.LINK, "link: load, friction, obstacles"),
 )
@@ -42,7 +43,11 @@ def taps_of(cell: Cell) -> dict[str, Tap]:
                 taps.append(Tap(f"{name}.{stage.name}", kind, stage.about, stage.unit, 0, stage.high, step, index))
         if (direction := wired.get((index, Command.DIRECTION))) is not None:
             taps.append(_card_tap(cell, *direction))
-        taps += [Tap(f"{name}.{leaf}", kind, about, joint=index) for leaf, kind, about in _OF_A_JOINT]
+        taps += [
+            Tap(f"{name}.{leaf}", kind, about, joint=index)
+            for leaf, kind, about in _OF_A_JOINT
+            if kind is not TapKind.BRAKE or joint.brake is not None
+        ]
         for sensor in joint.sensors.fitted():
             pin = SENSORS[sensor.kind].stage(sensor)
             if pin is not None and (index, sensor.kind) in wired:

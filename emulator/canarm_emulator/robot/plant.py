@@ -59,8 +59,10 @@ class Plant:
 
     __slots__ = (
         "_applied",
+        "_brake_nm",
         "_cell",
         "_data",
+        "_friction_nm",
         "_model",
         "_option",
         "_position",
@@ -118,6 +120,9 @@ class Plant:
         """The highest natural frequency of arms and wires where the arms are parked, or the rate of its damping."""
         self.compliance = [float(inverse[motor, motor]) for motor in self.motor_dof]
         """For each motor the acceleration that a torque gives it there, rad/s² per N·m."""
+        self._friction_nm: list[float] = self._model.dof_frictionloss.tolist()
+        """Without brakes."""
+        self._brake_nm = [0.0] * len(self.motor_dof)
 
     def set_state(self, angle: Sequence[float], speed: Sequence[float]) -> None:
         """Put joints and motors, in the order of `angle`, at these angles and speeds."""
@@ -169,6 +174,12 @@ class Plant:
         self.speed = speed = list(self._velocity)
         self.angle = [ahead - half_s * rate for ahead, rate in zip(position, speed, strict=True)]
 
+    def brake(self, joint: int, friction_nm: float) -> None:
+        """Dry friction of a brake at a joint's motor, from the next step on."""
+        if friction_nm != self._brake_nm[joint]:
+            self._brake_nm[joint], dof = friction_nm, self.motor_dof[joint]
+            self._model.dof_frictionloss[dof] = self._friction_nm[dof] + friction_nm
+
     def hold(self, angle: Sequence[float], dofs: Iterable[int]) -> None:
         """Put these of the joints and motors back to `angle`, at rest: a support carries them."""
         for dof in dofs:
@@ -192,6 +203,8 @@ class Plant:
                 inertia_kg_m2 = self._truth.joints[joint].rotor_inertia_kg_m2 * gear_ratio**2
                 impulse_nm_s[joint] = inertia_kg_m2 * (before.speed[old] - before.speed[joint])
         self.set_state(angle, speed)
+        for joint, friction_nm in enumerate(before._brake_nm):
+            self.brake(joint, friction_nm)
         # The solver starts from the last accelerations, and where it starts decides the last bits.
         self._data.qacc_warmstart[:] = before._data.qacc_warmstart[sources]
         if any(impulse_nm_s):

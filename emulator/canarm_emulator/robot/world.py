@@ -13,6 +13,7 @@ from canarm_protocol.cell.sensing import joint_sensors
 
 from ..errors import EmulatorError
 from ..signals import Distortion
+from .brakes import BrakeModel, make_brake
 from .drives import decay_over, make_drive
 from .drives.d669 import Direction
 from .parking import Parking
@@ -89,6 +90,10 @@ class World:
         cell, truth = self._cell, self._truth
         self._plant = Plant(cell, truth)
         self._drives = [make_drive(joint, true) for joint, true in zip(cell.joints, truth.joints, strict=True)]
+        brakes = [make_brake(joint, true) for joint, true in zip(cell.joints, truth.joints, strict=True)]
+        self._brakes: tuple[tuple[int, BrakeModel], ...] = tuple(
+            (joint, brake) for joint, brake in enumerate(brakes) if brake is not None
+        )
         self._parking = Parking(cell)
         self._hold()
         self._moment = Moment(self._drives, self._plant.motor_dof)
@@ -135,6 +140,8 @@ class World:
         self._hold()
         for drive, joint_truth in zip(self._drives, truth.joints, strict=True):
             drive.change(joint_truth)
+        for joint, brake in self._brakes:
+            brake.change(truth.joints[joint])
         self._grid.cache_clear()
         self._schedule = None
 
@@ -161,6 +168,12 @@ class World:
         """For each joint, how often its latch asked for 0b11."""
         return [drive.refused_commands for drive in self._drives]
 
+    @property
+    def brakes_engaged(self) -> list[bool | None]:
+        """For each joint, whether its brake is to act now; None where it has none."""
+        engaged = {joint: brake.is_engaged for joint, brake in self._brakes}
+        return [engaged.get(joint) for joint in range(len(self._drives))]
+
     def source(self, joint_index: int, quantity: Quantity) -> Source:
         """The sensor that measures `quantity` at a joint, for `scan`. Raises `EmulatorError` if none does."""
         wired = joint_sensors(self._cell)[joint_index].measuring(quantity)
@@ -171,10 +184,14 @@ class World:
     def state(self) -> list[JointState]:
         """True state of every joint now."""
         angle, speed = self._plant.angle, self._plant.speed
-        return [
+        states = [
             _new(JointState, (angle[i], speed[i], drive.current_a, drive.command_a, angle[motor], speed[motor]))
             for i, (drive, motor) in enumerate(zip(self._drives, self._plant.motor_dof, strict=True))
         ]
+        for joint, brake in self._brakes:
+            if brake.current_a:
+                states[joint] = states[joint]._replace(current_a=states[joint].current_a + brake.current_a)
+        return states
 
     def advance(self, until_ns: int) -> None:
         """Let time pass until `until_ns`, in equal steps of at most `physics.max_step_us`,
@@ -235,6 +252,10 @@ class World:
         for joint, drive in enumerate(self._drives):
             decay, mean_weight = decays[joint]
             torque_nm[joint] = drive.step(speed[motor_dof[joint]], decay, mean_weight)
+        for joint, brake in self._brakes:
+            is_asked, motor_rad_s = self._drives[joint].command_a != 0.0, speed[motor_dof[joint]]
+            torque_nm[joint] = brake.step(is_asked, torque_nm[joint], motor_rad_s, grid.step_s)
+            plant.brake(joint, brake.friction_nm)
         angle = plant.angle
         plant.step(torque_nm, grid.step_s)
         if self._held:
@@ -270,6 +291,7 @@ class World:
         """That of the cell, or less where a wire rings or a motor brakes faster than it can follow."""
         plant, drives = self._plant, self._drives
         rates = [drive.damping_nm_s * ease for drive, ease in zip(drives, plant.compliance, strict=True)]
+        rates += [brake.damping_nm_s * plant.compliance[joint] for joint, brake in self._brakes]
         fastest = max(plant.fastest_rad_s, *rates)
         shortest_ns = round(SHORTEST_STEP_S * 1e9)
         bound_ns = round(STEP_SHARE / fastest * 1e9) if fastest > 0.0 else self._max_step_ns

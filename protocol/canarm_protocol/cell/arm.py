@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from .brakes import FittedBrake
 from .drives import Drive
 from .sensors import Quantity, Sensor, Sensors
 from .table import Finite, Name, NonNegative, Positive, Table, Vector
@@ -83,6 +84,7 @@ class Joint(Table):
     motor: Motor
     drive: Drive
     sensors: Sensors
+    brake: FittedBrake = None
 
     @property
     def solid(self) -> Link | Body:

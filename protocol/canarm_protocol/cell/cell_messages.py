@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from ..canopen.frames import HIGHEST_NODE_ID
+from .brakes import BRAKE_TYPES, Brake
 from .model import CARD_TYPES, Card, Cell
 
 Location = tuple[str | int, ...]
@@ -70,6 +71,8 @@ def keys_at(location: Location, table: Any = None) -> list[str]:
         model = next((each for each in _arguments(annotation) if isinstance(each, type)), annotation)
         if not (isinstance(model, type) and issubclass(model, BaseModel)):
             return []
+        if model is Brake and isinstance(table, Mapping):
+            model = BRAKE_TYPES.get(str(table.get("kind")), Brake)
     return list(model.model_fields)
 
 
