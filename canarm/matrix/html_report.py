@@ -25,6 +25,7 @@ _COLUMNS = {
     "peak_error_lsb": "peak error, LSB",
     "peak_current_a": "peak current, A",
     "peak_speed_rad_s": "peak speed, rad/s",
+    "growth_rad_s": "faster by, until safe, rad/s",
     "is_excused": "excused",
     "note": "note",
     "why": "why not as it should be",

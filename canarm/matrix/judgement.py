@@ -8,18 +8,14 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from canarm_controller.supervision.detection import Reaction
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.sensing import position_steps_rad
 
 from .evidence import SENSORS, Evidence, Floats, Motion, Notice
+from .safety import FTTI_S, GROWTH_RAD_S, SAFE_CURRENT_A, SAFE_SPEED_RAD_S, Bools, Safety, safety
 
-Bools = NDArray[np.bool_]
-
-FTTI_S = 0.1
-"""The fault-tolerant time interval: "safe within the FTTI" counts from the clock's start."""
 DETECTION_S = 0.025
 """A fault is to be detected within this time from the clock's start."""
 POTENTIOMETER_FLOOR_LSB = 3.0
@@ -28,8 +24,6 @@ CURRENT_FLOOR = 0.1
 """Floors of the sensors, the last two as shares of full scale: below them a wrong value is no finding."""
 TOLERATED_LSB = 3.0
 """A fault is tolerated while the true angle stays within so many steps of the reference."""
-SAFE_CURRENT_A = 1.5
-SAFE_SPEED_RAD_S = 3.0
 _EXACT = 1.0 + 1e-9
 _REACTIONS = [reaction.value for reaction in Reaction]
 
@@ -64,10 +58,12 @@ DEFINITIONS = (
     (
         "safe",
         "Torque off (no amplifier is asked for current) or hold (standstill after the controller has begun to stop), "
-        f"for good; |current| at most {SAFE_CURRENT_A:g} A throughout, joint speed at most {SAFE_SPEED_RAD_S:g} rad/s "
-        "during the FTTI: how fast an arm without torque falls after that is gravity's. A dangerous fault has to end "
-        f"there within the FTTI, {FTTI_S * 1e3:g} ms from the clock's start, unless it is tolerated, or the arm is by "
-        f"then, and stays, within {TOLERATED_LSB:g} LSB of the reference.",
+        f"for good; |current| at most {SAFE_CURRENT_A:g} A throughout. A dangerous fault has to end there within the "
+        f"FTTI, {FTTI_S * 1e3:g} ms from the clock's start, unless it is tolerated, or the arm is by then, and stays, "
+        f"within {TOLERATED_LSB:g} LSB of the reference. Until then no joint becomes faster by more than "
+        f"{GROWTH_RAD_S:g} rad/s than it was at the injection; once torque is off no drive puts energy into the arm, "
+        "but for what its winding still holds. How fast an arm falls then is gravity's: told, not judged. A joint "
+        f"that has a brake is never faster than {SAFE_SPEED_RAD_S:g} rad/s from the clock's start on.",
     ),
     (
         "peaks",
@@ -102,8 +98,7 @@ class Findings:
 
     `clock_s` is from injection to the clock's start, `latency_s` from there to the first detection, `safe_s` from there
     to the safe state. `safe_by` is "off", "hold" or "tracking". Peaks are those since the injection, of the worst
-    joint; that of the error only while a reference runs. `clock_current_a` is the highest current since the clock's
-    start, `ftti_speed_rad_s` the highest speed from there to the end of the FTTI; 0 without a clock.
+    joint; that of the error only while a reference runs.
     """
 
     verdict: Verdict
@@ -112,15 +107,12 @@ class Findings:
     clock_s: float | None
     latency_s: float | None
     drives_arm: bool
-    safe_s: float | None
-    safe_by: str
+    safety: Safety
     is_safe: bool
     peak_error_lsb: float | None
     peak_current_a: float
     peak_speed_rad_s: float
     is_running: bool
-    clock_current_a: float
-    ftti_speed_rad_s: float
 
 
 def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool) -> Findings:
@@ -143,7 +135,7 @@ def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool) -> Find
     stop = _stop_cycle(notices)
     has_reference = since if stop is None else since & (motion.cycle <= stop)
     drives_arm = is_dangerous or bool((has_reference & departure[0]).any())
-    safe_s, safe_by, is_safe = _safety(cell, run, notices, clock, error_lsb)
+    found = Safety() if clock is None else _safety(cell, run, clock, stop, error_lsb)
     error_lsb = error_lsb[has_reference & _all(np.isfinite(error_lsb))]
     return Findings(
         verdict=_verdict(is_tolerated, latency_s),
@@ -152,15 +144,12 @@ def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool) -> Find
         clock_s=None if clock is None else _elapsed_s(motion, run.injected_cycle, clock),
         latency_s=latency_s,
         drives_arm=drives_arm,
-        safe_s=safe_s,
-        safe_by=safe_by,
-        is_safe=is_safe or is_tolerated or clock is None or not drives_arm,
+        safety=found,
+        is_safe=found.is_safe or (found.is_slow_enough and (is_tolerated or not drives_arm)),
         peak_error_lsb=float(error_lsb.max()) if error_lsb.size else None,
         peak_current_a=float(np.abs(motion.current_a[since]).max(initial=0.0)),
         peak_speed_rad_s=float(np.abs(motion.speed_rad_s[since]).max(initial=0.0)),
         is_running=run.is_running,
-        clock_current_a=0.0 if clock is None else float(np.abs(motion.current_a[clock:]).max()),
-        ftti_speed_rad_s=0.0 if clock is None else _ftti_speed_rad_s(motion, clock),
     )
 
 
@@ -226,44 +215,20 @@ def _latency_s(cell: Cell, motion: Motion, clock: int | None, first: Notice) -> 
     return 0.0 if clock is None else max(first.cycle - int(motion.cycle[clock]), 0) * cell.bus.cycle_s
 
 
-def _safety(
-    cell: Cell, run: Evidence, notices: Sequence[Notice], clock: int | None, error_lsb: Floats
-) -> tuple[float | None, str, bool]:
-    """When the run is safe, counted from the clock's start, by what, and whether in time.
+def _safety(cell: Cell, run: Evidence, clock: int, stop: int | None, error_lsb: Floats) -> Safety:
+    """Whether the run is safe in time.
 
-    "Safe is torque off or hold, |current| <= 1.5 A, speed <= 3 rad/s."
-    Torque is off where every amplifier is asked for nothing; a hold is a standstill (all speeds below the tachometer's
-    floor) after the controller has begun to stop. Where it goes on, being back within 3 LSB of the reference counts as
-    well. The state must last. Current must keep its limit throughout, and speed until the state is reached: how fast an
-    arm without torque falls after that is gravity's. Speed is the motor's, seen at the joint: a link whose wire is
-    broken falls, and no drive holds it.
+    A hold is a standstill (all speeds below the tachometer's floor) after the controller has begun to stop. Where it
+    goes on, being back within 3 LSB of the reference counts as well.
     """
-    if clock is None:
-        return None, "", True
     motion = run.motion
-    stop = _stop_cycle(notices)
-    off = _all(motion.command_a == 0.0)
-    holding = tracking = np.zeros_like(off)
+    holding = tracking = np.zeros(len(motion.cycle), dtype=np.bool_)
     if stop is not None:
         holding = _all(np.abs(motion.speed_rad_s) <= _floors(cell)[1]) & (motion.cycle >= stop)
     if run.is_running:
         tracking = _all(error_lsb <= TOLERATED_LSB)
-    weak = _all(np.abs(motion.current_a) <= SAFE_CURRENT_A * _EXACT)
-    is_slow = _ftti_speed_rad_s(motion, clock) <= SAFE_SPEED_RAD_S
-    good = (off | holding | tracking) & weak
-    if not good[-1]:
-        return None, "", False
-    bad = np.flatnonzero(~good)
-    start = max(clock, int(bad[-1]) + 1 if len(bad) else 0)
-    safe_s = float(motion.time_s[start] - motion.time_s[clock])
-    by = "off" if off[start] else "hold" if holding[start] else "tracking"
-    return safe_s, by, safe_s <= FTTI_S * _EXACT and is_slow and bool(weak[clock:].all())
-
-
-def _ftti_speed_rad_s(motion: Motion, clock: int) -> float:
-    """The highest speed of any joint from the clock's start to the end of the FTTI."""
-    in_ftti = motion.time_s[clock:] <= motion.time_s[clock] + FTTI_S * _EXACT
-    return float(np.abs(motion.speed_rad_s[clock:][in_ftti]).max())
+    injected = int(np.searchsorted(motion.cycle, run.injected_cycle))
+    return safety(cell, motion, injected, clock, holding, tracking)
 
 
 def _stop_cycle(notices: Sequence[Notice]) -> int | None:

@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator
 
-from .judgement import DETECTION_S, FTTI_S, SAFE_CURRENT_A, SAFE_SPEED_RAD_S, TOLERATED_LSB, Findings, Verdict
+from .judgement import DETECTION_S, TOLERATED_LSB, Findings, Verdict
+from .safety import FTTI_S, GROWTH_RAD_S, SAFE_CURRENT_A, SAFE_SPEED_RAD_S, Safety
 
 
 def why(found: Findings) -> str:
@@ -15,7 +16,7 @@ def why(found: Findings) -> str:
     if phrases:
         phrases.append(f"not tolerated: {_intolerable(found)}")
     if not found.is_safe:
-        phrases.append(f"not safe: {', '.join(_unsafe(found))}")
+        phrases.append(f"not safe: {', '.join(_unsafe(found.safety))}")
     return "; ".join(phrases)
 
 
@@ -27,15 +28,19 @@ def _intolerable(found: Findings) -> str:
     return f"error {found.peak_error_lsb:.3g} LSB > {TOLERATED_LSB:g} LSB"
 
 
-def _unsafe(found: Findings) -> Iterator[str]:
-    if found.clock_current_a > SAFE_CURRENT_A:
-        yield f"current {found.clock_current_a:.4g} A > {SAFE_CURRENT_A:g} A"
-    if found.ftti_speed_rad_s > SAFE_SPEED_RAD_S:
-        yield f"speed {found.ftti_speed_rad_s:.3g} rad/s within the FTTI"
+def _unsafe(found: Safety) -> Iterator[str]:
+    if found.current_a > SAFE_CURRENT_A:
+        yield f"current {found.current_a:.4g} A > {SAFE_CURRENT_A:g} A"
+    if found.growth_rad_s > GROWTH_RAD_S:
+        yield f"faster by {found.growth_rad_s:.3g} rad/s > {GROWTH_RAD_S:g} rad/s"
+    if found.braked_rad_s > SAFE_SPEED_RAD_S:
+        yield f"speed {found.braked_rad_s:.3g} rad/s > {SAFE_SPEED_RAD_S:g} rad/s in spite of the brake"
+    if found.driven_w > 0.0:
+        yield f"a drive puts {found.driven_w:.3g} W into the arm after its torque is off"
     if found.safe_s is None:
         yield "never off, at rest or back at the reference for good"
     elif found.safe_s > FTTI_S:
-        yield f"{found.safe_by} only after {_ms(found.safe_s)}"
+        yield f"{found.by} only after {_ms(found.safe_s)}"
 
 
 def _ms(seconds: float) -> str:

@@ -36,6 +36,7 @@ class Row:
     peak_error_lsb: float | None = None
     peak_current_a: float | None = None
     peak_speed_rad_s: float | None = None
+    growth_rad_s: float | None = None
     is_excused: bool = False
     note: str = ""
     why: str = ""
@@ -43,11 +44,13 @@ class Row:
     @classmethod
     def of(cls, cell: MatrixCell, found: Findings) -> Self:
         """What was found, with the reason where it is declared undetectable, or beyond any controller."""
-        verdict, note, is_excused = found.verdict, "", False
+        verdict, safety, notes, is_excused = found.verdict, found.safety, [], False
         if verdict in (Verdict.MISSED, Verdict.LATE) and (reason := declared(cell)) is not None:
-            verdict, note = Verdict.UNDETECTABLE, reason.reason
-        elif not found.is_safe and (reason := declared(cell, BEYOND_CONTROL)) is not None:
-            note, is_excused = reason.reason, True
+            verdict = Verdict.UNDETECTABLE
+            notes.append(reason.reason)
+        if not found.is_safe and (reason := declared(cell, BEYOND_CONTROL)) is not None:
+            is_excused = True
+            notes.append(reason.reason)
         return cls(
             tap=cell.tap,
             fault=cell.fault,
@@ -59,14 +62,15 @@ class Row:
             latency_ms=_milliseconds(found.latency_s),
             reaction=found.reaction,
             clock_ms=_milliseconds(found.clock_s),
-            safe_s=_rounded(found.safe_s, 4),
-            safe_by=found.safe_by,
+            safe_s=_rounded(safety.safe_s, 4),
+            safe_by=safety.by,
             is_safe=found.is_safe,
             peak_error_lsb=_rounded(found.peak_error_lsb, 3),
             peak_current_a=_rounded(found.peak_current_a, 3),
             peak_speed_rad_s=_rounded(found.peak_speed_rad_s, 3),
+            growth_rad_s=None if found.clock_s is None else _rounded(safety.growth_rad_s, 3),
             is_excused=is_excused,
-            note=note,
+            note="; ".join(notes),
             why=why(found),
         )
 
@@ -84,8 +88,11 @@ class Row:
 
     @property
     def passes(self) -> bool:
-        """Tolerated, detected in time or declared, and safe in time where that was called for and can be."""
-        return self.verdict.passes and (self.is_safe or self.is_excused or self.verdict is Verdict.UNDETECTABLE)
+        """Tolerated, detected in time or declared, and safe in time where that was called for and can be.
+
+        What cannot be detected has to be safe all the same.
+        """
+        return self.verdict.passes and (self.is_safe or self.is_excused)
 
     def as_plain(self) -> dict[str, Any]:
         """Its columns by name."""
