@@ -106,7 +106,8 @@ def _run(task: _Task) -> _Result:
         return _fault_free(task.scenario, cell, task.number)
     twin = task.twin or _twin(task.scenario, fault.needs_wire)
     try:
-        return Row.of(fault, judge(cell, _evidence(task, cell, fault, twin), twin, fault.is_dangerous))
+        run = _evidence(task, cell, fault, twin)
+        return Row.of(fault, judge(cell, run, twin, fault.is_dangerous, fault.may_mislead))
     except Exception as error:
         return Row.broken(fault, error)
 

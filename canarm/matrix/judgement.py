@@ -13,7 +13,7 @@ from canarm_controller.supervision.detection import Reaction
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.sensing import position_steps_rad
 
-from .evidence import SENSORS, Evidence, Floats, Motion, Notice
+from .evidence import SENSORS, Evidence, Floats, Ints, Motion, Notice
 from .safety import FTTI_S, GROWTH_RAD_S, SAFE_CURRENT_A, SAFE_SPEED_RAD_S, Bools, Safety, safety
 
 DETECTION_S = 0.025
@@ -52,8 +52,10 @@ DEFINITIONS = (
     ("undetectable", "Neither tolerated nor detected in time, and declared so, with the reason."),
     (
         "dangerous",
-        "Declared so (torque that nobody asked for, a wrong direction, a broken wire), or the true angle leaves the "
-        "twin's by more than its floor before the controller begins to stop.",
+        "Declared so (torque that nobody asked for, a wrong direction, a broken wire), or something is told wrongly "
+        "(sensors, codes of inputs, messages, nodes, time) and the true angle leaves the twin's by more than its floor "
+        "before the controller begins to stop. Torque that is lost, and what a load, friction or a hit does to the "
+        "arm, is not the drive's doing.",
     ),
     (
         "safe",
@@ -61,9 +63,10 @@ DEFINITIONS = (
         f"for good; |current| at most {SAFE_CURRENT_A:g} A throughout. A dangerous fault has to end there within the "
         f"FTTI, {FTTI_S * 1e3:g} ms from the clock's start, unless it is tolerated, or the arm is by then, and stays, "
         f"within {TOLERATED_LSB:g} LSB of the reference. Until then no joint becomes faster by more than "
-        f"{GROWTH_RAD_S:g} rad/s than it was at the injection; once torque is off no drive puts energy into the arm, "
-        "but for what its winding still holds. How fast an arm falls then is gravity's: told, not judged. A joint "
-        f"that has a brake is never faster than {SAFE_SPEED_RAD_S:g} rad/s from the clock's start on.",
+        f"{GROWTH_RAD_S:g} rad/s than it was when the fault began, or than the twin is; once torque is off no drive "
+        "puts energy into the arm, but for what its winding still holds. How fast an arm falls then is gravity's: "
+        f"told, not judged. A joint that has a brake is never faster than {SAFE_SPEED_RAD_S:g} rad/s from the clock's "
+        "start on, whatever the fault.",
     ),
     (
         "peaks",
@@ -115,12 +118,12 @@ class Findings:
     is_running: bool
 
 
-def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool) -> Findings:
+def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool, may_mislead: bool = True) -> Findings:
     """Judge a run by its fault-free `twin`, which has the same seed; `is_dangerous` is as the fault is declared.
 
-    The fault counts as dangerous where it is declared so, or where it moves the arm away from the twin by more than the
-    potentiometer's floor before the controller begins to stop. A dangerous fault that passes its floor and is not
-    tolerated has to end in a safe state.
+    The fault counts as dangerous where it is declared so, or where it `may_mislead` controller or drives and moves the
+    arm away from the twin by more than the potentiometer's floor before the controller begins to stop. A dangerous
+    fault that passes its floor and is not tolerated has to end in a safe state.
     """
     motion, steps_rad = run.motion, _steps_rad(cell)
     since = motion.cycle >= run.injected_cycle
@@ -134,8 +137,8 @@ def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool) -> Find
     latency_s = None if first is None else _latency_s(cell, motion, clock, first)
     stop = _stop_cycle(notices)
     has_reference = since if stop is None else since & (motion.cycle <= stop)
-    drives_arm = is_dangerous or bool((has_reference & departure[0]).any())
-    found = Safety() if clock is None else _safety(cell, run, clock, stop, error_lsb)
+    drives_arm = is_dangerous or (may_mislead and bool((has_reference & departure[0]).any()))
+    found = Safety() if clock is None else _safety(cell, run, twin.motion, clock, stop, error_lsb)
     error_lsb = error_lsb[has_reference & _all(np.isfinite(error_lsb))]
     return Findings(
         verdict=_verdict(is_tolerated, latency_s),
@@ -178,8 +181,7 @@ def true_departure(cell: Cell, motion: Motion, twin: Motion) -> tuple[Bools, Boo
 
     "True residual (b): true angle, speed and current against the fault-free run with the same seed, same cycle."
     """
-    is_paced = np.append(True, np.diff(motion.cycle) > 0) & (motion.cycle <= twin.cycle[-1])
-    rows = np.searchsorted(twin.cycle, np.minimum(motion.cycle, twin.cycle[-1]))
+    is_paced, rows = np.append(True, np.diff(motion.cycle) > 0) & _has_twin(motion, twin), _rows(motion, twin)
     pairs = (
         (motion.angle_rad, twin.angle_rad),
         (motion.speed_rad_s, twin.speed_rad_s),
@@ -196,8 +198,17 @@ def _reference_rad(motion: Motion, twin: Motion) -> Floats:
     """The controller's reference; where it tells none at all, the true angle of its own fault-free run."""
     if np.isfinite(motion.reference_rad).any():
         return motion.reference_rad
-    rows = np.searchsorted(twin.cycle, np.minimum(motion.cycle, twin.cycle[-1]))
-    return np.where((motion.cycle <= twin.cycle[-1])[:, np.newaxis], twin.angle_rad[rows], np.nan)
+    return np.where(_has_twin(motion, twin)[:, np.newaxis], twin.angle_rad[_rows(motion, twin)], np.nan)
+
+
+def _has_twin(motion: Motion, twin: Motion) -> Bools:
+    """Which rows of `motion` are of cycles that the twin has as well."""
+    return np.asarray(motion.cycle <= twin.cycle[-1])
+
+
+def _rows(motion: Motion, twin: Motion) -> Ints:
+    """The twin's row of the same cycle; its last one after its end."""
+    return np.asarray(np.searchsorted(twin.cycle, np.minimum(motion.cycle, twin.cycle[-1])))
 
 
 def _verdict(is_tolerated: bool, latency_s: float | None) -> Verdict:
@@ -215,7 +226,7 @@ def _latency_s(cell: Cell, motion: Motion, clock: int | None, first: Notice) -> 
     return 0.0 if clock is None else max(first.cycle - int(motion.cycle[clock]), 0) * cell.bus.cycle_s
 
 
-def _safety(cell: Cell, run: Evidence, clock: int, stop: int | None, error_lsb: Floats) -> Safety:
+def _safety(cell: Cell, run: Evidence, twin: Motion, clock: int, stop: int | None, error_lsb: Floats) -> Safety:
     """Whether the run is safe in time.
 
     A hold is a standstill (all speeds below the tachometer's floor) after the controller has begun to stop. Where it
@@ -228,7 +239,8 @@ def _safety(cell: Cell, run: Evidence, clock: int, stop: int | None, error_lsb: 
     if run.is_running:
         tracking = _all(error_lsb <= TOLERATED_LSB)
     injected = int(np.searchsorted(motion.cycle, run.injected_cycle))
-    return safety(cell, motion, injected, clock, holding, tracking)
+    twin_rad_s = np.where(_has_twin(motion, twin)[:, np.newaxis], twin.speed_rad_s[_rows(motion, twin)], 0.0)
+    return safety(cell, motion, twin_rad_s, injected, clock, holding, tracking)
 
 
 def _stop_cycle(notices: Sequence[Notice]) -> int | None:

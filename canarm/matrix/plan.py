@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from canarm_emulator.faults.catalogue import catalogue_of
+from canarm_emulator.faults.declaration import TapKind
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
 
@@ -15,6 +16,22 @@ INJECTED_S = 2.8
 at 83 and 60 % of their highest speeds, and accelerate at 56 and 80 % of their highest accelerations."""
 OBSERVED_S = 2.2
 """For how long it acts: nearly a period of either joint, so that every stretch of the motion meets it."""
+
+
+OF_THE_ARM = frozenset(
+    (
+        TapKind.DAC_CODE,
+        TapKind.OPAMP,
+        TapKind.CURRENT,
+        TapKind.LATCH,
+        TapKind.SUPPLY,
+        TapKind.MOTOR,
+        TapKind.BRAKE,
+        TapKind.DRIVE_WIRE,
+        TapKind.LINK,
+    )
+)
+"""Taps behind the cards' outputs: nothing there is told to anybody. What drives the arm there is declared dangerous."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +59,8 @@ class MatrixCell:
     needs_wire: bool
     is_dangerous: bool
     """Declared to be able to drive the arm."""
+    may_mislead: bool = True
+    """Whether it makes controller or cards believe what is not so."""
 
     @property
     def name(self) -> str:
@@ -55,7 +74,9 @@ def cells_of(cell: Cell, only: Sequence[str] = ()) -> list[MatrixCell]:
     Of it, where `only` is given, what fits one of its patterns (`*`, `?`) by tap, fault, family or "TAP FAULT".
     """
     everything = [
-        MatrixCell(tap.name, fault.name, fault.family.value, fault.needs_wire, fault.is_dangerous)
+        MatrixCell(
+            tap.name, fault.name, fault.family.value, fault.needs_wire, fault.is_dangerous, tap.kind not in OF_THE_ARM
+        )
         for tap, fault, _ in catalogue_of(cell)
     ]
     return [each for each in everything if not only or any(_fits(each, pattern) for pattern in only)]

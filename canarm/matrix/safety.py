@@ -31,9 +31,10 @@ class Safety:
     """What becomes of a run from the clock's start on; the defaults are those of a run without one.
 
     `safe_s` is from the clock's start to the safe state, None where it is never reached for good; `by` is "off", "hold"
-    or "tracking". `growth_rad_s` is by how much a joint without a brake has become faster than it was at the injection,
-    until the safe state or the end of the FTTI; `braked_rad_s` the highest speed of a joint with a brake. `driven_w` is
-    the most that a drive puts into the arm after its torque is off, over what its winding's decay allows.
+    or "tracking". `growth_rad_s` is by how much a joint without a brake has become faster than it was when the fault
+    began, or than its twin is, until the safe state or the end of the FTTI; `braked_rad_s` the highest speed of a joint
+    with a brake. `driven_w` is the most that a drive puts into the arm after its torque is off, over what its winding's
+    decay allows.
     """
 
     safe_s: float | None = None
@@ -50,8 +51,10 @@ class Safety:
         return self.braked_rad_s <= SAFE_SPEED_RAD_S
 
 
-def safety(cell: Cell, motion: Motion, injected: int, clock: int, holding: Bools, tracking: Bools) -> Safety:
-    """Judge the `motion` from row `clock` on; `injected` is the row of the injection.
+def safety(
+    cell: Cell, motion: Motion, twin_rad_s: Floats, injected: int, clock: int, holding: Bools, tracking: Bools
+) -> Safety:
+    """Judge the `motion` from row `clock` on; `injected` is the row of the injection, `twin_rad_s` the twin's speeds.
 
     `holding` and `tracking` (n,) are where the arm stands after the controller has begun to stop, and where it goes on
     near its reference. Torque is off where every amplifier is asked for nothing. The state must last.
@@ -65,7 +68,7 @@ def safety(cell: Cell, motion: Motion, injected: int, clock: int, holding: Bools
     safe_s = float(motion.time_s[start] - motion.time_s[clock]) if is_reached else None
     by = "" if not is_reached else "off" if off[start] else "hold" if holding[start] else "tracking"
     braked = np.array([joint.brake is not None for joint in cell.joints])
-    growth_rad_s = _growth_rad_s(motion, injected, clock, start, ~braked)
+    growth_rad_s = _growth_rad_s(motion, twin_rad_s, injected, clock, start, ~braked)
     braked_rad_s = float(np.abs(motion.speed_rad_s[clock:, braked]).max(initial=0.0))
     driven_w = _driven_w(cell, motion, start) if by == "off" else 0.0
     return Safety(
@@ -84,12 +87,15 @@ def safety(cell: Cell, motion: Motion, injected: int, clock: int, holding: Bools
     )
 
 
-def _growth_rad_s(motion: Motion, injected: int, clock: int, start: int, joints: Bools) -> float:
-    """By how much any of the `joints` becomes faster than it was at the injection."""
+def _growth_rad_s(motion: Motion, twin_rad_s: Floats, injected: int, clock: int, start: int, joints: Bools) -> float:
+    """By how much any of the `joints` becomes faster than before and after what happened at the injection, and than
+    its twin: a joint that was hit has to catch up.
+    """
     speed_rad_s = np.abs(motion.speed_rad_s[:, joints])
+    before_rad_s = speed_rad_s[max(injected - 1, 0) : injected + 1].max(axis=0)
     in_ftti = motion.time_s[clock:] <= motion.time_s[clock] + FTTI_S * _EXACT
     until = clock + min(start - clock + 1, int(np.count_nonzero(in_ftti)))
-    growth_rad_s = speed_rad_s[clock:until] - speed_rad_s[injected]
+    growth_rad_s = speed_rad_s[clock:until] - np.maximum(before_rad_s, np.abs(twin_rad_s[clock:until, joints]))
     return float(growth_rad_s.max(initial=0.0))
 
 

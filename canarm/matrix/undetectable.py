@@ -39,7 +39,13 @@ BEYOND_CONTROL: tuple[Declared, ...] = (
         "joint*.wire",
         "wire-broken",
         "without its wire the link falls as gravity has it, 3 g / 2 a = 82 rad/s2 for joint3 held out level: past "
-        "3 rad/s in 37 ms; its motor stands still by then",
+        "3 rad/s in 37 ms; its motor stands still by then, and so would a brake on its shaft",
+    ),
+    Declared(
+        "joint*.wire",
+        "wire-slack",
+        "with brakes alone: the link falls through the slack before the wire is taut, at up to 82 rad/s2 over twice 5 "
+        "degrees, to sqrt(2 * 82 * 0.17) = 5 rad/s, while its brake holds the motor",
     ),
 )
 """Dangerous faults after which no controller can bring the arm to a safe state in time."""

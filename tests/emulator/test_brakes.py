@@ -3,6 +3,7 @@ shorted over 2.5 + 3.9 ohm.
 """
 
 import dataclasses
+import math
 from collections.abc import Callable
 from random import Random
 
@@ -13,11 +14,18 @@ from canarm_emulator.faults.declaration import Context, JointFault, TapKind
 from canarm_emulator.faults.taps import taps_of
 from canarm_emulator.robot.truth import Truth
 from canarm_emulator.robot.world import Direction, World
-from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell, parse_cell, shipped_cells
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.faults.script import FaultSpec
 
-CELL, PLAIN = load_cell("konkuk1-brakes"), load_cell("konkuk1")
+SHIPPED, PLAIN = load_cell("konkuk1-brakes"), load_cell("konkuk1")
+CELL = parse_cell(
+    shipped_cells()["konkuk1-brakes"].replace(
+        'brake = { kind = "spring", torque_nm = 2.0, delay_ms = 10.0, release_ms = 15.0 }',
+        'brake = { kind = "dynamic", resistor_ohm = 3.9 }',
+    ),
+    "a test",
+)
 LEVEL = {"joint2.initial_deg": "0", "joint3.initial_deg": "0"}
 MS = 1_000_000
 G2_NM, G3_NM = 2.4712, 0.5295  # (m2/2 + m3 + m3/2) g L and m3/2 g L, level, L = 0.18 m and g = 9.8062 m/s2
@@ -214,3 +222,34 @@ def test_a_contact_that_stays_closed_takes_its_share_of_the_amplifiers_current()
     let_pass(world, 5)
     joint3 = world.state()[1]  # of 0.8 A, 2.5 / 6.4 pass the winding by; and it is a generator
     assert joint3.current_a == pytest.approx(0.8 * 3.9 / 6.4 - 3.2 * joint3.speed_rad_s / 6.4, rel=0.02)
+
+
+def fastest_without_torque(cell: Cell, moment_s: float, window_s: float) -> float:
+    """The highest speed of any joint that is on konkuk1's sine at a moment, and from then on without torque."""
+    world = world_of(cell, {})
+    ask(world, 0.6, 0.2)
+    let_pass(world, 30)  # brakes are released
+    angles_rad, speeds_rad_s = [], []
+    for middle_deg, amplitude_deg, period_s in ((20.0, 35.0, 2.56), (0.0, 30.0, 1.7)):
+        phase = 2.0 * math.pi * moment_s / period_s
+        angles_rad.append(math.radians(middle_deg + amplitude_deg * math.sin(phase)))
+        speeds_rad_s.append(math.radians(amplitude_deg) * 2.0 * math.pi / period_s * math.cos(phase))
+    world._plant.set_state(angles_rad, speeds_rad_s)
+    ask(world, 0.0, 0.0)
+    fastest_rad_s = 0.0
+    for _ in range(round(window_s / 0.0025)):
+        let_pass(world, 2.5)
+        fastest_rad_s = max(fastest_rad_s, *(abs(joint.speed_rad_s) for joint in world.state()))
+    return fastest_rad_s
+
+
+MOMENTS_S = [(number + 0.5) * 43.52 / 96 for number in range(96)]  # 43.52 s: a common period of 2.56 s and 1.7 s
+
+
+def test_without_brakes_a_fifth_of_the_moments_pass_3_rad_s_within_100_ms_of_torque_off() -> None:
+    share = sum(fastest_without_torque(PLAIN, moment_s, 0.1) > 3.0 for moment_s in MOMENTS_S) / len(MOMENTS_S)
+    assert share == pytest.approx(0.19, abs=0.03)
+
+
+def test_with_brakes_no_moment_of_the_sine_ever_passes_3_rad_s_without_torque() -> None:
+    assert max(fastest_without_torque(SHIPPED, moment_s, 0.5) for moment_s in MOMENTS_S) < 3.0

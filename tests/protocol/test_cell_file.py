@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 
 import pytest
 
@@ -292,7 +293,7 @@ def test_an_empty_file_is_told_every_table_that_it_lacks() -> None:
     ("name", "complaint"),
     [
         ("konkuk", "konkuk: no such file, and no cell of that name; did you mean 'konkuk1'?"),
-        ("zzz.toml", "zzz.toml: no such file, and no cell of that name; known are konkuk1"),
+        ("zzz.toml", "zzz.toml: no such file, and no cell of that name; known are konkuk1, konkuk1-brakes"),
     ],
 )
 def test_a_cell_that_is_not_there_is_said_with_those_that_are(monkeypatch, tmp_path, name: str, complaint: str) -> None:
@@ -476,3 +477,42 @@ def test_a_switch_of_the_controller_may_be_written_in_any_way(written: str, mean
     key = next(name for name, value in setting_keys(load_cell("konkuk1")).items() if isinstance(value, bool))
     cell = load_cell("konkuk1", {key: written})
     assert setting_keys(cell)[key] is meant
+
+
+def with_brake(line: str) -> str:
+    return TEXT.replace("home_deg = 20.0\n", f"home_deg = 20.0\n{line}\n", 1)
+
+
+@pytest.mark.parametrize(
+    ("line", "kind", "delay_ms"),
+    [
+        ("", None, None),
+        ('brake = "none"', None, None),
+        ('brake = { kind = "none" }', None, None),
+        ('brake = "dynamic"', "dynamic", 10.0),
+        ('brake = { kind = "dynamic", resistor_ohm = 3.9 }', "dynamic", 10.0),
+        ('brake = "spring"', "spring", 20.0),
+        ('brake = { kind = "spring", torque_nm = 5.0, delay_ms = 15.0 }', "spring", 15.0),
+    ],
+)
+def test_a_joint_has_the_brake_that_its_cell_says(line: str, kind: str | None, delay_ms: float | None) -> None:
+    brake = parse_cell(with_brake(line), "a test").joints[0].brake
+    assert (getattr(brake, "kind", None), getattr(brake, "delay_ms", None)) == (kind, delay_ms)
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ('brake = "drum"', '.brake = "drum": must be one of "none", "dynamic", "spring", or a table with its kind'),
+        ("brake = 3", ".brake = 3: must be"),
+        ("brake = {}", "or a table with its kind"),
+        ('brake = { kind = "spring", torque_nm = -1.0 }', ".brake.torque_nm = -1.0: must be greater than 0"),
+        ('brake = { kind = "dynamic", torque_nm = 3.0 }', "known are kind, delay_ms, resistor_ohm"),
+        ('brake = { kind = "dynamic", delay_ms = 1e4 }', ".brake.delay_ms = 10000.0: must be at most 1000"),
+    ],
+)
+def test_a_brake_that_cannot_be_is_refused_with_what_would_be_right(line: str, complaint: str) -> None:
+    with pytest.raises(CellError, match=re.escape(complaint)) as caught:
+        parse_cell(with_brake(line), "a test")
+    assert str(caught.value).startswith("a test: robot 'konkuk1'.joint 'joint2'.brake")
+    assert "\n" not in str(caught.value)

@@ -32,7 +32,7 @@ def shipped_cells() -> dict[str, str]:
     folder = resources.files("canarm_protocol") / "cells"
     return {
         Path(item.name).stem: item.read_text(encoding="utf-8")
-        for item in sorted(folder.iterdir(), key=lambda item: item.name)
+        for item in sorted(folder.iterdir(), key=lambda item: Path(item.name).stem)
         if item.name.endswith(".toml")
     }
 
