@@ -7,7 +7,7 @@ from canarm_controller.bus.master import Ask, carry_out
 from canarm_controller.errors import ControllerError
 from canarm_protocol.canopen.dictionary import ERROR_REGISTER, variable_at
 from canarm_protocol.canopen.frames import Frame
-from canarm_protocol.canopen.sdo import LARGEST_NUMBER, Transfer, download, upload
+from canarm_protocol.canopen.sdo import LARGEST_NUMBER, download, upload
 from canarm_protocol.cards import Wire
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.sensing import joint_sensors
@@ -16,6 +16,7 @@ from canarm_protocol.errors import ExitStatus
 
 from .parsing import DIRECTION_NAMES, SdoRead, SdoWrite
 
+SILENCE = "does not answer SDO"
 UNITS = {Quantity.POSITION: "deg", Quantity.VELOCITY: "rad/s", Quantity.CURRENT: "A"}
 
 
@@ -27,7 +28,7 @@ class JogError(ControllerError):
 
 def error_register(node: CardNode) -> Generator[Ask, Frame, int]:
     """Object 0x1001. Raises `JogError`."""
-    return (yield from _transfer(node, upload(ERROR_REGISTER, 0, LARGEST_NUMBER)))[0]
+    return (yield from carry_out(node, upload(ERROR_REGISTER, 0, LARGEST_NUMBER), JogError, SILENCE))[0]
 
 
 def read_outputs(
@@ -39,7 +40,7 @@ def read_outputs(
         return
     for channel in card.channel:
         joint, place = cell.far_joint(card, channel), card.kind.place(card, channel.number)
-        data = yield from _transfer(node, upload(place.index, place.subindex, LARGEST_NUMBER))
+        data = yield from carry_out(node, upload(place.index, place.subindex, LARGEST_NUMBER), JogError, SILENCE)
         code = int.from_bytes(data, "little") >> place.start_bit + card.codec.shift & card.codec.full_scale
         if card.kind.takes is Wire.DIRECTION:
             directions[joint] = DirectionBits(code)
@@ -54,9 +55,9 @@ def access_object(command: SdoRead | SdoWrite) -> Generator[Ask, Frame, str]:
     name = "" if variable is None else f" {variable.name}"
     where = f"{node.card.name} 0x{index:04X}:{subindex:02X}{name}"
     if isinstance(command, SdoWrite):
-        yield from _transfer(node, download(index, subindex, command.value))
+        yield from carry_out(node, download(index, subindex, command.value), JogError, SILENCE)
         return f"{where}: written"
-    data = yield from _transfer(node, upload(index, subindex))
+    data = yield from carry_out(node, upload(index, subindex), JogError, SILENCE)
     text = data.hex(" ")
     if variable is not None and not variable.fixed_size:
         text = data.decode("ascii", "replace")
@@ -81,7 +82,3 @@ def output_text(cell: Cell, joint: int, code: int, direction: DirectionBits) -> 
     name = DIRECTION_NAMES.get(direction, "illegal")
     current_a = sign * command_scale(cell, joint)(code) + 0.0
     return f"{cell.joint_names[joint]}: code {code}, {name}, {current_a:.3f} A"
-
-
-def _transfer(node: CardNode, transfer: Transfer) -> Generator[Ask, Frame, bytes]:
-    return (yield from carry_out(node, transfer, JogError, "does not answer SDO"))

@@ -275,7 +275,10 @@ class CanarmBench(FaultControl):
         __tracebackhide__ = True
         if node not in range(1, HIGHEST_NODE_ID + 1):
             ours = ", ".join(f"0x{card.node_id:02X} ({card.name})" for card in self.cell.card)
-            raise UsageError(f"heartbeat of node {node!r}: node-IDs are 0x01 to 0x7F; cards of the cell are {ours}")
+            raise UsageError(
+                f"heartbeat of node {node!r}: node-IDs are 0x01 to 0x{HIGHEST_NODE_ID:02X}; "
+                f"cards of the cell are {ours}"
+            )
         return self._listener().heartbeats.get(node)
 
     @contextlib.contextmanager

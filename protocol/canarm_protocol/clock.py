@@ -1,4 +1,4 @@
-"""What drives virtual time: both sides of a bus must agree on it."""
+"""What drives virtual time; both sides of a bus must agree on it."""
 
 from enum import Enum
 

@@ -1,7 +1,7 @@
 """The root of all errors, and those of the contract between the programs.
 
-Every message says what is wrong, where, and what would be right. An error that ends a command says with which status;
-the trees of the other packages hang on `CanarmError`.
+Every message says what is wrong, where, and what would be right. An error has the exit status of the command that it
+ends; the other packages derive their errors from `CanarmError`.
 """
 
 from enum import IntEnum
@@ -20,12 +20,12 @@ class ExitStatus(IntEnum):
 
 
 class CanarmError(Exception):
-    """Root of every error that is raised on purpose; `exit_status` is that of a command which it ends."""
+    """Root of every error that is raised on purpose; `exit_status` is the status of a command that it ends."""
 
     exit_status = ExitStatus.WRONG_INPUT
 
     def __str__(self) -> str:
-        """The message, fit for a terminal whatever text of others it repeats."""
+        """The message, safe for a terminal even if it quotes foreign text."""
         return printable_lines(super().__str__())
 
 

@@ -1,7 +1,7 @@
-"""Public faces that are light: a package names what it offers, and loads a module when something of it is asked for.
+"""Light public faces: a package names what it offers, and loads a module when one of its names is used.
 
-So neither the command line nor the dashboard waits for what it does not use, and the rooms of one package can import
-each other's modules without a circle through the faces.
+Thus neither the command line nor the dashboard waits for what it does not use, and the rooms of a package can import
+each other's modules without a cycle through the faces.
 """
 
 import importlib
@@ -12,8 +12,8 @@ from typing import Any
 def loader(package: str, names: Collection[str], *modules: str) -> Callable[[str], Any]:
     """The `__getattr__` of `package`, which offers `names`.
 
-    They are looked for in `modules`, one after the other: those that cost little to load come first. A leading dot
-    stands for the package.
+    They are looked up in `modules`, one after the other: put the cheapest to load first. A leading dot stands for the
+    package.
     """
 
     def load(name: str) -> Any:

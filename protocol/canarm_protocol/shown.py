@@ -1,20 +1,20 @@
-"""Texts of others for people to see: the one way of a foreign text to a terminal, a log or a widget.
+"""Foreign text made safe to show: the only way of such text to a terminal, a log or a widget.
 
-Names in a cell, a header of a file, an answer of a bench may hold escape sequences, which a terminal would obey, or be
-endless. What they mean is the caller's.
+Names in a cell, headers of a file and answers of a bench may hold escape sequences, which a terminal would obey, or be
+endless.
 """
 
 from typing import Any
 
 LONGEST_LINE = 400
-"""Of a text that is shown; of a longer one the middle is left out."""
+"""Longest text that is shown, in characters; the middle of a longer one is left out."""
 LONGEST_OF_LINES = 4000
-"""Of a line in a whole message, which may list a lot."""
+"""Longest line of a message, which may list a lot."""
 MOST_LINES = 200
 
 
 def printable(text: str, longest: int = LONGEST_LINE) -> str:
-    """`text` on one line of bearable length, with escapes for what cannot be seen."""
+    """`text` on one line, shortened to `longest`, with escapes for unprintable characters."""
     if len(text) > longest:
         text = f"{text[: longest // 2]} ... {text[-longest // 2 :]}"
     if text.isprintable():
@@ -32,7 +32,7 @@ def printable_lines(text: str) -> str:
 
 
 def printable_values(value: Any) -> Any:
-    """A value as JSON has them, with every text in it made `printable`, keys included."""
+    """A JSON value with all its texts made `printable`, keys included."""
     if isinstance(value, str):
         return printable(value)
     if isinstance(value, list):

@@ -1,6 +1,6 @@
-"""Texts that a user names or sends, read within bounds: no path can fill memory or hang, and no TOML takes for ever.
+"""Reads a user's text files and TOML within bounds: no path can fill memory or hang, and no TOML takes for ever.
 
-What the text means, and who is told of what is wrong, is the caller's.
+The caller knows what the text means, and words the error.
 """
 
 import re
@@ -10,25 +10,24 @@ from pathlib import Path
 from typing import Any
 
 MOST_PARTS = 32
-"""Of a dotted key: `tomllib` takes a time that grows with their square."""
+"""Most parts of a dotted key: `tomllib` takes time that grows with their square."""
 MOST_DIGITS = 600
-"""Of a whole number: every Python shows such a one in an error message, however it is set up."""
+"""Most digits of a whole number: Python can print so many whatever its limit is set to."""
 _NO_KEYS = re.compile(
     r'"""(?:\\.|[^\\])*?(?:"{3,5}|\Z)|' r"'''.*?(?:'{3,5}|\Z)|" r'"(?:\\[^\n]|[^"\\\n])*"?|' r"'[^'\n]*'?|#[^\n]*",
     re.DOTALL,
 )
-"""Quoted texts and comments, in which dots mean nothing; one without an end reaches to that of the text."""
+"""Quoted strings and comments, in which dots mean nothing; an unterminated one reaches to the end of the text."""
 _BEYOND = 10**MOST_DIGITS
 _ENDS = re.compile(r"[\n=,\[\]{}]")
-"""What a dotted key does not reach beyond."""
+"""Characters that end a dotted key."""
 
 
 def read_text(path: Path, largest_bytes: int, kind: str, form: str = "TOML") -> str:
     """The text of the regular file `path` in UTF-8, with or without a byte order mark.
 
-    `kind` says in errors what it was taken for, such as "a cell", and `form` what such a file is. Raises `OSError`
-    where it cannot be read, and `ValueError`, with what is wrong in a few words, where it is no such file, too large or
-    no text.
+    Errors call it `kind`, such as "a cell", and its format `form`. Raises `OSError` if it cannot be read, and
+    `ValueError`, with what is wrong in a few words, if it is no regular file, too large or no text.
     """
     if not stat.S_ISREG(path.stat().st_mode):
         raise ValueError(f"is no regular file; {kind} is a {form} file")
@@ -45,8 +44,8 @@ def read_text(path: Path, largest_bytes: int, kind: str, form: str = "TOML") -> 
 def parse_toml(text: str) -> dict[str, Any]:
     """The TOML `text` as a table. Raises `ValueError`, with what is wrong in a few words.
 
-    Refused beside what is no TOML: keys of more than `MOST_PARTS` parts, whole numbers of more than `MOST_DIGITS`
-    digits, and brackets nested deeper than Python can follow.
+    Also refuses keys of more than `MOST_PARTS` parts, whole numbers of more than `MOST_DIGITS` digits, and brackets
+    that are nested too deep for Python.
     """
     parts = _longest_key(text)
     if parts > MOST_PARTS:
@@ -64,7 +63,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def _longest_key(text: str) -> int:
-    """How many parts the longest dotted key has, where there may be one that is too long; 0 where there is none."""
+    """Parts of the longest dotted key; 0 if none can be too long."""
     if all(line.count(".") < MOST_PARTS for line in text.split("\n")):
         return 0
     return 1 + max(part.count(".") for part in _ENDS.split(_NO_KEYS.sub("", text)))

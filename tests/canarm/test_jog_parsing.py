@@ -6,8 +6,9 @@ from hypothesis import strategies as st
 
 from canarm.jogging.parsing import AllOff, Drive, Parser, Quit, Read, SdoRead, SdoWrite, Step
 from canarm.usage import UsageError
+from canarm_protocol.cards.sc300 import DirectionBits
 from canarm_protocol.cell.cell_file import load_cell
-from canarm_protocol.cell.wiring import DirectionBits, card_nodes
+from canarm_protocol.cell.wiring import card_nodes
 
 CELL = load_cell("konkuk1")
 NODES = card_nodes(CELL)

@@ -14,9 +14,9 @@ from canarm_controller.dynamics import chain_of, lagrange_euler
 from canarm_controller.dynamics.chain import Chain, ChainLink
 from canarm_controller.dynamics.lagrange_euler import Pose, Q, link_transform
 from canarm_controller.reference.memory import SAMPLES, TABLE_BASE, MemoryImage
+from canarm_protocol.cards.kind import highest_code
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.sensing import joint_sensors
-from canarm_protocol.cell.wiring import FULL_SCALE_CODE
 
 CELL = load_cell("konkuk1")
 RODS = chain_of(CELL.robot[0])
@@ -289,7 +289,7 @@ def test_tachometer_reaches_0_v_where_the_paper_prints_minus_5_v() -> None:
     scale = wired.scale
     tachometer = joint.sensors.tachometer
     assert tachometer is not None
-    volts = tachometer.full_scale_v / FULL_SCALE_CODE
+    volts = tachometer.full_scale_v / highest_code(8)
     assert scale(5.0 / volts) == pytest.approx(2.5)
     assert scale(0.0 / volts) == pytest.approx(-2.5)
     assert scale(-5.0 / volts) == pytest.approx(-7.5)
@@ -297,7 +297,7 @@ def test_tachometer_reaches_0_v_where_the_paper_prints_minus_5_v() -> None:
 
 def test_a_dac0808_has_256_levels_and_the_table_8_bits_a_sample() -> None:
     """In print "0-225 level" and "4K X 3bit". $2000-$3FFF is 8 KiB: two joints of 4096 bytes, 10.24 s at 2.5 ms."""
-    assert FULL_SCALE_CODE == 2**8 - 1
+    assert highest_code(8) == 2**8 - 1
     assert 0x3FFF + 1 - TABLE_BASE == 2 * SAMPLES == 8 * 1024
     assert SAMPLES * CELL.bus.cycle_s == pytest.approx(10.24)
     image = MemoryImage(1, 1.5)

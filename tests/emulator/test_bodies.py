@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from canarm_emulator.robot.model_xml import model_xml, own_gravity
 from canarm_emulator.robot.plant import Plant
 from canarm_emulator.robot.truth import Truth
-from canarm_emulator.robot.world import Direction, World
+from canarm_emulator.robot.world import World
+from canarm_protocol.cards.sc300 import DirectionBits
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Body, Cell, Joint, Robot
 
@@ -165,13 +166,13 @@ def test_a_robot_rests_on_its_support_until_its_own_first_bridge_is_on() -> None
     cell = cell_of(one, one.model_copy(update={"name": "other", "number": 2}))
     world = World(cell, Truth.from_settings(cell), 0)
     home = [math.radians(20), 0.0]
-    world.set_direction(2, Direction.CLOCKWISE)
+    world.set_direction(2, DirectionBits.CLOCKWISE)
     world.advance(300_000_000)
     angles = [state.angle_rad for state in world.state()]
     assert angles[:2] == home
     assert angles[2] < home[0] - 0.5
     assert not world.parked
     world.strike(0, 0.1)
-    world.set_direction(1, Direction.CLOCKWISE)
+    world.set_direction(1, DirectionBits.CLOCKWISE)
     world.advance(600_000_000)
     assert world.state()[0].angle_rad < home[0] - 0.5

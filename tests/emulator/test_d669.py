@@ -5,15 +5,16 @@ import math
 import pytest
 
 from canarm_emulator.robot.drives import decay_over
-from canarm_emulator.robot.drives.d669 import DAC_FULL_SCALE, D669Drive, Direction
+from canarm_emulator.robot.drives.d669 import DAC_FULL_SCALE, D669Drive
 from canarm_emulator.robot.truth import Truth
+from canarm_protocol.cards.sc300 import DirectionBits
 from canarm_protocol.cell.cell_file import load_cell
 
 CELL = load_cell("konkuk1")
 TORQUE_NM_A = 4.08  # K_I of joint 2
 
 
-def joint2_drive(fraction: float = 0.0, direction: int = Direction.COUNTER_CLOCKWISE, **truth: str) -> D669Drive:
+def joint2_drive(fraction: float = 0.0, direction: int = DirectionBits.COUNTER_CLOCKWISE, **truth: str) -> D669Drive:
     settings = {f"joint2.{key}": value for key, value in truth.items()}
     drive = D669Drive(CELL.joints[0], Truth.from_settings(CELL, settings).joints[0])
     drive.set_dac_output(fraction)
@@ -78,7 +79,7 @@ def test_the_current_inside_a_step_is_on_the_same_curve() -> None:
 def test_an_open_bridge_lets_the_current_decay() -> None:
     drive = joint2_drive(DAC_FULL_SCALE)
     run(drive, 1.0)
-    drive.set_direction(Direction.OFF)
+    drive.set_direction(DirectionBits.OFF)
     run(drive, 1e-3)
     assert drive.current_a == pytest.approx(1.5 * math.exp(-2), rel=1e-12)
 
@@ -108,7 +109,7 @@ def test_an_open_supply_lets_the_current_decay_until_it_is_closed_again() -> Non
     ],
 )
 def test_the_supply_less_back_emf_limits_the_current(speed_rad_s: float, amperes: float, sign: int) -> None:
-    drive = joint2_drive(DAC_FULL_SCALE, Direction.COUNTER_CLOCKWISE if sign > 0 else Direction.CLOCKWISE)
+    drive = joint2_drive(DAC_FULL_SCALE, DirectionBits.COUNTER_CLOCKWISE if sign > 0 else DirectionBits.CLOCKWISE)
     run(drive, 1.0, sign * speed_rad_s)
     assert drive.current_a == pytest.approx(sign * amperes, abs=1e-12)
     assert drive.supply_limited_steps == (amperes < 1.5)

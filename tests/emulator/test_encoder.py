@@ -5,7 +5,8 @@ import math
 import pytest
 
 from canarm_emulator.robot.truth import Truth
-from canarm_emulator.robot.world import Direction, World
+from canarm_emulator.robot.world import World
+from canarm_protocol.cards.sc300 import DirectionBits
 from canarm_protocol.cell.cell_file import parse_cell, shipped_cells
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.sensing import joint_sensors
@@ -47,7 +48,7 @@ def test_it_gives_the_angle_of_its_shaft_at_any_time(wire: str) -> None:
     cell = cell_with('shaft = "motor"')
     world = World(cell, Truth.from_settings(cell, {"joint3.wire": wire}), 0)
     world.set_dac_output(1, 0.5)
-    world.set_direction(1, Direction.COUNTER_CLOCKWISE)
+    world.set_direction(1, DirectionBits.COUNTER_CLOCKWISE)
     world.advance(50_000_000)
     state = world.state()[1]
     assert world.sample(world.source(1, Quantity.POSITION)) == pytest.approx(40.0 * state.motor_angle_rad)

@@ -7,8 +7,9 @@ import pytest
 
 from canarm_emulator.faults.declaration import JointFault, SignalFault
 from canarm_emulator.robot.drives import decay_over
-from canarm_emulator.robot.drives.d669 import DAC_FULL_SCALE, D669Drive, Direction
+from canarm_emulator.robot.drives.d669 import DAC_FULL_SCALE, D669Drive
 from canarm_emulator.robot.truth import JointTruth, Truth
+from canarm_protocol.cards.sc300 import DirectionBits
 from canarm_protocol.cell.cell_file import load_cell
 
 CELL = load_cell("konkuk1")
@@ -22,7 +23,7 @@ BeginJoint = Callable[..., JointFault]
 def drive_of(joint: JointTruth, fraction: float = DAC_FULL_SCALE) -> D669Drive:
     drive = D669Drive(CELL.joints[0], joint)
     drive.set_dac_output(fraction)
-    drive.set_direction(Direction.COUNTER_CLOCKWISE)
+    drive.set_direction(DirectionBits.COUNTER_CLOCKWISE)
     return drive
 
 

@@ -12,7 +12,8 @@ from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.faults.points import TruthPoint
 from canarm_emulator.faults.taps import taps_of
 from canarm_emulator.robot.truth import JointTruth, Truth
-from canarm_emulator.robot.world import Direction, JointState, World
+from canarm_emulator.robot.world import JointState, World
+from canarm_protocol.cards.sc300 import DirectionBits
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FaultError
@@ -63,7 +64,7 @@ def rigged(settings: dict[str, str] = RIGID, currents_a: tuple[float, float] = (
     bench = FaultBench(CELL, Truth.from_settings(CELL, settings), Clock.SYNC, 0)
     for joint, current_a in enumerate(currents_a):
         bench.world.set_dac_output(joint, abs(current_a) / 1.5 * 255 / 256)
-        bench.world.set_direction(joint, Direction.COUNTER_CLOCKWISE if current_a > 0 else Direction.CLOCKWISE)
+        bench.world.set_direction(joint, DirectionBits.COUNTER_CLOCKWISE if current_a > 0 else DirectionBits.CLOCKWISE)
     bench.world.advance(20_000_000)
     return Rigged(bench, TruthPoint(bench))
 
@@ -88,7 +89,7 @@ def test_each_changes_the_motion_and_is_gone_at_its_end(name: str, tap: str, set
     truth = arm.world.truth
     fault = arm.begin(tap, name)
     for each in (sound, arm):
-        each.world.set_direction(1, Direction.CLOCKWISE)  # what is loose shows when the torque turns round
+        each.world.set_direction(1, DirectionBits.CLOCKWISE)  # what is loose shows when the torque turns round
         each.run(0.2)
     moved_deg = max(
         abs(math.degrees(one - other))
@@ -147,7 +148,7 @@ def test_with_0_3_kg_at_the_tip_a_horizontal_arm_takes_0_87_a_and_0_39_a_to_hold
         arm.begin("joint3.link", "payload-change", mass=0.3)
         for joint, current_a in enumerate(holding_a):
             arm.world.set_dac_output(joint, factor * current_a / 1.5 * 255 / 256)
-            arm.world.set_direction(joint, Direction.COUNTER_CLOCKWISE)
+            arm.world.set_direction(joint, DirectionBits.COUNTER_CLOCKWISE)
         arm.run(0.3)
         moved.append([joint.angle_rad for joint in arm.joints])
     assert moved[0][0] < -1e-3 < 1e-3 < moved[1][0]

@@ -9,8 +9,9 @@ import pytest
 
 from canarm_emulator.faults.declaration import JointFault, SignalFault
 from canarm_emulator.robot.drives import decay_over
-from canarm_emulator.robot.drives.d669 import DAC_FULL_SCALE, D669Drive, Direction
+from canarm_emulator.robot.drives.d669 import DAC_FULL_SCALE, D669Drive
 from canarm_emulator.robot.truth import JointTruth, Truth
+from canarm_protocol.cards.sc300 import DirectionBits
 from canarm_protocol.cell.cell_file import load_cell
 
 CELL = load_cell("konkuk1")
@@ -25,7 +26,7 @@ def settled_current_a(joint: JointTruth, speed_rad_s: float = 0.0) -> float:
     """Current at full command and a constant speed, after 100 ms: two hundred time constants."""
     drive = D669Drive(CELL.joints[0], joint)
     drive.set_dac_output(DAC_FULL_SCALE)
-    drive.set_direction(Direction.COUNTER_CLOCKWISE)
+    drive.set_direction(DirectionBits.COUNTER_CLOCKWISE)
     drive.step(speed_rad_s, *decay_over(0.1, drive.time_constant_s))
     return drive.current_a
 
@@ -122,7 +123,7 @@ def test_a_broken_lead_carries_nanoamperes(begin: BeginJoint) -> None:
 def test_a_broken_lead_stops_a_current_at_once(begin: BeginJoint) -> None:
     drive = D669Drive(CELL.joints[0], SOUND)
     drive.set_dac_output(DAC_FULL_SCALE)
-    drive.set_direction(Direction.CLOCKWISE)
+    drive.set_direction(DirectionBits.CLOCKWISE)
     drive.step(0.0, *decay_over(0.1, drive.time_constant_s))
     drive.change(begin(MOTOR, "open-load").change(SOUND, 0))
     torque_nm = drive.step(0.0, *decay_over(1e-6, drive.time_constant_s))

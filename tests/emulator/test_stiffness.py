@@ -7,7 +7,8 @@ import pytest
 from canarm_emulator.robot.plant import Plant
 from canarm_emulator.robot.scan_schedule import ScanSchedule
 from canarm_emulator.robot.truth import Truth
-from canarm_emulator.robot.world import Direction, World
+from canarm_emulator.robot.world import World
+from canarm_protocol.cards.sc300 import DirectionBits
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Quantity
 
@@ -35,14 +36,14 @@ def test_what_is_too_fast_for_the_cells_step_does_not_diverge(settings: dict[str
     world = World(CELL, Truth.from_settings(CELL, settings), 0)
     for joint in (0, 1):
         world.set_dac_output(joint, 0.3)
-        world.set_direction(joint, Direction.COUNTER_CLOCKWISE)
+        world.set_direction(joint, DirectionBits.COUNTER_CLOCKWISE)
     world.advance(200_000_000)
     assert all(abs(state.speed_rad_s) < 20.0 for state in world.state())
 
 
 def test_a_scan_goes_on_in_shorter_steps_when_a_wire_turns_elastic() -> None:
     world = World(CELL, Truth.from_settings(CELL), 0)
-    world.set_direction(0, Direction.COUNTER_CLOCKWISE)
+    world.set_direction(0, DirectionBits.COUNTER_CLOCKWISE)
     schedule = ScanSchedule.merged([([world.source(0, Quantity.POSITION)] * 6, 100_000)])
     assert len(world.scan(schedule)) == 6
     world.change(Truth.from_settings(CELL, STIFF_AND_LIGHT))

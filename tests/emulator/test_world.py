@@ -12,7 +12,8 @@ import pytest
 from canarm_emulator.errors import EmulatorError
 from canarm_emulator.robot.scan_schedule import ScanSchedule
 from canarm_emulator.robot.truth import Truth
-from canarm_emulator.robot.world import Direction, SaturatedSteps, Source, World
+from canarm_emulator.robot.world import SaturatedSteps, Source, World
+from canarm_protocol.cards.sc300 import DirectionBits
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell, Quantity
 
@@ -36,7 +37,7 @@ def cell_with(max_step_us: int | None) -> Cell:
 def set_currents(world: World, *amperes: float) -> None:
     for joint, current_a in enumerate(amperes):
         world.set_dac_output(joint, abs(current_a) / 1.5 * 255 / 256)
-        world.set_direction(joint, Direction.COUNTER_CLOCKWISE if current_a > 0 else Direction.CLOCKWISE)
+        world.set_direction(joint, DirectionBits.COUNTER_CLOCKWISE if current_a > 0 else DirectionBits.CLOCKWISE)
 
 
 def in_sequence(sources: Sequence[Source], conversion_ns: int) -> ScanSchedule:
@@ -52,19 +53,19 @@ def test_the_arm_stays_parked_until_a_bridge_is_on_while_time_passes() -> None:
     home = [math.radians(20), 0.0]
     world.set_dac_output(0, 0.5)
     world.advance(1_000_000_000)
-    world.set_direction(0, Direction.CLOCKWISE)
-    world.set_direction(0, Direction.OFF)
+    world.set_direction(0, DirectionBits.CLOCKWISE)
+    world.set_direction(0, DirectionBits.OFF)
     world.set_direction(1, 0b11)
     world.scan(in_sequence([world.source(0, Quantity.POSITION)], 100_000))
     world.advance(2_000_000_000)
     assert world.parked
     assert angles(world) == home
     assert world.illegal_directions == [0, 1]
-    world.set_direction(0, Direction.COUNTER_CLOCKWISE)
+    world.set_direction(0, DirectionBits.COUNTER_CLOCKWISE)
     world.set_dac_output(0, 0.0)
     world.advance(2_100_000_000)
     assert not world.parked
-    world.set_direction(0, Direction.OFF)
+    world.set_direction(0, DirectionBits.OFF)
     before = angles(world)
     world.advance(2_200_000_000)
     assert angles(world)[0] < before[0] < home[0]

@@ -13,7 +13,7 @@ from cantools.database.can import Database, Message
 
 from canarm import Rig
 from canarm.commands.export import export
-from canarm_emulator.robot.drives.d669 import Direction
+from canarm_protocol.cards.sc300 import DirectionBits
 from canarm_protocol.cell.bench_objects import bench_pdos
 from canarm_protocol.cell.cell_file import load_cell, parse_cell, shipped_cells
 from canarm_protocol.cell.export import export_dbc
@@ -177,7 +177,7 @@ def test_directions_are_those_of_the_bridge() -> None:
         signal for signal in ROBOT.get_message_by_name("latch_RPDO1").signals if signal.name == "joint2_direction"
     )
     assert signal.choices is not None
-    for bits in Direction:
+    for bits in DirectionBits:
         assert str(signal.choices[bits]) == bits.name.lower().replace("_", "-")
 
 

@@ -5,6 +5,7 @@ What a code means never enters, nor what is to be done about inputs that are mis
 
 from collections.abc import Sequence
 
+from canarm_protocol.canopen.frames import HIGHEST_NODE_ID
 from canarm_protocol.canopen.pdo import PdoLayout
 from canarm_protocol.cell.wiring import CardNode, InputSlot
 
@@ -43,5 +44,5 @@ class AwaitedInputs:
 
     def describe_awaited(self) -> str:
         """What has not come in this cycle, in words."""
-        late = [f"TPDO 0x{cob_id:03X} of node 0x{cob_id & 0x7F:02X}" for cob_id in sorted(self.awaited)]
+        late = [f"TPDO 0x{cob_id:03X} of node 0x{cob_id & HIGHEST_NODE_ID:02X}" for cob_id in sorted(self.awaited)]
         return " and ".join(late)

@@ -21,7 +21,7 @@ from .inputs import JointInputs
 
 OFF, CLOCKWISE = int(DirectionBits.OFF), int(DirectionBits.CLOCKWISE)
 COUNTER_CLOCKWISE = int(DirectionBits.COUNTER_CLOCKWISE)
-"""Direction bits of the latch (table 1 of the paper); counter-clockwise is towards positive angles."""
+"""DirectionBits bits of the latch (table 1 of the paper); counter-clockwise is towards positive angles."""
 LEAD_CYCLES = 1.5
 """A command computed in cycle k acts from SYNC k+1 to SYNC k+2: on average 1.5 cycles later."""
 CHUNK = 64

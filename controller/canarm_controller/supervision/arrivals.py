@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Collection
 
-from .detection import Detection, Reaction
+from canarm_protocol.canopen.frames import HIGHEST_NODE_ID
 
-ArrivalReport = Callable[[str, str, str], Detection | None]
+from .detection import Reaction
 
 
 class Arrivals:
@@ -22,8 +22,9 @@ class Arrivals:
 
     def extra(self, cob_id: int) -> None:
         """A TPDO came that this cycle has had already: the last cycle's, or one too many."""
+        node_id = cob_id & HIGHEST_NODE_ID
         if self._was_missing[cob_id]:
             self._was_missing[cob_id] = False
-            self._report("inputs-late", cob_id & 0x7F, f"TPDO 0x{cob_id:03X} came a cycle late", None)
+            self._report("inputs-late", node_id, f"TPDO 0x{cob_id:03X} came a cycle late", None)
         else:
-            self._report("inputs-repeated", cob_id & 0x7F, f"TPDO 0x{cob_id:03X} came twice in a cycle", None)
+            self._report("inputs-repeated", node_id, f"TPDO 0x{cob_id:03X} came twice in a cycle", None)

@@ -10,7 +10,7 @@ from numbers import Real
 
 import numpy as np
 
-from canarm_protocol.canopen.frames import Cob, Emergency, ErrorCode, Frame, NmtState, parse_time
+from canarm_protocol.canopen.frames import HIGHEST_NODE_ID, Cob, Emergency, ErrorCode, Frame, NmtState, parse_time
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.sensing import joint_sensors
 from canarm_protocol.cell.wiring import CardNode
@@ -89,7 +89,7 @@ class Supervisor:
         if can_id in (Cob.SYNC, self._controller_heartbeat):
             what = "SYNC" if can_id == Cob.SYNC else "a heartbeat with our node-ID"
             return Verdict(FOREIGN_MASTER, f"{what} that we did not send: another controller is on the bus")
-        node_id = can_id & 0x7F
+        node_id = can_id & HIGHEST_NODE_ID
         name = self._cards.get(node_id)
         if name is None:
             return None

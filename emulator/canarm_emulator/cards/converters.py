@@ -3,12 +3,12 @@
 Registers belong to the cards.
 """
 
-from canarm_protocol.cell.wiring import FULL_SCALE_CODE
+from canarm_protocol.cards.kind import highest_code
 
 from ..robot.truth import AdcTruth
 
 NO_ERRORS = AdcTruth()
-STEPS = FULL_SCALE_CODE + 1
+STEPS = 256
 """I_out = I_ref x code / 256: full scale is 255/256 of the reference (DAC0808 data sheet)."""
 
 
@@ -17,8 +17,8 @@ def output_fractions(bits: int, nonlinearity: float) -> list[float]:
 
     `nonlinearity` is the greatest deviation from the line between the end points, a fraction of full scale, as a bow.
     """
-    full_scale = (1 << bits) - 1
-    per_code = FULL_SCALE_CODE / full_scale / STEPS
+    full_scale = highest_code(bits)
+    per_code = (STEPS - 1) / full_scale / STEPS
     bows = (4.0 * code * (full_scale - code) / full_scale**2 for code in range(full_scale + 1))
     if bits == 8:
         return [(code + nonlinearity * bow * full_scale) / STEPS for code, bow in enumerate(bows)]
@@ -34,7 +34,7 @@ class Converter:
 
     def __init__(self, bits: int, full_scale_v: float, conversion_ns: int, errors: AdcTruth) -> None:
         self.conversion_ns = conversion_ns
-        full_scale = self._full_scale = (1 << bits) - 1
+        full_scale = self._full_scale = highest_code(bits)
         self._gain = full_scale / full_scale_v * (1.0 + errors.gain_error)
         self._offset = 0.5 + errors.offset_lsb
         self._bow = 4.0 * errors.nonlinearity_lsb / full_scale**2

@@ -7,6 +7,7 @@ value. Bits above the resolution are not connected. Settling takes far less than
 
 from collections.abc import Callable
 
+from canarm_protocol.cards.kind import highest_code
 from canarm_protocol.cell.model import Card
 
 from ..signals import Distortion
@@ -30,7 +31,7 @@ class DacCard:
     def __init__(self, bits: int, on_output: Callable[[int, float], None], nonlinearity: float = 0.0) -> None:
         self._low = [0] * CHANNELS
         self._codes = [0] * CHANNELS
-        self._mask = (1 << bits) - 1
+        self._mask = highest_code(bits)
         self._on_output = on_output
         self._fractions = output_fractions(bits, nonlinearity)
         self._distortions: dict[int, Distortion] = {}

@@ -8,6 +8,7 @@ import functools
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from canarm_protocol.cards.sc300 import DirectionBits
 from canarm_protocol.cell.model import Cell, Command, Quantity
 from canarm_protocol.cell.sensing import joint_sensors
 
@@ -15,7 +16,6 @@ from ..errors import EmulatorError
 from ..signals import Distortion
 from .brakes import BrakeModel, make_brake
 from .drives import decay_over, make_drive
-from .drives.d669 import Direction
 from .parking import Parking
 from .plant import Plant
 from .scan_schedule import ScanSchedule
@@ -23,7 +23,7 @@ from .sensors import Moment, Source, normal_deviates, source
 from .stiffness import SHORTEST_STEP_S, STEP_SHARE
 from .truth import Truth
 
-__all__ = ["Direction", "JointState", "Quantity", "SaturatedSteps", "Source", "World"]
+__all__ = ["DirectionBits", "JointState", "Quantity", "SaturatedSteps", "Source", "World"]
 
 _new = tuple.__new__  # a third of the time of a named tuple's own
 _LARGEST_SPEED_RAD_S = 1e3  # no arm gets there: the integration has diverged
@@ -106,7 +106,7 @@ class World:
         self._drives[joint_index].take(Command.CURRENT, fraction)
 
     def set_direction(self, joint_index: int, bits: int) -> None:
-        """Latch bits of the joint's bridge, see `Direction`. 0b11 opens the bridge and is counted.
+        """Latch bits of the joint's bridge, see `DirectionBits`. 0b11 opens the bridge and is counted.
 
         Raises `ValueError` outside 0..3.
         """

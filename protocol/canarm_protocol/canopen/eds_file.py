@@ -1,6 +1,6 @@
-"""Electronic data sheets and device configuration files as CiA 306 lays them down: from a dictionary, from another EDS.
+"""Electronic data sheets and device configuration files (CiA 306), made from a dictionary or from another EDS.
 
-Texts only, with LF line ends and no date but the one handed down, so that the same input gives the same bytes.
+Texts only. The line ends are LF and the date is fixed, so that the same input gives the same bytes.
 """
 
 from collections.abc import Iterator, Mapping
@@ -21,16 +21,16 @@ DOMAIN, VAR, ARRAY, RECORD = 0x2, 0x7, 0x8, 0x9
 """Object codes (CiA 301, table 42)."""
 COMMUNICATION_PROFILE = range(0x1000, 0x2000)
 COMMUNICATION_ARRAYS = frozenset({0x1003, 0x1010, 0x1011, 0x1016, 0x1023, 0x1028, 0x1029})
-"""The arrays among the objects that CiA 301 defines; whatever else has sub-indices there is a record."""
+"""The arrays among the objects of CiA 301; the others with sub-indices are records."""
 _TEXT_TYPES = (datatypes.VISIBLE_STRING, datatypes.UNICODE_STRING)
 _HEX_TYPES = (datatypes.UNSIGNED32,)
-"""Types written in hexadecimal, as COB-IDs and mapping entries are read."""
+"""Types written in hexadecimal: COB-IDs and mapping entries are read that way."""
 _DATE, _TIME = "01-01-2026", "12:00AM"
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceText:
-    """What an EDS says of a device beside its objects."""
+    """What an EDS says about a device apart from its objects."""
 
     file_name: str
     product_name: str
@@ -160,7 +160,7 @@ def _variable_lines(variable: Dictionary) -> list[str]:
         for key, limit in (("LowLimit", variable.min), ("HighLimit", variable.max))
         if limit is not None
     ]
-    # PDOMapping stands only where something can be mapped (CiA 306): readers refuse it for a DOMAIN.
+    # Readers refuse PDOMapping for a DOMAIN, which cannot be mapped (CiA 306).
     return lines if is_domain else [*lines, f"PDOMapping={int(variable.pdo_mappable)}"]
 
 
@@ -179,7 +179,7 @@ def _dcf_file_info(lines: list[str], file_name: str) -> list[str]:
 
 
 def _commissioning(commissioning: Commissioning) -> list[str]:
-    """The section's name is spelled with one m, in the standard too."""
+    """The standard spells the section's name with one m."""
     return [
         f"NodeID={commissioning.node_id}",
         f"NodeName={commissioning.node_name}",
@@ -192,7 +192,7 @@ def _commissioning(commissioning: Commissioning) -> list[str]:
 
 
 def _parameter_value(name: str, lines: list[str], values: dict[tuple[int, int], int]) -> Iterator[str]:
-    """The line that section `name` is to get, its value taken out of `values`; none for what is no variable."""
+    """The ParameterValue line of section `name`, if it is a variable with a value; the value leaves `values`."""
     entries = dict(line.split("=", 1) for line in lines)
     if "DataType" in entries:
         index, _, subindex = name.partition("sub")

@@ -12,19 +12,19 @@ from typing import NamedTuple
 from ..errors import FrameError
 
 ERROR_FLAG = 0x2000_0000
-"""In the `can_id` of an error frame, above all identifiers (CAN_ERR_FLAG of linux/can.h)."""
+"""Marks the `can_id` of an error frame; it is above all identifiers (CAN_ERR_FLAG of linux/can.h)."""
 EXTENDED_FLAG = 0x2000_0000
-"""In a COB-ID that an object holds: the identifier has 29 bits (CiA 301, 7.5.2.35, bit 29)."""
+"""Marks a COB-ID in an object as a 29-bit identifier (CiA 301, 7.5.2.35, bit 29)."""
 HIGHEST_NODE_ID = 0x7F
-"""Node-IDs are 1 to 127 (CiA 301, 7.3.3): the lower seven bits of a COB-ID of the predefined connection set."""
+"""Node-IDs are 1 to 127 (CiA 301, 7.3.3). As a mask it takes the node-ID out of a predefined COB-ID."""
 
 
 class Frame(NamedTuple):
     """A classical CAN frame. `can_id` has 11 bits, or 29 when `is_extended`.
 
-    A remote frame carries no data: of its `data` the length alone counts, which is the one that it asks for (DLC).
+    A remote frame carries no data: only the length of its `data` counts, the length that it asks for (DLC).
 
-    An error frame is told of as Linux does: `ERROR_FLAG` and the classes of the error in `can_id`, 8 bytes of details.
+    An error frame looks as in Linux: `ERROR_FLAG` and the error classes in `can_id`, and 8 bytes of details.
     """
 
     can_id: int
@@ -34,20 +34,20 @@ class Frame(NamedTuple):
 
     @property
     def is_error(self) -> bool:
-        """Whether it tells of an error on the bus. Such a frame is never sent."""
+        """Whether it reports an error on the bus. Such a frame is never sent."""
         return self.can_id >= ERROR_FLAG
 
 
-_new = tuple.__new__  # a third of the time of a named tuple's own
+_new = tuple.__new__  # takes a third of the time of a named tuple's own
 
 
 def data_frame(can_id: int, data: bytes) -> Frame:
-    """`Frame(can_id, data)`, for frames of every cycle."""
+    """`Frame(can_id, data)`, faster, for frames that are sent every cycle."""
     return _new(Frame, (can_id, data, False, False))
 
 
 class Cob(IntEnum):
-    """COB-IDs of the predefined connection set (CiA 301, 7.3.3). Those of a node are bases: its node-ID is added."""
+    """COB-IDs of the predefined connection set (CiA 301, 7.3.3). For a node's messages, add its node-ID."""
 
     NMT = 0x000
     SYNC = 0x080

@@ -1,6 +1,6 @@
-"""Process data objects: their layout, as a dictionary or a configured node gives it, and from bytes to values and back.
+"""Process data objects: their layout, from a dictionary or a configured node, and packing and unpacking their data.
 
-Only byte-aligned objects are mapped; that is all these cards need, and a struct does the work in one call.
+Only byte-aligned objects can be mapped: the cards need no others, and one struct call does the work.
 """
 
 import itertools
@@ -19,7 +19,7 @@ COMMUNICATION: dict[Kind, int] = {"rpdo": 0x1400, "tpdo": 0x1800}
 MAPPING: dict[Kind, int] = {"rpdo": 0x1600, "tpdo": 0x1A00}
 PDO_COUNT = 512
 MOST_BYTES = 8
-"""What a CAN frame holds."""
+"""Data bytes of a classical CAN frame."""
 DISABLED = 0x8000_0000
 """Bit 31 of a PDO's COB-ID: the PDO does not exist (CiA 301, 7.5.2.35)."""
 COB_ID_MASK = 0x7FF
@@ -44,7 +44,7 @@ _SIGNED = frozenset("bhiq")
 
 @dataclass(frozen=True, slots=True)
 class MappedObject:
-    """One object in a PDO: where it lives in the dictionary and how its bytes read (a `struct` format character)."""
+    """One object in a PDO: its place in the dictionary, and the `struct` format character of its bytes."""
 
     index: int
     subindex: int
@@ -57,7 +57,7 @@ class MappedObject:
 
     @property
     def is_signed(self) -> bool:
-        """Whether its bytes are a number with a sign."""
+        """Whether it is a signed number."""
         return self.format in _SIGNED
 
     @property
@@ -89,7 +89,7 @@ class PdoLayout:
 
     @property
     def bit_offsets(self) -> tuple[int, ...]:
-        """Where each of `objects` begins, in bits from the first."""
+        """The first bit of each of `objects`."""
         return (0, *itertools.accumulate(mapped.bits for mapped in self.objects[:-1]))
 
     def restricted_to(self, wanted: Callable[[MappedObject], bool]) -> "PdoLayout":
@@ -124,9 +124,9 @@ def mapped_variable(dictionary: Dictionary, index: int, subindex: int) -> Mapped
 
 
 def read_layout(dictionary: Dictionary, kind: Kind, number: int, read: Callable[[int, int], int]) -> PdoLayout:
-    """One PDO of a node, by its number (from 1), enabled or not. Raises `DictionaryError` for a mapping that cannot be.
+    """One PDO of a node, by its number (from 1), enabled or not. Raises `DictionaryError` for an impossible mapping.
 
-    `read(index, subindex)` gives the value of an object: an EDS default, a node's store.
+    `read(index, subindex)` gives the value of an object, such as its EDS default or the node's present value.
     """
     communication, mapping = COMMUNICATION[kind] + number - 1, MAPPING[kind] + number - 1
     entries = [read(mapping, 1 + position) for position in range(read(mapping, 0))]

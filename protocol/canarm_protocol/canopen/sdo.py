@@ -1,7 +1,7 @@
 """The client's side of SDO transfers (CiA 301, 7.2.4), as generators: requests come out, responses go in.
 
 A transfer yields the eight bytes to send and is sent the eight bytes that came back; its return value is the result.
-Who drives it owns the bus, the COB-IDs and the time-out.
+Its caller owns the bus, the COB-IDs and the time-out.
 """
 
 import struct
@@ -14,9 +14,9 @@ Transfer = Generator[bytes, bytes, bytes]
 """Yields request data, takes response data, returns the object's value (empty for a download)."""
 
 LARGEST_UPLOAD = 1 << 20
-"""Bytes of an object that a client takes, unless it says otherwise; the longest here has 110 kB."""
+"""Most bytes of an object that a client accepts by default; the longest object here has 110 kB."""
 LARGEST_NUMBER = 8
-"""Bytes of a number."""
+"""Most bytes of a numeric object."""
 _HEAD = struct.Struct("<BHB")
 _EXPEDITED, _SIZED, _TOGGLE, _LAST = 0x02, 0x01, 0x10, 0x01
 
@@ -144,7 +144,7 @@ def download(index: int, subindex: int, value: bytes) -> Transfer:
 
 
 def _checked(response: bytes, index: int, subindex: int, expected: int, toggle: int | None = None) -> int:
-    """The response's command byte, once it is known to be the answer to our request."""
+    """The response's command byte, checked to be the answer to our request."""
     if len(response) != 8:
         raise SdoAborted(index, subindex, AbortCode.LENGTH, by_server=False)
     command = response[0]

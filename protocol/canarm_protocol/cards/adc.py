@@ -1,6 +1,6 @@
 """An A/D card of any resolution from 8 to 16 bits: eight multiplexed channels, one conversion at a time.
 
-It stands for no part of a maker's; its parameters are those that data sheets of such converters have in common.
+It is no particular part; its parameters are those that data sheets of such converters have in common.
 """
 
 from .analogue import AdcSettings, codec_of_bits, conversion_us, input_place

@@ -21,7 +21,7 @@ from .kind import Codec, ObjectValue, Place, Settings
 
 FEWEST_BITS, MOST_BITS = 8, 16
 BITS_16, BITS_32 = 15, 31
-"""Room for a code in CiA 401's signed values of 16 and 32 bits: the sign bit is 0 (CiA 401, 6.3.4)."""
+"""Bits for a code in CiA 401's signed 16-bit and 32-bit values: the sign bit is 0 (CiA 401, 6.3.4)."""
 
 Bits = Annotated[int, Field(ge=FEWEST_BITS, le=MOST_BITS)]
 ConversionTime = Annotated[int, Field(ge=1, le=10_000)]
@@ -44,12 +44,12 @@ class AdcSettings(ConversionSettings, ResolutionSettings):
 
 
 def left_adjusted(bits: int) -> Codec:
-    """The codec of a code without sign. Up to 15 bits travel in 16, those of 16 bits in 32; none is lost."""
+    """The codec of an unsigned code. Up to 15 bits travel in a 16-bit value, 16 bits in a 32-bit value."""
     return Codec(bits, (BITS_16 if bits <= BITS_16 else BITS_32) - bits)
 
 
 def codec_of_8_bits(_: Settings) -> Codec:
-    """The codec of a part that has no other resolution."""
+    """The codec of an 8-bit part."""
     return left_adjusted(8)
 
 
@@ -80,7 +80,7 @@ def output_place(settings: Settings, number: int) -> Place:
 
 
 def conversion_us(settings: Settings) -> int:
-    """How long a channel takes."""
+    """Conversion time of one channel, µs."""
     assert isinstance(settings, ConversionSettings)
     return settings.conversion_us
 

@@ -1,6 +1,6 @@
-"""A D/A card of any resolution from 8 to 16 bits: four channels, each with its two bytes taken over at once.
+"""A D/A card of any resolution from 8 to 16 bits: four channels, each of which latches its two bytes together.
 
-It stands for no part of a maker's; its parameters are those that data sheets of such converters have in common.
+It is no particular part; its parameters are those that data sheets of such converters have in common.
 """
 
 from .analogue import ResolutionSettings, codec_of_bits, error_values, output_place

@@ -1,7 +1,7 @@
-"""What there is to know of a kind of card without emulating it: channels, objects, codes, settings, taps.
+"""What is known of a kind of card without emulating it: channels, objects, codes, settings, taps.
 
-A descriptor is data that controller, recorder, dashboard and emulator share; a card's registers and its analogue side
-are the emulator's, in a module of the same name. Nothing here knows a particular kind.
+Controller, recorder, dashboard and emulator share these descriptors. A card's registers and analogue side are in the
+emulator's module of the same name. Nothing here knows a particular kind.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -16,27 +16,32 @@ ObjectValue = tuple[int, int, int]
 """Index, sub-index and value of an object that a master sets."""
 
 
+def highest_code(bits: int) -> int:
+    """The full-scale code of `bits` bits."""
+    return (1 << bits) - 1
+
+
 class Wire(StrEnum):
-    """What a card's channel is made for: the kind of signal at the far end of its wire."""
+    """The kind of signal that a card's channel takes."""
 
     CURRENT_COMMAND = "current_command"
     DIRECTION = "direction"
     VOLTAGE = "voltage"
     PULSES = "pulses"
-    """The two tracks of a quadrature encoder, and its index."""
+    """The two tracks and the index of a quadrature encoder."""
 
 
 class Settings(BaseModel):
-    """What a cell may set in a card of one kind; most kinds add a few keys."""
+    """What a cell may set in a card of this kind; most kinds add a few keys."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
 
 
 @dataclass(frozen=True, slots=True)
 class Codec:
-    """How a channel's code of `bits` bits stands in its object: `shift` bits further up, the rest is 0.
+    """How a channel's code of `bits` bits sits in its object: shifted left by `shift` bits, the others 0.
 
-    A code without sign that is received negative is no code at all: no such converter gives or takes one.
+    Where codes are unsigned, a negative value is no code: no such converter gives or takes one.
     """
 
     bits: int
@@ -46,7 +51,7 @@ class Codec:
     @property
     def full_scale(self) -> int:
         """The highest code."""
-        return (1 << self.bits - self.is_signed) - 1
+        return highest_code(self.bits - self.is_signed)
 
     @property
     def lowest(self) -> int:
@@ -55,7 +60,7 @@ class Codec:
 
     @property
     def lowest_value(self) -> int:
-        """The least value of the object that is a code."""
+        """The object's value at the lowest code."""
         return self.lowest << self.shift
 
     def value(self, code: int) -> int:
@@ -63,13 +68,13 @@ class Codec:
         return code << self.shift
 
     def code(self, value: int) -> int:
-        """The code in an object's value, as a converter takes it: without sign, 0 is the least."""
+        """The code in an object's value, as a converter takes it: an unsigned one is at least 0."""
         return value >> self.shift if value > self.lowest_value else self.lowest
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a channel's code stands in the object dictionary: an object, and its lowest bit there."""
+    """Where a channel's code is in the object dictionary: an object, and the code's lowest bit in it."""
 
     index: int
     subindex: int
@@ -78,7 +83,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CardKind:
-    """One kind of card. Its name is that of its EDS file, of `[[card]] model`, and of the emulator's module."""
+    """One kind of card. Its EDS file, `[[card]] model` and the emulator's module have its name."""
 
     model: str
     takes: Wire
@@ -87,16 +92,16 @@ class CardKind:
     settings: type[Settings] = Settings
     codec: Callable[[Settings], Codec]
     place: Callable[[Settings, int], Place]
-    """Where channel `number` (from 1) stands."""
+    """The place of channel `number` (from 1)."""
     channel_us: Callable[[Settings], int] = lambda _: 0
-    """How long a channel takes to convert after the one before; 0 where all are taken at SYNC."""
+    """Conversion time per channel, one channel after the other; 0 where all are sampled at SYNC."""
     highest_error_value: Callable[[Settings], int] = lambda _: 0
-    """Of an output that a lost controller leaves behind; an input has none."""
+    """The highest value that an output may take when the controller is lost; 0 for inputs."""
     application_values: Callable[[Settings, Dictionary, Mapping[int, int]], Iterator[ObjectValue]] = (
         lambda settings, dictionary, error_values: iter(())
     )
     """Application objects that a master sets before a run, from the error value of each wired channel."""
     tap: str
-    """Where faults reach a channel's code, by `joint`, `card` and `number`."""
+    """Pattern of the tap at a channel's code, with `joint`, `card` and `number`."""
     tap_about: str
-    """What flows there, by `signal`."""
+    """What that tap carries, with `signal`."""

@@ -1,4 +1,4 @@
-"""The direction latch SC300: eight bits, two a joint, and what these two do to the joint's bridge."""
+"""The direction latch SC300: eight bits, two per joint, and what the two do to the joint's bridge."""
 
 from collections.abc import Iterator, Mapping
 from enum import IntEnum
@@ -13,12 +13,15 @@ from ..canopen.dictionary import (
 from .kind import CardKind, Codec, ObjectValue, Place, Wire
 
 BITS_PER_JOINT = 2
-"""Channel n sits at bits 2n-2 and 2n-1."""
+"""Channel n has bits 2n-2 and 2n-1."""
 ALL_BITS = 0xFF
 
 
 class DirectionBits(IntEnum):
-    """What two bits of the latch do to a joint's bridge; counter-clockwise is towards positive angles."""
+    """What two bits of the latch do to a joint's bridge (table 1 of the paper).
+
+    Counter-clockwise is towards positive angles. `ILLEGAL` asks for both sides of the bridge, and its interlock opens.
+    """
 
     OFF = 0b00
     CLOCKWISE = 0b01

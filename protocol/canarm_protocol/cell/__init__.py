@@ -1,4 +1,4 @@
-"""Cells: what a robot, its cards and its bus are, and how a file says so."""
+"""Cells: robots, cards and bus as values, and the files that describe them."""
 
 from typing import TYPE_CHECKING
 

@@ -88,14 +88,14 @@ class Joint(Table):
 
     @property
     def solid(self) -> Link | Body:
-        """What moves with the joint: mass, centre of mass and inertia, in its own frame."""
+        """The rigid body that moves with the joint."""
         solid = self.body or self.link
         assert solid is not None, f"joint {self.name!r} has neither link nor body"
         return solid
 
     @property
     def dh_link(self) -> Link:
-        """The joint's Denavit-Hartenberg link. Raises `ValueError` where it has a body instead."""
+        """The joint's Denavit-Hartenberg link. Raises `ValueError` if it has a body instead."""
         if self.link is None:
             raise ValueError(f"joint {self.name!r} has a body, no Denavit-Hartenberg link")
         return self.link
@@ -111,7 +111,7 @@ class Joint(Table):
 
     @property
     def fastest_rad_s(self) -> float:
-        """The speed up to which the joint can be followed: what its tachometer shows, or else no-load speed."""
+        """The highest speed that can be followed: the tachometer's range or, without one, the no-load speed."""
         tachometer = self.sensor(Quantity.VELOCITY)
         if tachometer is not None:
             low, high = tachometer.seen()

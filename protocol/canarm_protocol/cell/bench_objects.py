@@ -1,8 +1,8 @@
 """The bench node's object dictionary: what the test bench knows of a run, on its own bus.
 
-One node, built for the number of joints of a cell. Truth and assessment go out; reference, measurements and the law's
-internals come in from the controller; faults and the emergency stop come from anybody. Anyone may read all of it by
-SDO. COB-IDs here belong to the bench bus alone.
+One node, built for the number of joints of a cell. It sends truth and assessment. The controller writes reference,
+measurements and the law's internals; any client writes faults and the emergency stop, and may read everything by SDO.
+The COB-IDs here belong to the bench bus alone.
 """
 
 from dataclasses import dataclass
@@ -27,27 +27,27 @@ DROPPED_FRAMES, ATTACHED_CLIENTS = 0x2320, 0x2321
 FAULT_SET, FAULT_RESULT, FAULT_STATUS, FAULT_CATALOGUE, FAULT_EVENTS = range(0x2400, 0x2405)
 ACTIVE_FAULTS, BEGUN_FAULTS = 0x2405, 0x2406
 PACKED_CATALOGUE, PACKED_EVENTS = 0x2407, 0x2408
-"""FAULT_CATALOGUE and FAULT_EVENTS packed with zlib: a tenth of the frames, for those who ask during a run."""
+"""FAULT_CATALOGUE and FAULT_EVENTS packed with zlib: reading them during a run takes a tenth of the frames."""
 EMERGENCY_STOP, POWER_CYCLE = 0x2410, 0x2411
 CHANNEL_OWNER = 0x2420
-"""Sub-index n: the token of the client that has claimed SDO channel n, 0 for none."""
+"""Sub-index n holds the token of the client that has claimed SDO channel n; 0 for none."""
 BUSES = "can0", "bench"
 """The sub-indices 1 and 2 of DROPPED_FRAMES and ATTACHED_CLIENTS."""
 CONTROLLER_STATES: dict[int, str] = {0: "idle", 1: "bringing up", 2: "running", 3: "stopping", 4: "done", 5: "failed"}
 """The values of CONTROLLER_STATE in words."""
 INTERNALS = 4
-"""How many of a law's internal quantities a joint can publish: 0x2131 to 0x2134, named in 0x2130."""
+"""Internal quantities of a law per joint: 0x2131 to 0x2134, named in 0x2130."""
 SDO_CHANNELS = 9
-"""SDO channels beside the default one (0x1201 and up), one per client: two clients on one channel break each other."""
+"""SDO channels besides the default one (0x1201 and up), one per client: two clients on one channel collide."""
 CONTROLLER_CHANNEL = 1
 CLIENT_CHANNELS = range(2, 9)
-"""Those that clients claim: each writes a number of its own to CHANNEL_OWNER over CLAIM_CHANNEL and reads it back."""
+"""The channels that clients claim: a client writes its token to CHANNEL_OWNER over CLAIM_CHANNEL and reads it back."""
 CLAIM_CHANNEL = 9
-"""For claims alone, which are expedited: any number of clients may use it at one time."""
+"""Carries claims only. They are expedited, so any number of clients may use it at the same time."""
 CLAIM_S = 10.0
-"""A client that has been silent for so long (wall clock) has lost its channel as soon as another one wants it."""
+"""A client that has been silent for this long (wall clock) loses its channel to the next one that claims it."""
 MOST_EVENTS = 100
-"""FAULT_EVENTS shows as many."""
+"""FAULT_EVENTS shows the last this many."""
 DIVIDER = 4
 """Telemetry goes out every 4th cycle (100 Hz at 2.5 ms) while somebody listens."""
 
@@ -185,13 +185,13 @@ def _add_pdos(dictionary: Dictionary, node_id: int, joints: int) -> None:
 
 @dataclass(frozen=True)
 class BenchPdos:
-    """The bench node's PDOs by what they carry: a list a joint where they belong to a joint."""
+    """The bench node's PDOs by what they carry, in lists with one per joint where they belong to a joint."""
 
     status: PdoLayout
     truth: tuple[PdoLayout, ...]
     drive: tuple[PdoLayout, ...]
     bus: PdoLayout
-    """Sent where the wire model runs."""
+    """Sent if the wire model runs."""
     faults: PdoLayout
     """Number of active faults, emergency stop, faults begun so far."""
     controller: PdoLayout
@@ -202,7 +202,7 @@ class BenchPdos:
 
 
 def bench_pdos(cell: Cell) -> BenchPdos:
-    """The PDO layouts of the bench node of `cell`, looked up by their first object (of the controller's: the last)."""
+    """The bench node's PDO layouts, looked up by their first object (the controller's report by its last)."""
     dictionary = bench_dictionary(cell)
 
     def read(index: int, subindex: int) -> int:

@@ -1,23 +1,24 @@
 """Whether the parts of a cell fit together: names, node-IDs, slots, wiring, times, ranges.
 
-What one value may be, the schema in `cell.py` says; here are the rules that look at several. Each problem is one line:
+The schema in `model.py` says what a single value may be; here are the rules about several. Each problem is one line:
 key, value, and what would be right.
 """
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
+from ..canopen.frames import HIGHEST_NODE_ID
 from ..cards import KINDS, Wire
 from .model import Bus, Card, Cell, Channel, leaves
 from .robot_checks import joint_problems, robot_problems
 from .sensing import fitted_sensor
 from .sensors import SENSOR_KINDS, AnalogueSensor
 
-BENCH_NODE_IDS = range(0x70, 0x80)
-"""Below them, the COB-IDs of the bench node would meet those of its telemetry and its further SDO channels."""
+BENCH_NODE_IDS = range(0x70, HIGHEST_NODE_ID + 1)
+"""With a lower node-ID, the bench node's COB-IDs would clash with its telemetry and its further SDO channels."""
 LONGEST_TITLE = 200
 MOST_JOINTS = 32
-"""The bench node's COB-IDs are laid out for as many."""
+"""The bench node has COB-IDs for this many joints."""
 
 
 def problems(cell: Cell) -> Iterator[str]:
@@ -125,7 +126,7 @@ def _unwired(cell: Cell) -> Iterator[str]:
 
 
 def _scan_problems(cell: Cell) -> Iterator[str]:
-    """A converter converts all its wired channels in every cycle, against one reference voltage."""
+    """A converter scans all its wired channels every cycle, against one reference voltage."""
     bus = cell.bus
     for card in cell.card:
         if card.kind.takes is not Wire.VOLTAGE:

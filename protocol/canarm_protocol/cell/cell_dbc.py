@@ -1,6 +1,6 @@
 """The CAN databases of a cell: every message of the robot's bus and of the bench bus, its signals in physical units.
 
-Offsets, COB-IDs and scales come from the dictionaries and the wiring; here are names, units and words only.
+Offsets, COB-IDs and scales come from the dictionaries and the wiring; only names, units and comments are here.
 """
 
 from collections.abc import Iterator
@@ -249,10 +249,10 @@ def _words(values: type[NmtCommand | NmtState | ErrorCode | DirectionBits], join
 
 
 def _key(node: CardNode) -> str:
-    """The name of a card's node; a card may be called like the controller."""
+    """The name of a card's node, also where a card has the controller's name."""
     return node.card.name if node.card.name != CONTROLLER else f"{CONTROLLER}_card"
 
 
 def _tidy(value: float) -> float:
-    """Without the last digits, which are rounding errors of the conversion: 12 are left."""
+    """`value` with 12 digits: the others are rounding errors of the conversion."""
     return float(f"{value:.12g}")

@@ -43,7 +43,7 @@ def load_cell(name_or_path: str, settings: Mapping[str, str] | None = None) -> C
     `name_or_path` is the name of a shipped cell ("konkuk1") or the path of a TOML file. `settings` are keys laid over
     it, dotted as on the command line ("control.mras.gamma_bias" → "10").
 
-    Raises `CellError`, one line a problem: file, key, value, and what would be right.
+    Raises `CellError` with one line per problem: file, key, value, and what would be right.
     """
     shipped = shipped_cells()
     source = printable(name_or_path) or "''"
@@ -93,7 +93,7 @@ def parse_cell(text: str, source: str, settings: Mapping[str, str] | None = None
 
 
 def _lines(found: Sequence[str], count: int, source: str, settings: Mapping[str, str]) -> list[str]:
-    """A line for each problem `found` of all `count` of them."""
+    """One line per problem in `found`, and how many of `count` are left out."""
     lines = [f"{_source(line, source, settings)}: {printable(line)}" for line in found]
     return [*lines, f"{source}: and {count - len(found)} more"] if count > len(found) else lines
 
@@ -115,7 +115,7 @@ def setting_keys(cell: Cell) -> dict[str, object]:
 
 
 def _frozen(value: Any, source: str, depth: int = 0) -> Any:
-    """TOML arrays as tuples, which is what the strict schema takes. Raises `CellError` for what no cell can hold."""
+    """TOML arrays as tuples, as the strict schema requires. Raises `CellError` for what no cell can hold."""
     if depth > DEEPEST:
         raise _too_deep(source)
     if isinstance(value, dict):
@@ -160,5 +160,5 @@ def _source(line: str, source: str, settings: Mapping[str, str]) -> str:
 
 
 def _is_echo(problem: Any) -> bool:
-    """Whether a problem only repeats that an element of an array, reported by itself, is wrong."""
+    """Whether a problem only repeats one that is reported for an element of the array."""
     return problem["type"] == "too_short" and len(problem["input"]) > 0

@@ -1,4 +1,4 @@
-"""What is wrong with a value of a cell file, in the words of who writes TOML: key, value, what would be right."""
+"""What is wrong with a value of a cell file, in terms of TOML: key, value, and what would be right."""
 
 import difflib
 from collections.abc import Callable, Iterable, Mapping
@@ -35,7 +35,7 @@ _RULES: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "tuple_type": lambda _: "must be an array, [...]",
     "model_type": lambda _: "must be a table",
 }
-"""By the kinds of problem that pydantic tells apart."""
+"""Texts by pydantic's types of problem."""
 
 
 def explain(problem: Mapping[str, Any], table: Mapping[str, Any]) -> str:
@@ -58,7 +58,7 @@ def explain(problem: Mapping[str, Any], table: Mapping[str, Any]) -> str:
 
 
 def keys_at(location: Location, table: Any = None) -> list[str]:
-    """The keys that the schema has in a table; none where `location` is no table. `table` has the cards' models."""
+    """The keys that the schema allows in a table, none if `location` is no table. `table` gives the cards' models."""
     model: Any = Cell
     for part in location:
         table = _within(table, part)
@@ -77,7 +77,7 @@ def keys_at(location: Location, table: Any = None) -> list[str]:
 
 
 def _arguments(annotation: Any) -> Iterable[Any]:
-    """What a generic type is of, without what is annotated to it."""
+    """The arguments of a generic type, without annotations."""
     return (getattr(argument, "__origin__", argument) for argument in getattr(annotation, "__args__", ()))
 
 
@@ -89,7 +89,7 @@ def _within(table: Any, part: str | int) -> Any:
 
 
 def is_switch(location: Location) -> bool:
-    """Whether what stands there is true or false by the schema."""
+    """Whether the schema has a boolean at `location`."""
     model: Any = Cell
     for part in location:
         field = getattr(model, "model_fields", {}).get(part)
@@ -99,7 +99,7 @@ def is_switch(location: Location) -> bool:
 
 
 def nearest(word: str, known: Iterable[str], see: str = "") -> str:
-    """A hint at the known word that was probably meant, or at all of them; and at what to `see`."""
+    """A hint: the known word that was probably meant, or all of them, and what to `see`."""
     known = list(known)
     meant = _meant(word.casefold(), {each.casefold(): each for each in known})
     if meant is not None:
@@ -108,7 +108,7 @@ def nearest(word: str, known: Iterable[str], see: str = "") -> str:
 
 
 def _meant(word: str, known: Mapping[str, str]) -> str | None:
-    """Of the `known` words by their lower case: the same, or the only one that begins so, or a similar one."""
+    """The same word among `known` (keyed by lower case), or the only one that begins with it, or a similar one."""
     stem, _, number = word.rpartition(".")
     if number.isdecimal() and len(number) <= LONGEST_NODE_ID and f"{stem}.{int(number):#04x}" in known:
         return known[f"{stem}.{int(number):#04x}"]
@@ -120,7 +120,7 @@ def _meant(word: str, known: Mapping[str, str]) -> str | None:
 
 
 def spelled(location: Location, table: Any) -> str:
-    """A key's path as people say it: elements of an array of tables by their name, `card 'adc'.slot`."""
+    """A readable key path: tables of an array go by their names, as in `card 'adc'.slot`."""
     text = ""
     for part in location:
         table = _within(table, part)
@@ -140,7 +140,7 @@ def _rule(kind: str, problem: Mapping[str, Any], last: str | int) -> str:
 
 
 def _toml(value: Any, key: str) -> str:
-    """A value as it stands in the file, shortened."""
+    """A value as TOML writes it, shortened."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):

@@ -1,7 +1,7 @@
 """What a CANopen master sets in a cell's cards before a run: monitoring, error values, PDOs with the wired channels.
 
-All that it relies on is among them, defaults too: a card may have others stored (0x1010). Values only, in an order that
-the cards accept. Sending them is the master's business; a DCF holds what is left at last.
+The settings include every object that the master relies on, even at its default: a card may have stored another value
+(0x1010). Values only, in an order that the cards accept. The master sends them; a DCF holds the final values.
 """
 
 from collections.abc import Iterable, Iterator
@@ -28,7 +28,7 @@ SYNC_COUNTER = 240
 TO_PRE_OPERATIONAL = 0
 """Error behaviour (0x1029:1): leave OPERATIONAL when the controller's heartbeat is lost."""
 TIMINGS = (3, 5, 6)
-"""Of a PDO: inhibit time, event timer, SYNC start value (CiA 301, 7.5.2.35, 7.5.2.37). Synchronous ones need none."""
+"""Inhibit time, event timer and SYNC start value of a PDO (CiA 301, 7.5.2.35, 7.5.2.37); synchronous PDOs need none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ def final_values(settings: Iterable[Setting]) -> dict[tuple[int, int], int]:
 
 
 def _heartbeat_settings(node: CardNode, bus: Bus) -> Iterator[Setting]:
-    """The other entries first: a card refuses to watch a node twice (CiA 301, 7.5.2.19)."""
+    """Other entries are cleared first: a card refuses to watch a node twice (CiA 301, 7.5.2.19)."""
     others = sorted(set(node.dictionary[CONSUMER_HEARTBEAT].subindices) - {0, 1})
     yield from (Setting(CONSUMER_HEARTBEAT, other, 0) for other in others)
     yield Setting(CONSUMER_HEARTBEAT, 1, bus.controller_node_id << 16 | bus.heartbeat_timeout_ms)
@@ -86,7 +86,7 @@ def _emergency_settings(node: CardNode) -> Iterator[Setting]:
 
 
 def _application_settings(node: CardNode) -> Iterator[Setting]:
-    """What the card's kind wants, with the error values that the cell has chosen."""
+    """Objects of the card's kind, with the cell's error values."""
     card = node.card
     error_values = {channel.number: channel.error_value for channel in card.channel}
     for index, subindex, value in card.kind.application_values(card, node.dictionary, error_values):

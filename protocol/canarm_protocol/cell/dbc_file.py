@@ -37,7 +37,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A frame with an 11-bit identifier. `cycle_ms` is None for what is sent now and then."""
+    """A frame with an 11-bit identifier. `cycle_ms` is None if it is not cyclic."""
 
     can_id: int
     name: str

@@ -1,12 +1,13 @@
-"""The kinds of drive that a joint can have: what turns a card's outputs into motor current, nominally.
+"""The kinds of drive of a joint, which turn a card's outputs into motor current: nominal values.
 
-Their electrics belong to the emulator.
+The emulator models their circuits.
 """
 
 from enum import StrEnum
 from typing import ClassVar, Literal
 
-from .sensors.base import SensorScale, highest_code
+from ..cards.kind import highest_code
+from .sensors.base import SensorScale
 from .table import Positive, Table
 
 
@@ -28,9 +29,9 @@ class D669(Table):
     opamp_full_scale_v: Positive
 
     def current_scale(self, bits: int) -> SensorScale:
-        """Nominal scale of the DAC's codes: A of motor current a code, without sign."""
+        """Nominal scale of the DAC's codes: magnitude of the motor current in A per code."""
         return SensorScale(0.0, self.max_current_a / highest_code(bits))
 
 
 Drive = D669
-"""Any kind of drive: a union over `kind` as soon as there are two."""
+"""Any kind of drive; will be a union over `kind` when there are two."""

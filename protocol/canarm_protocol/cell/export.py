@@ -1,6 +1,6 @@
-"""What other tools need to know of a cell, as files: data sheets (EDS), configurations (DCF), CAN databases (DBC).
+"""A cell as files for other tools: data sheets (EDS), configurations (DCF), CAN databases (DBC).
 
-From a cell to texts by file name; writing them is the caller's business.
+The functions return texts by file name; the caller writes them.
 """
 
 from ..canopen.dictionary import IDENTITY, SYNC_OVERFLOW, default_value, eds_text
@@ -23,9 +23,9 @@ def export_eds(cell: Cell) -> dict[str, str]:
 
 
 def export_dcf(cell: Cell) -> dict[str, str]:
-    """The DCF of every card: node-ID, bit rate, and all that our own master sets, PDOs with the wired channels only.
+    """The DCF of every card: node-ID, bit rate, and all that our own master sets, with PDOs of the wired channels.
 
-    But for 0x1019: a DCF is loaded from the lowest index up, and a card refuses another 0x1019 once 0x1006 is set.
+    0x1019 is left out: a DCF is loaded in order of index, and a card refuses to change 0x1019 once 0x1006 is set.
     """
     return dict(_dcf(cell, node) for node in card_nodes(cell))
 

@@ -1,19 +1,19 @@
 """Whether a body can have an inertia tensor: no rigid body breaks A + B ≥ C, whatever its shape.
 
-Numbers only; what is said of them, and of which joint, is the caller's.
+Numbers only; the caller knows the joint and words the message.
 """
 
 from collections.abc import Sequence
 
 TOLERANCE = 1e-9
-"""Of the largest moment: thin rods and plates have A + B = C, and their tensors are turned with rounded numbers."""
+"""Allowed excess as a share of the largest moment: thin plates have A + B = C, and rotated tensors are rounded."""
 
 
 def is_possible(moments: Sequence[float], products: Sequence[float] = (0.0, 0.0, 0.0)) -> bool:
-    """Whether moments [xx, yy, zz] and products [xy, xz, yz] are of a body.
+    """Whether a body with moments [xx, yy, zz] and products [xy, xz, yz] can exist.
 
-    A body's second moments of mass are Σ = ½ tr(I)·E - I, of which no principal minor is negative; that no two
-    principal moments of I are less than the third is the same.
+    No principal minor of its second moments of mass, Σ = ½ tr(I)·E - I, may be negative. That is equivalent to: any two
+    principal moments of I are together at least the third.
     """
     half = 0.5 * sum(moments)
     xx, yy, zz = (half - moment for moment in moments)

@@ -1,8 +1,8 @@
 """The schema of a cell: robots, cards, wiring, bus and control gains, as frozen values.
 
-A cell holds *nominal* parameters, known to every program. What differs in the true robot never enters here. What
-several values must have in common, `cell_checks.py` says; robots are described in `arm.py`, `drives.py` and `sensors`.
-Units stand in the key names; angles are degrees in the file because people write the file.
+A cell holds *nominal* parameters, known to every program. What differs in the true robot never enters here. Rules about
+several values are in `cell_checks.py`; robots are described in `arm.py`, `drives.py` and `sensors`. Units are in the
+key names. Angles are in degrees, because people write the file.
 """
 
 from collections import Counter
@@ -36,7 +36,7 @@ _WIRES: Mapping[str, Wire] = {
 
 
 def leaves(wire: Wire) -> tuple[str, ...]:
-    """What can be wired to a card that takes `wire`: commands of drives, or kinds of sensor."""
+    """What can be wired to a card that takes `wire`: drive commands or kinds of sensor."""
     return tuple(leaf for leaf, its_wire in _WIRES.items() if its_wire is wire)
 
 
@@ -51,7 +51,7 @@ class Bus(Table):
     bench_node_id: NodeId
     compute_delay_us: Annotated[int, Field(ge=0)] = 500
     boot_ms: Annotated[int, Field(ge=0, le=1000)] = 10
-    """On the wall clock, from an NMT reset to a card's boot-up message; in lockstep it comes in the same instant."""
+    """Time from NMT reset to a card's boot-up message on the wall clock; in lockstep there is no delay."""
 
     @property
     def cycle_ns(self) -> int:
@@ -65,7 +65,7 @@ class Bus(Table):
 
 
 class Physics(Table):
-    """How finely the emulator integrates. The longest step bounds the error of the motion."""
+    """How finely the emulator integrates: the longest step bounds the error of the motion."""
 
     max_step_us: Annotated[int, Field(ge=10, le=2000)]
 
@@ -73,13 +73,13 @@ class Physics(Table):
 class Channel(Table):
     """One wire: channel `number` of a card (1-based, as CiA 401 counts) to `signal` = "<joint>.<command or sensor>".
 
-    The joint has the name that it has in the card's robot.
+    The joint goes by its name within the card's robot.
     """
 
     number: Annotated[int, Field(ge=1, le=8)]
     signal: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]*\.[a-z_]+$")]
     error_value: Annotated[int, Field(ge=0)] = 0
-    """What an output channel takes when the controller is lost: a DAC code, or direction bits. 0: no current, off."""
+    """Output when the controller is lost: a DAC code or direction bits. 0 is no current, or off."""
 
     @property
     def joint(self) -> str:
@@ -88,7 +88,7 @@ class Channel(Table):
 
     @property
     def leaf(self) -> str:
-        """What is at the far end of the wire: a `Command` of the joint's drive, or the kind of one of its sensors."""
+        """The far end of the wire: a `Command` of the joint's drive, or the kind of one of its sensors."""
         return self.signal.split(".")[1]
 
 
@@ -100,9 +100,9 @@ def _known_model(model: str) -> str:
 
 
 class Card(Settings):
-    """A peripheral card: a slot of one robot's Apple II, and a CANopen node.
+    """A peripheral card in a slot of one robot's Apple II, and a CANopen node.
 
-    Every card of a cell is of the class in `CARD_TYPES` that has its kind's settings as well.
+    The cards of a cell are of the subclasses in `CARD_TYPES`, which have the settings of their kinds as well.
     """
 
     name: Name
@@ -114,17 +114,17 @@ class Card(Settings):
 
     @property
     def kind(self) -> CardKind:
-        """What there is to know of all cards of its model."""
+        """The descriptor of its model."""
         return KINDS[self.model]
 
     @property
     def codec(self) -> Codec:
-        """How its channels' codes stand in its objects."""
+        """How its channels' codes sit in its objects."""
         return self.kind.codec(self)
 
     @property
     def channel_us(self) -> int:
-        """How long one channel takes to convert after the one before; 0 where all are taken at SYNC."""
+        """Conversion time per channel, one channel after the other; 0 where all are sampled at SYNC."""
         return self.kind.channel_us(self)
 
 
@@ -136,13 +136,13 @@ def _card_type(model: str, settings: type[Settings]) -> type[Card]:
 CARD_TYPES: Mapping[str, type[Card]] = {
     model: Card if kind.settings is Settings else _card_type(model, kind.settings) for model, kind in KINDS.items()
 }
-"""By model. A card of a kind without settings of its own is a plain `Card`."""
+"""Classes of cards by model; a kind without settings of its own uses `Card`."""
 
 _SETTINGS = {key for kind in KINDS.values() for key in kind.settings.model_fields}
 
 
 def _of_its_kind(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
-    """With the settings of its kind; those of any kind are let pass where the model is wrong already."""
+    """A card with the settings of its kind. If the model is wrong, settings of any kind pass."""
     if not isinstance(value, Mapping):
         return handler(value)
     model = value.get("model")
@@ -185,8 +185,8 @@ class SlotineLiGains(Table):
 class ObserverGains(Table):
     """How far sensors and arm model can be trusted; see `canarm_controller.estimation.observer`.
 
-    Noise of the sensors is a standard deviation a sample, that of the states a density: rad/s²/√Hz for acceleration
-    and tachometer offset, rad/s³/√Hz for the error of the model's acceleration.
+    Sensor noise is a standard deviation per sample. Process noise is a density: rad/s²/√Hz for acceleration and
+    tachometer offset, rad/s³/√Hz for the error of the model's acceleration.
     """
 
     enabled: bool
@@ -198,7 +198,7 @@ class ObserverGains(Table):
 
 
 class Control(Table):
-    """Gains of the control laws. A law without its table cannot be used; without `observer` laws see raw values."""
+    """Gains of the control laws. A law without its table cannot be used; without `observer`, laws see raw values."""
 
     natural_frequency_rad_s: Positive
     damping_ratio: Positive
@@ -210,8 +210,8 @@ class Control(Table):
 
 
 class Supervision(Table):
-    """Limits beyond which the controller reacts. What is left out is derived from the cell, for each joint of its own;
-    `canarm check --detectors` shows it.
+    """Limits beyond which the controller reacts. A limit that is left out is derived from the cell for each joint;
+    `canarm check --detectors` shows them.
     """
 
     missing_cycles: Annotated[int, Field(ge=1, le=1000)] | None = None
@@ -246,7 +246,7 @@ class Cell(Table):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of `joints` in the whole cell, in the same order: `<robot>_<joint>` where robots share the name."""
+        """Unique names of `joints`, in the same order: `<robot>_<joint>` where robots share a joint name."""
         count = Counter(joint.name for joint in self.joints)
         return tuple(
             f"{robot.name}_{joint.name}" if count[joint.name] > 1 else joint.name
@@ -255,7 +255,7 @@ class Cell(Table):
         )
 
     def joint_index(self, robot: str, joint: str) -> int:
-        """The place in `joints` of a robot's joint, by the robot's name and its own. Raises `KeyError`."""
+        """Index in `joints` of a robot's joint, by both names. Raises `KeyError`."""
         places = ((each.name, joint.name) for each in self.robot for joint in each.joint)
         for index, place in enumerate(places):
             if place == (robot, joint):
@@ -263,5 +263,5 @@ class Cell(Table):
         raise KeyError(f"{robot}.{joint}")
 
     def far_joint(self, card: Card, channel: Channel) -> int:
-        """The place in `joints` of the joint to which a channel of `card` is wired. Raises `KeyError`."""
+        """Index in `joints` of the joint to which a channel of `card` is wired. Raises `KeyError`."""
         return self.joint_index(card.robot, channel.joint)

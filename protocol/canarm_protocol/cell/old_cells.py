@@ -1,4 +1,4 @@
-"""Cells as they were written once: one line says how they are written now."""
+"""Cells in the old format: one line says how to write them now."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -12,7 +12,7 @@ _OLD_SENSORS = ("potentiometer_range_deg", "tachometer_full_scale_rad_s", "curre
 
 
 def old_writing(table: Mapping[str, Any]) -> str | None:
-    """What to say of the TOML `table` of a cell if its joints are written the old way: key and how it is now."""
+    """The key of a cell's `table` that is written the old way, and how to write it now; None if there is none."""
     for joint in _joints(table):
         sensors = joint.get("sensors")
         flat = isinstance(sensors, Mapping) and next((key for key in _OLD_SENSORS if key in sensors), None)

@@ -1,6 +1,6 @@
-"""Poses and inertias of rigid bodies in plain Python: just what joining two bodies takes.
+"""Poses and inertias of rigid bodies in plain Python: only what joining two bodies needs.
 
-Rows and columns as tuples of floats; metres, radians, kg, kg·m². No robot, no file and no array library must enter.
+Matrices are tuples of rows; units are m, rad, kg and kg·m². No robot, file or array library may enter.
 """
 
 import math
@@ -75,13 +75,13 @@ def from_rpy(roll: float, pitch: float, yaw: float) -> Rotation:
 
 
 def to_rpy(rotation: Rotation) -> Triple:
-    """Roll, pitch and yaw in rad of a rotation; the roll is 0 where the pitch is ±90° and only their sum is known."""
+    """Roll, pitch and yaw of a rotation, rad; at a pitch of ±90° only the sum of roll and yaw is known, roll is 0."""
     across = math.hypot(rotation[0][0], rotation[1][0])
     pitch = math.atan2(-rotation[2][0], across)
     if across < 1e-12:
         yaw = math.atan2(-rotation[0][1], rotation[1][1])
         return (0.0, pitch + 0.0, yaw + 0.0)
-    # -0.0 + 0.0 is 0.0, which reads better.
+    # -0.0 + 0.0 is 0.0.
     return math.atan2(rotation[2][1], rotation[2][2]), pitch + 0.0, math.atan2(rotation[1][0], rotation[0][0]) + 0.0
 
 

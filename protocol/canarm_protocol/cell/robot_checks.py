@@ -1,4 +1,4 @@
-"""Whether the parts of a robot fit together: bodies, limits, sensors. What one value may be, the schema says."""
+"""Whether the parts of a robot fit together: bodies, limits, sensors. The schema checks single values."""
 
 import math
 from collections import Counter
@@ -9,24 +9,24 @@ from .inertia import is_possible
 from .sensors import Quantity
 
 _SMALL = 1e-6
-"""Of a unit vector's length: what rounding in a file leaves."""
+"""A unit vector's length may be off by this much, from rounding in a file."""
 
 _MOST_INERTIA_KG_M2 = 1e6
-"""Of a rotor, seen at the joint: a thousand times that of the largest robots; more is a slipped unit."""
+"""Largest inertia of a rotor, seen at the joint: a thousand times that of the largest robots. More is a wrong unit."""
 _MOST_GRAVITY_M_S2 = 100.0
 _SHORTEST_S, _LONGEST_S = 1e-7, 1.0
-"""A winding's time constant, likewise."""
+"""Time constant of a winding; beyond this a unit is wrong."""
 
 
 def robot_problems(robot: Robot) -> Iterator[str]:
-    """What of one robot does not fit together."""
+    """The problems of one robot."""
     strength = math.hypot(*robot.gravity_m_s2)
     if strength > _MOST_GRAVITY_M_S2:
         yield f"robot {robot.name!r}.gravity_m_s2: is {strength:g} m/s2 strong; at most {_MOST_GRAVITY_M_S2:g}"
 
 
 def joint_problems(name: str, joint: Joint) -> Iterator[str]:
-    """What of one joint does not fit together; `name` is its name in the whole cell."""
+    """The problems of one joint; `name` is its name in the whole cell."""
     where = f"joint {name!r}"
     if (joint.link is None) == (joint.body is None):
         found = "neither [robot.joint.link] nor" if joint.link is None else "both [robot.joint.link] and"

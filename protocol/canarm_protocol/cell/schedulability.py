@@ -19,8 +19,8 @@ SECOND_NS = 10**9
 class Message:
     """A periodic message: `bits` is its worst-case length with stuff bits and intermission.
 
-    `jitter_ns` is the queuing jitter: how much later than its period says it may be queued. A `deadline_ns` of None
-    is the period.
+    `jitter_ns` is the queuing jitter: how late it may be queued in its period. Without `deadline_ns` the deadline is
+    the period.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Message:
 
     @property
     def priority(self) -> int:
-        """What arbitration compares: less is sent first."""
+        """What arbitration compares: the lowest is sent first."""
         return arbitration_key(Frame(self.can_id, b"", self.is_extended))
 
 
@@ -57,7 +57,7 @@ class Response:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Whether the traffic fits, the load as a share of time (1 is a full bus), and the arithmetic, a line each."""
+    """Whether the traffic fits, the load as a share of time (1 is a full bus), and the lines of the arithmetic."""
 
     fits: bool
     load: float
@@ -70,9 +70,9 @@ def bus_load(messages: Sequence[Message], bitrate: int) -> float:
 
 
 def response_times(messages: Sequence[Message], bitrate: int) -> tuple[Response, ...]:
-    """Worst-case response times, by priority, at `bitrate` bit/s; unbounded where the busy period has no end.
+    """Worst-case response times by priority at `bitrate` bit/s; unbounded if the busy period does not end.
 
-    Every controller is taken to offer its most urgent message first, and every message as queued at any time.
+    Assumes that every CAN controller offers its most urgent message first, and that a message may be queued any time.
     """
     bit_ns = SECOND_NS / bitrate
     ordered = sorted(messages, key=lambda message: message.priority)
@@ -135,8 +135,8 @@ def message_bits(data_length: int, is_extended: bool = False) -> int:
 def cell_messages(cell: Cell, nodes: Sequence[CardNode] | None = None, with_time: bool = False) -> tuple[Message, ...]:
     """The cell's cyclic traffic: SYNC, RPDOs, TPDOs by their transmission type, heartbeats of controller and cards.
 
-    `nodes` are the cell's `card_nodes`, when they are at hand. TIME is a carrier of lockstep time that no real bus has;
-    `with_time` adds it, once a cycle. SDO and EMCY are not cyclic.
+    `nodes` are the cell's `card_nodes`, if the caller has them. `with_time` adds TIME once per cycle, which carries
+    lockstep time and is on no real bus. SDO and EMCY are not cyclic.
     """
     nodes = card_nodes(cell) if nodes is None else nodes
     bus = cell.bus
@@ -161,7 +161,7 @@ def cell_verdict(cell: Cell, nodes: Sequence[CardNode] | None = None, with_time:
     """Whether the cell's cyclic traffic fits: no response later than its period, the cycle's chain within the cycle.
 
     The chain is SYNC, the converters' scan, TPDOs, the controller's computing, RPDOs; each of its three bursts may
-    find a frame of lower priority on the wire. It must end before the next SYNC, or outputs act a cycle late.
+    be blocked by a frame of lower priority. It must end before the next SYNC, or outputs act a cycle late.
     """
     nodes = card_nodes(cell) if nodes is None else nodes
     bus = cell.bus

@@ -1,7 +1,6 @@
-"""What the cell measures: each joint's sensors by what they measure, with card, channel, scale and time of sampling.
+"""What the cell measures: each joint's sensors with card, channel, scale and sampling time.
 
-Whoever turns codes into rad, rad/s or A, or needs the size of a step, asks here. How frames carry codes, `wiring.py`
-knows.
+Scales and steps come from here; `wiring.py` knows how frames carry the codes.
 """
 
 from collections.abc import Sequence
@@ -16,7 +15,7 @@ from .table import DEGREE
 class WiredSensor:
     """A sensor of a joint (index in `cell.joints`) at a channel of a card.
 
-    `skew_s` is how long after SYNC it is sampled. `signal` is its name in the whole cell, "joint2.potentiometer".
+    `skew_s` is the time from SYNC to its sample, `signal` its name in the whole cell, such as "joint2.potentiometer".
     """
 
     joint: int
@@ -28,7 +27,7 @@ class WiredSensor:
     scale: SensorScale
     skew_s: float
     gear_ratio: float
-    """Turns of the joint's motor for one of the joint."""
+    """Turns of the motor per turn of the joint."""
 
     @property
     def quantity(self) -> Quantity:
@@ -37,13 +36,13 @@ class WiredSensor:
 
     @property
     def highest_code(self) -> int:
-        """The greatest code that its card gives."""
+        """The full-scale code of its card."""
         return self.card.codec.full_scale
 
 
 @dataclass(frozen=True, slots=True)
 class JointSensors:
-    """The sensors of one joint; a position sensor every joint has."""
+    """The sensors of one joint; every joint has a position sensor."""
 
     position: WiredSensor
     velocity: WiredSensor | None

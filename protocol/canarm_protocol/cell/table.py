@@ -1,7 +1,4 @@
-"""What every table of a cell is made of: strict, frozen, and the types of its numbers and names.
-
-No table itself enters.
-"""
+"""What the tables of a cell have in common: a strict, frozen base, and the types of numbers and names."""
 
 from typing import Annotated
 
@@ -11,7 +8,7 @@ DEGREE = 0.017453292519943295
 """One degree in rad."""
 
 LARGEST = 1e9
-"""In its unit, no quantity of a cell is larger: beyond, squares and products of them would leave what floats hold."""
+"""Largest number in a cell, in its own unit: squares and products of it stay within the range of floats."""
 
 Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]

@@ -1,8 +1,7 @@
-"""A serial arm out of a URDF file: the revolute joints from base to tip with the bodies that they carry.
+"""A serial arm from a URDF file: the revolute joints from base to tip with the bodies that they carry.
 
-Reading is urdf_parser_py's, an extra of this distribution; here stands what becomes of links and joints: fixed ones are
-joined to the body that carries them, and what no cell can hold is refused. Motors, sensors and cards must not enter:
-they are the cell's.
+urdf_parser_py, an extra of this distribution, reads the file. Here links behind fixed joints are joined to the body
+that carries them, and what no cell can hold is refused. Motors, sensors and cards come from the cell and never enter.
 """
 
 import math
@@ -18,12 +17,12 @@ from ..text_file import read_text
 from .rigid import IDENTITY, Inertial, Pose, Triple, from_rpy, to_rpy
 
 LARGEST_BYTES = 2_000_000
-"""Of a URDF file; that of a humanoid of 60 links has some 100 kB."""
+"""Largest URDF file; that of a humanoid with 60 links has about 100 kB."""
 MOST_JOINTS = 7
 CONTINUOUS_DEG = (-180.0, 180.0)
-"""Limits of a joint without stops, whose potentiometer has ends all the same."""
+"""Limits of a continuous joint, whose potentiometer has ends all the same."""
 KEPT = {"link": {"inertial"}, "joint": {"origin", "axis", "parent", "child", "limit", "dynamics", "mimic"}}
-"""What is read of a robot; shapes, materials, transmissions and simulators' own tags say nothing about its motion."""
+"""Elements that are read; shapes, materials, transmissions and simulators' own tags do not affect the motion."""
 EXTRA = "canarm-protocol[urdf]"
 
 
@@ -31,8 +30,8 @@ EXTRA = "canarm-protocol[urdf]"
 class UrdfJoint:
     """One revolute joint and what it carries, in the terms of a cell's `Body`; units in the names.
 
-    `name` is the file's name in the letters that a cell has; `velocity_rad_s`, `damping_nm_s` and `friction_nm` are
-    what the file says, 0 where it says nothing.
+    `name` is the file's name in the letters that a cell allows; `velocity_rad_s`, `damping_nm_s` and `friction_nm` are
+    the file's values, or 0.
     """
 
     name: str
@@ -97,7 +96,7 @@ def _parsed(text: str) -> Any:
         from urdf_parser_py import urdf, xml_reflection
     except ImportError as error:
         raise _UrdfProblem(f"reading URDF takes the Python package {error.name}, which comes with {EXTRA}") from None
-    # Entities and document types have no use here; refused unread, they can neither grow nor fetch anything.
+    # Refused unread, entities and document types can neither expand nor fetch anything.
     if "<!" in re.sub(r"<!--.*?-->|<!\[CDATA\[.*?\]\]>", "", text, flags=re.DOTALL):
         raise _UrdfProblem("has a document type or an entity (<!...); a URDF file needs none, take it out")
     parser = etree.XMLParser(
@@ -121,7 +120,7 @@ def _parsed(text: str) -> Any:
             if child.tag not in KEPT[element.tag]:
                 element.remove(child)
     said: list[str] = []
-    # The module's own way to hand a complaint on; it would write to stderr.
+    # The module would write its complaints to stderr.
     xml_reflection.core.on_error = said.append
     try:
         robot = urdf.Robot.from_xml(root, xml_reflection.core.Path("robot"))
@@ -175,7 +174,7 @@ def _chain(robot: Any) -> tuple[UrdfJoint, ...]:
 
 
 def _check_names(what: str, named: Sequence[Any]) -> None:
-    """Of two links with one name only the last would count. Raises `_UrdfProblem`."""
+    """Raises `_UrdfProblem` for a name that is used twice: only the last one would count."""
     name, count = Counter(each.name for each in named).most_common(1)[0] if named else ("", 0)
     if count > 1:
         raise _UrdfProblem(f"{what} {name!r}: stands there {count} times; each {what} has a name of its own")
@@ -194,9 +193,9 @@ def _is_below(name: str, root: str, parents: Mapping[str, Any]) -> bool:
 def _gathered(
     name: str, links: Mapping[str, Any], children: Mapping[str, Sequence[Any]]
 ) -> tuple[Inertial | None, tuple[Any, Pose] | None]:
-    """What is rigidly one with link `name`, in its frame, and the joint that moves what follows, with its pose there.
+    """The rigid body of which link `name` is part, in the link's frame; the joint after it, with its pose there.
 
-    Raises `_UrdfProblem` where two joints move what follows.
+    Raises `_UrdfProblem` if there are two joints after it.
     """
     body: Inertial | None = None
     moving: tuple[Any, Pose] | None = None
@@ -305,7 +304,7 @@ def _at_least_0(value: float | None, where: str) -> float:
 
 
 def cell_name(urdf_name: str) -> str:
-    """A joint's name in the letters that a cell has: `Shoulder Pan.1` is `shoulder_pan_1`."""
+    """A joint's name in the letters that a cell allows: `Shoulder Pan.1` becomes `shoulder_pan_1`."""
     name = re.sub(r"[^a-z0-9_-]", "_", urdf_name.lower())[:32]
     return name if name[:1].isascii() and name[:1].isalpha() else f"j{name}"[:32]
 

@@ -1,6 +1,6 @@
-"""`urdf = "arm.urdf"` of a robot becomes bodies and limits when the cell is loaded: the cell stands for itself then.
+"""Replaces `urdf = "arm.urdf"` of a robot by bodies and limits when the cell is loaded.
 
-What a URDF file may say is `urdf.py`'s; what a joint of a cell has besides, and whether it fits, is the schema's.
+The cell is then self-contained. `urdf.py` reads the file; the schema checks the result.
 """
 
 from collections.abc import Mapping
@@ -11,14 +11,14 @@ from ..errors import CellError
 from .urdf import UrdfJoint, read_urdf
 
 ROUNDING_DEG = 1e-6
-"""A limit of the cell may be beyond the file's by as much: radians there, degrees here."""
+"""A cell's limit in degrees may exceed the file's in radians by this much, from rounding."""
 
 
 def resolve_urdf(table: Mapping[str, Any], folder: Path, source: str) -> None:
-    """Replace `urdf` in each robot of the cell's `table` by a `body`, and where they are not given limits, per joint.
+    """Replace `urdf` in each robot of the cell's `table` by a `body` per joint, and limits where none are given.
 
-    `folder` is where the cell's file is, `source` names it in errors. What has not the form of a cell is left to the
-    schema. Raises `CellError`, one line.
+    `folder` is the folder of the cell's file, `source` names it in errors. What does not look like a cell is left to
+    the schema. Raises `CellError`, one line.
     """
     robots = table.get("robot")
     for robot in robots if isinstance(robots, list) else ():

@@ -1,6 +1,6 @@
-"""How the process data of a cell's cards map to the joints: EDS mapping and cell wiring, joined once.
+"""How the process data of a cell's cards map to its joints: EDS mapping and wiring, combined in one place.
 
-Controller, recorder and dashboard all read frames through this; nobody writes an offset or a COB-ID by hand.
+Controller, recorder and dashboard all read frames through this; no offset or COB-ID is written by hand.
 """
 
 from collections.abc import Sequence
@@ -23,9 +23,6 @@ from .model import Card, Cell, Command, Quantity
 from .sensing import channel_scale
 from .sensors import SENSOR_KINDS, SensorScale
 
-FULL_SCALE_CODE = 255
-"""Of eight bits."""
-
 
 @dataclass(frozen=True)
 class CardNode:
@@ -36,12 +33,12 @@ class CardNode:
     rpdos: tuple[PdoLayout, ...]
     tpdos: tuple[PdoLayout, ...]
     unused: tuple[PdoLayout, ...] = ()
-    """PDOs that are on by default and carry no wired channel."""
+    """PDOs that are enabled by default and carry no wired channel."""
 
 
 @dataclass(frozen=True, slots=True)
 class InputSlot:
-    """Where one measured quantity arrives: node, frame, position of the value in it, joint (index in `cell.joints`)."""
+    """Where one measured quantity arrives: node, frame, the value's position in it, joint (index in `cell.joints`)."""
 
     node_id: int
     cob_id: int
@@ -49,7 +46,7 @@ class InputSlot:
     quantity: Quantity
     joint: int
     codec: Codec
-    """Gives the code in the value."""
+    """Takes the code out of the value."""
 
 
 def card_nodes(cell: Cell) -> tuple[CardNode, ...]:
@@ -75,9 +72,9 @@ def _card_node(card: Card) -> CardNode:
 def _carriers(
     card: Card, dictionary: Dictionary, enabled: Sequence[PdoLayout], disabled: Sequence[PdoLayout]
 ) -> tuple[PdoLayout, ...]:
-    """The EDS's mapping less the channels that are not wired; or, where they stand in other objects, one made of these.
+    """The EDS's mapping without the unwired channels; if it lacks objects of wired channels, a mapping of those.
 
-    Such a mapping fills the PDOs that are on by default first, then the others.
+    Such a mapping fills the PDOs that are enabled by default first, then the others.
     """
     places = [card.kind.place(card, channel.number) for channel in card.channel]
     wanted = sorted({(place.index, place.subindex) for place in places})
@@ -124,8 +121,8 @@ class OutputFrames:
 
     def __init__(self, cell: Cell, nodes: Sequence[CardNode]) -> None:
         self._frames: list[tuple[PdoLayout, bool, list[Part], list[list[Part]]]] = []
-        """For each RPDO: whether it carries directions, the part of each object, and where objects have several
-        parts, all of them instead."""
+        """For each RPDO: its layout, whether it carries directions, and the part of each object; or instead of the
+        latter, where an object has several parts, all parts of each object."""
         for node in nodes:
             card = node.card
             parts: dict[tuple[int, int], list[Part]] = {}
@@ -140,7 +137,7 @@ class OutputFrames:
                 self._frames.append((layout, card.kind.takes is Wire.DIRECTION, only, several))
 
     def pack(self, codes: Sequence[int], directions: Sequence[int]) -> list[tuple[int, bytes]]:
-        """COB-ID and data of each RPDO, from DAC `codes` and 2-bit `directions`, one for each joint."""
+        """COB-ID and data of each RPDO, from DAC `codes` and 2-bit `directions`, one of each per joint."""
         packed = []
         for layout, is_direction, only, several in self._frames:
             source = directions if is_direction else codes
@@ -164,17 +161,16 @@ def command_codec(cell: Cell, joint: int) -> Codec:
 
 
 def command_scale(cell: Cell, joint: int) -> SensorScale:
-    """Nominal scale of the DAC channel that drives a joint: A of motor current a code, without sign."""
+    """Nominal scale of the DAC channel that drives a joint: magnitude of the motor current in A per code."""
     return cell.joints[joint].drive.current_scale(command_codec(cell, joint).bits)
 
 
 @dataclass(frozen=True, slots=True)
 class WiredSignal:
-    """One joint's command or sensor in a PDO: joint (index in `cell.joints`), its bits, value = raw x factor + offset.
+    """A command or sensor of one joint (index in `cell.joints`) in a PDO: its bits, and value = raw x factor + offset.
 
-    `leaf` is a `Command`, or the kind of a sensor with what it measures in `quantity`.
-
-    Values are in rad, rad/s or A, with raw from `lowest_raw` to `highest_raw`; a direction is a `DirectionBits`.
+    `leaf` is a `Command`, or the kind of a sensor that measures `quantity`. Values are in rad, rad/s or A, raw from
+    `lowest_raw` to `highest_raw`; a direction is a `DirectionBits`.
     """
 
     joint: int

@@ -1,4 +1,4 @@
-"""Faults as texts and events, and the client that has a running bench do what a text asks for."""
+"""Faults as texts and events, and the client that sends them to a running bench."""
 
 from typing import TYPE_CHECKING
 

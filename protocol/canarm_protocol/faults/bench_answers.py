@@ -1,6 +1,6 @@
-"""What a bench node answers, read within bounds: a bench on somebody's bus may be broken, or hostile.
+"""Reads the answers of a bench node within bounds: a bench on somebody's bus may be broken or hostile.
 
-Bytes in, plain values out, every text in them fit to be shown. Who asked, and over which bus, is not known here.
+Bytes in, plain values out, with every text safe to show. The request and the bus are not known here.
 """
 
 import json
@@ -10,15 +10,15 @@ from typing import Any, TypeVar
 from ..shown import printable_values
 
 LARGEST_UNPACKED = 8 << 20
-"""Bytes; the catalogue of the largest cell has less than one million."""
+"""In bytes; the catalogue of the largest cell has less than one million."""
 
 P = TypeVar("P", dict[str, Any], list[Any])
 
 
 def unpacked(data: bytes) -> bytes:
-    """An object that was packed: 408 kB of zeros can be 842 MB, so no more is unpacked than makes sense.
+    """A packed object, at most `LARGEST_UNPACKED` bytes of it: 408 kB can unpack to 842 MB of zeros.
 
-    Raises `ValueError`, with what is wrong in a few words.
+    Raises `ValueError` that says in a few words what is wrong.
     """
     unpacker = zlib.decompressobj()
     try:

@@ -1,7 +1,7 @@
 """A client of a bench node on the bench bus: faults and the emergency stop of a running bench, over any kind of bus.
 
-It claims an SDO channel of its own, so that several clients work at the same time. What a fault set may say is not
-known here: the bench refuses, and this passes the reason on.
+It claims an SDO channel of its own, so that several clients work at the same time. The bench judges a fault set; this
+passes on the reason of a refusal.
 """
 
 import contextlib
@@ -25,9 +25,9 @@ from .fault_toml import as_toml
 from .script import LARGEST_TEXT, FaultScript, clearing
 
 RENEW_S = objects.CLAIM_S / 2
-"""The channel may soon be another's after so long a silence, so it is claimed again before it is used."""
+"""After this long without use the channel is claimed again first: another client may soon take it."""
 MOST_READS = 1000
-"""Bound on reading what came while nobody looked: a bus never falls silent while telemetry runs."""
+"""Bound on draining what has arrived: a bus with telemetry never falls silent."""
 _REFUSED = "refused: "
 _TOKEN = struct.Struct("<I")
 
@@ -37,8 +37,8 @@ T = TypeVar("T")
 class BenchClient:
     """Faults of the bench of `cell` on the open bus `port`, which stays the caller's.
 
-    Use it in a `with` statement, or `close` it: its channel is given back. No answer is waited for longer than
-    `limit_s`. Every method raises `BusError` when the bus is lost or the bench node does not answer.
+    Use it in a `with` statement or `close` it, which gives its channel back. It waits at most `limit_s` for an answer.
+    Every method raises `BusError` when the bus is lost or the bench node does not answer.
     """
 
     def __init__(self, port: BusPort, cell: Cell, limit_s: float = 5.0) -> None:
@@ -49,7 +49,10 @@ class BenchClient:
         """The number of its SDO channel."""
 
     def inject(self, text: str) -> str:
-        """Have the fault set `text`, TOML, done as a whole; returns what was done. Raises `FaultError` if refused."""
+        """Send the fault set `text` (TOML), which is carried out as a whole or refused; returns what was done.
+
+        Raises `FaultError` if it is refused.
+        """
         if len(text) > LARGEST_TEXT:
             raise FaultError(f"fault set: {len(text)} characters; must have at most {LARGEST_TEXT}")
         try:
@@ -78,7 +81,7 @@ class BenchClient:
         return self.inject(as_toml(FaultScript(trigger=name)))
 
     def status(self) -> dict[str, Any]:
-        """`sets` (set, state, activations), `active` (set, tap, fault), `begun`; `time_ns`, `cycle`, `running`."""
+        """`sets` (set, state, activations), `active` (set, tap, fault), `begun`, `time_ns`, `cycle` and `running`."""
         return dict(self._plain(self._read(objects.FAULT_STATUS), dict))
 
     def catalogue(self) -> list[dict[str, Any]]:
@@ -129,14 +132,14 @@ class BenchClient:
         return self._sense(lambda: unpacked(data))
 
     def _sense(self, read: Callable[[], T]) -> T:
-        """What `read` makes of an answer. Raises `BusError` where it makes nothing of it."""
+        """The result of `read`; its `ValueError` becomes a `BusError`."""
         try:
             return read()
         except ValueError as error:
             raise BusError(f"{self._where}: {error}; is it a bench of this project?") from None
 
     def _ask(self, conversation: Callable[[SdoSession], T]) -> T:
-        """Talk to the node on a channel that is surely ours. Raises `BusError`."""
+        """Talk to the node on our channel, claimed again if need be. Raises `BusError`."""
         if not self.channel:
             raise BusError(f"{self._where}: this client is closed")
         if time.monotonic() - self._used_s > RENEW_S:
@@ -170,8 +173,8 @@ class BenchClient:
         )
 
     def _ask_owner(self, channel: int) -> int:
-        """Claim `channel` and ask whose it is. Others may talk on the same channel of the node: their answers are no
-        less true, and name the object that they are about.
+        """Claim `channel` and ask for its owner. Answers to other clients on the claim channel are just as true: they
+        name the object that they are about.
         """
         request_id, answer_id = objects.sdo_channel(self._node_id, objects.CLAIM_CHANNEL)
         reading = upload(objects.CHANNEL_OWNER, channel)

@@ -1,7 +1,7 @@
 """Conditions over signals, such as `joint2.angle_deg > 30 and time_s > 1`: parsed once, evaluated every cycle.
 
-Comparisons of signals and numbers, joined by `and`, `or`, `not`, with `abs()` and the four operations of arithmetic.
-Which signals there are, and their values, is the caller's to say.
+Comparisons of signals and numbers, joined by `and`, `or`, `not`, with `abs()` and the four arithmetic operations. The
+caller provides the names and values of the signals.
 """
 
 import ast
@@ -18,9 +18,9 @@ Value = Callable[[Mapping[str, float]], float]
 
 LONGEST_CONDITION = 400
 DEEPEST = 25
-"""Levels of brackets and operators in one another; no sensible condition has half as many."""
+"""Most nested levels of brackets and operators; no sensible condition has half as many."""
 LARGEST = 1e300
-"""Of the numbers in a condition; a whole one may be longer than any float."""
+"""Largest number in a condition: a whole number could otherwise exceed the range of floats."""
 _COMPARISONS: dict[type[ast.cmpop], Callable[[float, float], bool]] = {
     ast.Gt: operator.gt,
     ast.GtE: operator.ge,
@@ -51,7 +51,7 @@ class Condition:
             raise FaultError(f"a condition of {len(text)} characters: must have at most {LONGEST_CONDITION}")
         self._source = text.strip()
         try:
-            with warnings.catch_warnings():  # of what Python finds odd, such as `1and`: the text is not ours
+            with warnings.catch_warnings():  # Python warns about odd text such as `1and`, which is the user's
                 warnings.simplefilter("ignore", SyntaxWarning)
                 body = ast.parse(self._source, mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
@@ -64,7 +64,7 @@ class Condition:
         return bool(self._is_true(values))
 
     def _check_depth(self, body: ast.expr) -> None:
-        """What follows calls itself for each level, and so does `ast.unparse`."""
+        """Bounds the recursion of what follows, `ast.unparse` included."""
         level: list[ast.AST] = [body]
         for _ in range(DEEPEST):
             level = [child for node in level for child in ast.iter_child_nodes(node)]
@@ -117,7 +117,7 @@ class Condition:
         raise self._unreadable(node)
 
     def _check_variable(self, node: ast.Compare, sides: Sequence[ast.expr], numbers: Sequence[Value]) -> None:
-        """Two constants compare today as they do tomorrow; and nothing compares with what is no finite number."""
+        """Refuse a comparison of two constants, or with a number that is not finite."""
         constant = [_is_constant(each) for each in sides]
         if any(pair == (True, True) for pair in itertools.pairwise(constant)):
             raise FaultError(

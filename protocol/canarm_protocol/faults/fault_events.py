@@ -1,6 +1,6 @@
-"""Beginnings and ends of faults: as values, and as plain ones with the keys of `events.jsonl` and of the bench node.
+"""Beginnings and ends of faults, as values and as the plain objects of `events.jsonl` and of the bench node.
 
-What a fault is belongs to `faults`; why it begins, to the emulator.
+The emulator decides when a fault begins.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ FAULT_BEGINS, FAULT_ENDS = "fault-begins", "fault-ends"
 class FaultEvent(NamedTuple):
     """A fault has begun or ended: virtual time, cycle since NMT start (-1 before), set, tap and fault.
 
-    `failure` says what went wrong where it has ended because the fault itself is faulty.
+    `failure` says what went wrong if it has ended because the fault itself has failed.
     """
 
     time_ns: int
@@ -30,18 +30,18 @@ class FaultEvent(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Which fault it was, for people."""
+        """Readable name of the fault."""
         return fault_label(self.set_name, self.tap, self.fault)
 
 
 def fault_label(set_name: str, tap: str, fault: str) -> str:
-    """A fault at its tap for people, with its set where that has a name of its own."""
+    """Readable name of a fault: tap and fault, and the set if that has a name of its own."""
     what = f"{tap} {fault}"
     return what if set_name == what else f"{what} ({set_name})"
 
 
 def event_name(event: FaultEvent) -> str:
-    """What a run folder calls it."""
+    """Its name in a run folder."""
     return FAULT_BEGINS if event.is_begin else FAULT_ENDS
 
 

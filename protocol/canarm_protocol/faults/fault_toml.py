@@ -39,6 +39,6 @@ def _spec_table(spec: FaultSpec) -> dict[str, Any]:
 
 
 def _lines(table: Mapping[str, Any]) -> Iterable[str]:
-    """JSON's texts, numbers and switches are TOML's as well; but DEL, which names cannot have."""
+    """Strings, numbers and booleans are written alike in JSON and TOML, except DEL, which names cannot have."""
     given = ((key, value) for key, value in table.items() if value is not None)
     return [f"{json.dumps(key)} = {json.dumps(value, ensure_ascii=False)}" for key, value in given]

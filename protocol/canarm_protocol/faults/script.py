@@ -1,7 +1,7 @@
 """Declarations of faults as a user writes them: sets with a trigger and a duration, in TOML.
 
-Modelled on the error configurations of ASAM XIL's EES port: an ordered list of error sets, each with its trigger. Which
-taps and faults there are is not known here; the emulator refuses what it does not support.
+Modelled on the error configurations of ASAM XIL's EES port: an ordered list of error sets, each with its trigger. Taps
+and kinds of fault are not known here; the emulator refuses what it does not support.
 """
 
 from collections.abc import Mapping
@@ -17,14 +17,14 @@ from ..text_file import parse_toml, read_text
 ParameterValue = float | int | str | bool
 
 LARGEST_TEXT = 100_000
-"""Of a text, in characters; each has at most four bytes in a file."""
+"""Most characters of a text; in a file each takes at most four bytes."""
 MOST_SETS = 1000
 MOST_FAULTS = 100
 LONGEST_NAME = 80
 LONGEST_S = 1e6
 LARGEST_WHOLE = (1 << 31) - 1
 IDENTIFIER = "cob_id"
-"""Parameters of this name are shown as one writes identifiers."""
+"""A parameter of this name is shown in hexadecimal."""
 _TRIGGERS = ("at", "cycle", "when", "manual")
 _SET_KEYS = ("name", *_TRIGGERS, "duration", "repeat", "period", "fault")
 _SCRIPT_KEYS = ("set", "parallel", "clear", "trigger")
@@ -41,7 +41,7 @@ class FaultSpec:
 
 @dataclass(frozen=True, slots=True)
 class Trigger:
-    """What makes a set active: the first that is not None. None of them: at once, when its turn has come.
+    """What makes a set active: whichever is not None. Without any, it becomes active as soon as its turn has come.
 
     `at_s` and `cycle` count from the first SYNC after NMT start, `when` is a condition over true signals, `is_manual`
     waits for a command.
@@ -57,7 +57,7 @@ class Trigger:
 class FaultSet:
     """Faults that become active together. Without a duration they last until cleared, or until the next set's turn.
 
-    `repeat` activations in all, their beginnings `period_s` apart, or as soon as the trigger allows where that is None.
+    There are `repeat` activations in all. They begin `period_s` apart or, if that is None, whenever the trigger allows.
     """
 
     name: str
@@ -70,7 +70,7 @@ class FaultSet:
 
 @dataclass(frozen=True, slots=True)
 class FaultScript:
-    """What one text asks for: sets, one after the other or in parallel; or to clear sets; or to trigger one by hand.
+    """What one text asks for: sets, one after the other or in parallel; or clearing sets; or triggering one by hand.
 
     `clear` is the name of a set, or "" for all of them.
     """
@@ -115,7 +115,7 @@ def read_faults(path: Path) -> FaultScript:
 
 
 def limits_text(name: str, minimum: float, maximum: float, unit: str = "") -> str:
-    """From where to where the parameter `name` may go: `0 to 5 V`; `0x0 to 0x7FF` for an identifier."""
+    """The range of the parameter `name`: `0 to 5 V`, or `0x0 to 0x7FF` for an identifier."""
     low, high = (f"0x{int(each):X}" if name == IDENTIFIER else f"{each:g}" for each in (minimum, maximum))
     return f"{low} to {high} {unit}".rstrip()
 
@@ -197,7 +197,7 @@ def _fault(entry: Mapping[str, Any], where: str) -> FaultSpec:
 
 
 def _plain(value: Any) -> Any:
-    """`value`, a number of another type than Python's own, as numpy's are, as one of Python's."""
+    """`value`, with numbers of numpy and other types made Python's own."""
     if isinstance(value, bool):
         return value
     return int(value) if isinstance(value, Integral) else float(value) if isinstance(value, Real) else value

@@ -1,6 +1,6 @@
-"""Durations counted in bins: how often, never when. Memory and time of a count do not depend on how many there are.
+"""A histogram of durations: memory and time per count do not depend on how many there are.
 
-Both sides of the bus measure with it, so that their figures can be laid side by side. It reads no clock.
+Both sides of the bus use it, so that their figures can be compared. It reads no clock.
 """
 
 from typing import Any
@@ -12,7 +12,7 @@ _HALF = LINEAR_US // 2
 _LINEAR_BITS = LINEAR_US.bit_length() - 1
 _OCTAVES = 30
 _BINS = LINEAR_US + _OCTAVES * _HALF
-"""Up to 2^36 µs, 19 hours; what is longer counts in the last bin."""
+"""Bins up to 2^36 µs, 19 hours; longer durations count in the last one."""
 _LAST = _BINS - 1
 
 
@@ -40,7 +40,7 @@ class Histogram:
             self._counts[place if place < _LAST else _LAST] += 1
 
     def percentile_us(self, percent: float) -> float:
-        """The duration that `percent` % of all do not exceed, in µs, to the upper edge of its bin; 0 without any."""
+        """The duration that `percent` % of all do not exceed, as the upper edge of its bin in µs; 0 if empty."""
         wanted, seen = self.count * percent / 100.0, 0
         for place, count in enumerate(self._counts):
             seen += count
@@ -49,7 +49,7 @@ class Histogram:
         return 0.0
 
     def summary(self) -> dict[str, Any]:
-        """Count, median, 99th and 99.9th percentile and maximum in µs, and the bins that are not empty, as columns."""
+        """Count, median, 99th and 99.9th percentile and maximum in µs, and columns of the bins that are not empty."""
         filled = [place for place, count in enumerate(self._counts) if count]
         return {
             "count": self.count,

@@ -1,7 +1,7 @@
 """The run folder: which files a run leaves and how each is written, so that what was written survives a `kill -9`.
 
-Several processes may write into one folder, each its own files; `run.json` and `events.jsonl` they share. Text formats
-only, so that candump's friends, pandas and PlotJuggler read them without this project.
+Several processes may write into one folder, each its own files, but `run.json` and `events.jsonl` are shared. Text
+formats only, so that can-utils, pandas and PlotJuggler read them without this project.
 """
 
 import contextlib
@@ -21,12 +21,12 @@ from .own_file import append_lines, open_own, replace_file
 RUN_FILE, EVENTS_FILE, CAN_LOG_FILE, SIGNALS_FOLDER = "run.json", "events.jsonl", "can0.log", "signals"
 CONTROLLER_SIGNALS = f"{SIGNALS_FOLDER}/controller.csv"
 FLUSH_EVERY = 200
-"""Lines between two flushes of a log: at most half a second of a run is lost with the process."""
+"""Lines between two flushes of a log: half a second of a run at most is lost with the process."""
 LOCK_S = 5.0
 LARGEST_RUN_FILE = 16 << 20
 """Bytes; a cell with seven joints has thirty thousand."""
 LOG_START_S = 1
-"""What a candump log shows at time 0: can-utils' log2asc takes a start second of 0 for none, and breaks the file."""
+"""Time stamp of time 0 in a candump log: can-utils' log2asc takes a start at 0 s for a missing one."""
 
 
 class RunFolderError(ProtocolError):
@@ -52,7 +52,7 @@ def _taken(path: Path) -> RunFolderError:
 
 
 def claim_run_folder(path: Path) -> Path:
-    """Make the folder of a run for one emulator: of several that try at the same time, all but one are refused.
+    """Make the folder of a run for one emulator: if several try at the same time, all but one are refused.
 
     Raises `RunFolderError`.
     """
@@ -110,7 +110,7 @@ def read_run_file(folder: Path) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """A lock between processes by an exclusively created file; one left behind by a killed process is taken over."""
+    """A lock between processes, by an exclusively created file; that of a killed process is taken over."""
     limit = time.monotonic() + LOCK_S
     while True:
         try:
@@ -169,7 +169,7 @@ def candump_line(time_ns: int, channel: str, frame: Frame) -> str:
     microseconds = time_ns // 1000
     stamp = f"({microseconds // 1_000_000:010d}.{microseconds % 1_000_000:06d})"
     identifier = f"{frame.can_id:08X}" if frame.is_extended else f"{frame.can_id:03X}"
-    # candump writes the length that a remote frame asks for behind R, unless it is 0 (can-utils, lib.c).
+    # candump writes R and the length that a remote frame asks for, unless that is 0 (can-utils, lib.c).
     payload = f"R{len(frame.data) or ''}" if frame.is_remote else frame.data.hex().upper()
     return f"{stamp} {channel} {identifier}#{payload}\n"
 
@@ -187,7 +187,7 @@ class CanLog(_LineFile):
 
 
 class SignalLog(_LineFile):
-    """Signals of a run as CSV, one row per cycle. The first columns are `tick` and `time_s`; units are in the names."""
+    """Signals of a run as CSV, one row per cycle; the first columns are `tick` and `time_s`, and names have units."""
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         super().__init__(path)
@@ -201,7 +201,7 @@ class SignalLog(_LineFile):
 
 
 class EventLog(_LineFile):
-    """Events as JSON lines; appended whole, so that several processes can share the file."""
+    """Events as JSON lines, appended whole, so that several processes can share the file."""
 
     def __init__(self, path: Path, source: str) -> None:
         super().__init__(path, append=True)

@@ -1,4 +1,4 @@
-"""Ways to a CAN bus: any interface of python-can, and the virtual bus that the emulator serves."""
+"""Access to a CAN bus: any interface of python-can, and the virtual bus that the emulator serves."""
 
 from typing import TYPE_CHECKING
 

@@ -1,6 +1,6 @@
 """A classical CAN frame as bits on the wire (ISO 11898-1): fields, CRC-15, bit stuffing, exact and worst-case length.
 
-Bit 0 is dominant, bit 1 recessive. Bit rates, nodes and what goes wrong on the way never enter.
+Bit 0 is dominant, bit 1 recessive. Bit rates, nodes and transmission errors never enter.
 """
 
 from functools import lru_cache
@@ -9,7 +9,7 @@ from ..canopen.frames import Frame
 from ..errors import FrameError
 
 INTERMISSION_BITS = 3
-"""Recessive bits that part a frame from the next (ISO 11898-1, interframe space). No length here includes them."""
+"""Recessive bits between two frames (ISO 11898-1, interframe space). No length here includes them."""
 END_OF_FRAME_BITS = 7
 ACK_DELIMITER_BITS = 1
 TAIL_BITS = 3 + END_OF_FRAME_BITS
@@ -24,7 +24,7 @@ EXTENDED_HEADER_BITS = 1 + 11 + 2 + 18 + 1 + 2 + 4
 BASE_ARBITRATION_BITS, EXTENDED_ARBITRATION_BITS = 1 + 11 + 1, 1 + 11 + 2 + 18 + 1
 """SOF to RTR: bits in which a node may lose arbitration without an error."""
 STUFF_RUN = 5
-"""The transmitter inserts a bit of the other value after so many equal ones (ISO 11898-1, bit stuffing)."""
+"""After this many equal bits the transmitter inserts one of the other value (ISO 11898-1, bit stuffing)."""
 
 MAX_BASE_ID, MAX_EXTENDED_ID, MAX_DATA = 0x7FF, 0x1FFF_FFFF, 8
 _EXTENSION_MASK = 0x3_FFFF
@@ -50,20 +50,21 @@ def frame_bits(frame: Frame) -> int:
 
 
 def worst_case_bits(data_length: int, is_extended: bool = False) -> int:
-    """Bound of `frame_bits` over all frames with so many data bytes: 8n + 44 + ⌊(34 + 8n - 1) / 4⌋; 29 bits: 64 and 54.
+    """Bound of `frame_bits` for n data bytes: 8n + 44 + ⌊(34 + 8n - 1) / 4⌋; extended, with 64 and 54.
 
-    Of the 34 + 8n (54 + 8n) bits exposed to stuffing every fourth after the first may bring a stuff bit (Davis,
-    Burns, Bril, Lukkien 2007, equation 1; intermission is left out here). The fixed bits of the header keep real
-    frames a little below.
+    Of the 34 + 8n (54 + 8n) bits exposed to stuffing, every fourth after the first may cause a stuff bit (Davis, Burns,
+    Bril, Lukkien 2007, equation 1; intermission is left out here). The fixed bits of the header keep real frames a
+    little below.
     """
     exposed = (EXTENDED_HEADER_BITS if is_extended else BASE_HEADER_BITS) + 8 * data_length + CRC_BITS
     return exposed + TAIL_BITS + (exposed - 1) // (STUFF_RUN - 1)
 
 
 def arbitration_key(frame: Frame) -> int:
-    """The arbitration field as a number: among frames that start together the least one wins.
+    """The arbitration field as a number: the lowest wins among frames that start together.
 
-    With one base identifier a data frame beats a remote frame, and both beat every extended frame (RTR, IDE dominant).
+    With the same base identifier a data frame beats a remote frame, and both beat every extended frame (RTR, IDE
+    dominant).
     """
     can_id = frame.can_id
     if frame.is_extended:
@@ -78,7 +79,7 @@ def identifier(key: int) -> tuple[int, bool]:
 
 
 def crc15(octets: bytes) -> int:
-    """CRC-15 over whole bytes. Leading zero bits change nothing, so that any field may be filled up in front."""
+    """CRC-15 over whole bytes. Leading zero bits change nothing, so any field may be padded in front."""
     crc = 0
     for octet in octets:
         crc = _CRC[crc >> 7 ^ octet] ^ (crc << 8 & _CRC_MASK)
@@ -86,7 +87,7 @@ def crc15(octets: bytes) -> int:
 
 
 def wire_bits(frame: Frame) -> str:
-    """Every bit of `frame`, SOF to end of frame, as a text of `0` and `1`; the ACK slot as the transmitter sends it.
+    """Every bit of `frame`, SOF to end of frame, as a string of `0` and `1`; the ACK slot as the transmitter sends it.
 
     Raises `FrameError` as `frame_bits`.
     """
@@ -106,7 +107,7 @@ def arbitration_bits(frame: Frame) -> int:
 
 
 def stuff(bits: str) -> str:
-    """`bits` with a complement after every five equal ones, inserted ones counted too (ISO 11898-1, bit stuffing)."""
+    """`bits` with the complement inserted after every five equal bits, counting inserted ones (ISO 11898-1)."""
     sent: list[str] = []
     last, run = "", 0
     for bit in bits:
@@ -135,7 +136,7 @@ def _header(can_id: int, size: int, is_extended: bool, is_remote: bool) -> tuple
 def _after_header(can_id: int, size: int, is_extended: bool, is_remote: bool) -> tuple[int, int, int, int]:
     """Length of the frame before stuffing; CRC, entry of the stuffing table and stuff bits after its header.
 
-    Bits that fill up the first byte in front of SOF alternate and end in 1: no stuff bit, no run that goes on into SOF.
+    The bits that pad the first byte in front of SOF alternate and end in 1: no stuff bit, and no run into SOF.
     """
     header, length = _header(can_id, size, is_extended, is_remote)
     octets = (length + 7) >> 3
@@ -159,10 +160,10 @@ def _crc_table() -> list[int]:
 
 
 def _stuffing_table() -> list[int]:
-    """Stuff bits of one byte after another: index state << 8 | byte, entry stuff bits << 11 | next state << 8.
+    """Stuff bits byte by byte: the index is state << 8 | byte, the entry stuff bits << 11 | next state << 8.
 
-    A state is value << 2 | run - 1 of the run of equal bits that ends the bytes so far; a run of five ends in its stuff
-    bit, which begins the next run.
+    A state is value << 2 | run - 1 of the run of equal bits at the end of the bytes so far; a run of five ends in its
+    stuff bit, which begins the next run.
     """
     table = []
     for state in range(8):

@@ -1,7 +1,7 @@
 """A python-can bus on a socketcand server over TCP: `can.Bus(interface="canarm", channel="can0", host=…, port=…)`.
 
-Owns the socket, the handshake and the moment at which a lost server is noticed. The text itself is `socketcand`'s.
-Beside python-can's API it has `send_frames` and `receive_frames`, which work without `can.Message`.
+Owns the socket, the handshake and the detection of a lost server; `socketcand` has the text of the protocol. Besides
+python-can's API it has `send_frames` and `receive_frames`, which work without `can.Message`.
 """
 
 import contextlib
@@ -38,7 +38,7 @@ WITHOUT_MEANING = (
     "tcp_tune",
     "timing",
 )
-"""python-can's options of a wire or an adapter, which its tools and configuration files give whatever the interface."""
+"""Options of a wire or an adapter, which python-can's tools and configuration files give to any interface."""
 
 _READ_SIZE = 1 << 16
 _log = logging.getLogger(__name__)
@@ -49,8 +49,8 @@ _SELECT_LIMIT = 1024  # FD_SETSIZE where file descriptors are small integers (PO
 class HubClientBus(can.BusABC):
     """One channel of a socketcand server. Sends may come from any thread, receives from one at a time.
 
-    `fileno()` is readable exactly while something can be received, also when a read brought several frames at once.
-    Filters act on python-can's `recv` only. `error_frames` counts the error frames that `receive_frames` left out.
+    `fileno()` is readable exactly while something can be received, even when one read brought several frames. Filters
+    act on python-can's `recv` only. `error_frames` counts the error frames that `receive_frames` has left out.
     """
 
     def __init__(
@@ -67,16 +67,16 @@ class HubClientBus(can.BusABC):
     ) -> None:
         """Connect and open `channel`; both together take at most `connect_timeout` seconds.
 
-        `send_timeout` (s) bounds every send. Keywords of the wire (`WITHOUT_MEANING`) are taken and mean nothing here;
-        what nobody knows is refused, and so is `receive_own_messages`. Raises `can.CanInitializationError` then, and
-        when nobody listens, the server is no socketcand or has no such channel.
+        `send_timeout` (s) bounds every send. Options of the wire (`WITHOUT_MEANING`) are accepted and ignored. Raises
+        `can.CanInitializationError` for an unknown option or `receive_own_messages`, and when nobody listens, or the
+        server is no socketcand server or has no such channel.
         """
         self.channel = str(channel)
         self.flags = f"--bus-kwargs host={host} port={port} -i canarm -c {self.channel}"
         self.channel_info = f"canarm {self.channel} on {host}:{port}"
         self.error_frames = 0
         self.unsent = 0
-        """Remote, error and FD frames that were to be sent: socketcand has none of them."""
+        """Remote, error and FD frames that were not sent: socketcand has no such frames."""
         self._send_timeout_s = send_timeout
         self._send_lock = threading.Lock()
         self._parser = ClientParser()
@@ -114,7 +114,7 @@ class HubClientBus(can.BusABC):
             if self._parser.errors:
                 self.error_frames += len(self._parser.errors)
                 self._parser.errors.clear()
-            # An echo or half a frame is not what the caller waits for.
+            # The caller does not wait for an echo or half a frame.
             timeout_s = deadline_s - time.monotonic()
             if frames or timeout_s <= 0:
                 return frames
@@ -152,7 +152,7 @@ class HubClientBus(can.BusABC):
         """Stop periodic tasks and close the connection. May be called again."""
         super().shutdown()
         self._lost = self._lost or "this end was shut down"
-        # Wakes a thread that waits in `recv`; `close` alone would not.
+        # Wakes a thread that waits in `recv`; `close` would not.
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
@@ -190,7 +190,7 @@ class HubClientBus(can.BusABC):
             for command in (f"< open {self.channel} >", "< rawmode >"):
                 connection.sendall(command.encode("utf-8", "replace"))
                 self._expect(connection, "< ok >", deadline_s, f"{command} was refused")
-            # Tells the server that the handshake is over; its answer is skipped with the frames.
+            # Tells the server that the handshake is over; the parser skips its answer among the frames.
             connection.sendall(b"< echo >")
         except TimeoutError:
             self._fail(f"no socketcand handshake within {timeout_s:g} s", connection)
@@ -203,7 +203,7 @@ class HubClientBus(can.BusABC):
         return connection
 
     def _expect(self, connection: socket.socket, reply: str, deadline_s: float, otherwise: str) -> None:
-        """Read one element and not a byte more, so that `fileno()` tells the truth about what follows."""
+        """Read one element and not a byte more, so that `fileno()` is right about what follows."""
         text = b""
         while b">" not in text and len(text) < 256:
             remaining_s = deadline_s - time.monotonic()
@@ -240,7 +240,7 @@ class HubClientBus(can.BusABC):
             self._lose(_reason(error))
 
     def _read(self, size: int, flags: int = 0) -> bytes:
-        """What there is, at least one byte; none only if another thread took it."""
+        """What has arrived, at least one byte unless another thread took it."""
         try:
             data = self._socket.recv(size, flags)
         except BlockingIOError:
@@ -268,7 +268,7 @@ class HubClientBus(can.BusABC):
             self._lose(_reason(error))
 
     def _write_slowly(self, data: bytes, sent: int, deadline_s: float, timeout_s: float) -> None:
-        """The server does not keep up: wait for it until the deadline, but never leave half a frame on the way."""
+        """The server does not keep up: wait for it until the deadline, but never stop within a frame."""
         while sent < len(data):
             remaining_s = deadline_s - time.monotonic()
             if remaining_s <= 0:
@@ -283,9 +283,10 @@ class HubClientBus(can.BusABC):
             sent += self._write_some(data[sent:])
 
     def _fetch_messages(self) -> None:
-        """Read everything but, if it was several messages, the last byte, which keeps `fileno()` readable meanwhile.
+        """Read everything but, if there are several messages, the last byte, which keeps `fileno()` readable.
 
-        Otherwise an event loop that calls `recv(0)` once a wake-up (`can.Notifier` does) would leave frames lying.
+        Otherwise an event loop that calls `recv(0)` once per wake-up, as `can.Notifier` does, would leave frames
+        unread.
         """
         data = self._read(_READ_SIZE, socket.MSG_PEEK)
         self._messages.extend(map(self._message_of_frame, self._parser.feed(data)))
@@ -301,7 +302,7 @@ class HubClientBus(can.BusABC):
     def _release_held_byte(self) -> None:
         if self._byte_is_held and not self._messages:
             self._byte_is_held = False
-            # A loss found here is raised by the next call: first the caller gets what came before it.
+            # The next call raises a loss that is found here: the caller first gets what came before it.
             with contextlib.suppress(can.CanOperationError):
                 self._read(1)
 
@@ -341,5 +342,5 @@ class HubClientBus(can.BusABC):
 
 
 def _reason(error: Exception) -> str:
-    """A server that stops with something unread resets the connection instead of closing it."""
+    """The reason in words. A server that stops with something unread resets the connection instead of closing it."""
     return _CLOSED if isinstance(error, ConnectionError) else f"the connection broke: {error}"

@@ -1,7 +1,7 @@
-"""Opening a CAN bus by python-can's flags, for every program of the project: frames and integer times, one error class.
+"""Opens a CAN bus by python-can's flags, for every program of the project: frames, integer times, one error class.
 
-`canarm` buses take the short way through `HubClientBus`; any other python-can interface is `python_can_port`'s. What
-python-can and its drivers raise becomes `BusError` in these two modules and nowhere else.
+`canarm` buses go through `HubClientBus` directly, any other python-can interface through `python_can_port`. Only these
+two modules turn the exceptions of python-can and its drivers into `BusError`.
 """
 
 from abc import ABC, abstractmethod
@@ -25,9 +25,9 @@ class Discarded:
     error_frames: int = 0
     fd_frames: int = 0
     malformed: int = 0
-    """What no CAN frame could be made of."""
+    """Input that is no CAN frame."""
     foreign: int = 0
-    """Datagrams from other machines, where those may not reach the bus."""
+    """Datagrams from other machines, if those may not use the bus."""
     unsent: int = 0
     """Frames that this kind of bus cannot carry."""
 
@@ -40,12 +40,10 @@ class BusPort(ABC):
 
     @abstractmethod
     def send(self, frames: Sequence[Frame]) -> None:
-        """Send `frames` in order. Never waits for ever. Raises `BusError`."""
+        """Send `frames` in order, within a bounded time. Raises `BusError`."""
 
     def send_stamped(self, frames: Sequence[tuple[int, Frame]]) -> None:
-        """As `send`, for (time in ns, frame); the times go along where the other side can be told. Raises
-        `BusError`.
-        """
+        """As `send`, for (time in ns, frame); the times are sent where the bus can carry them. Raises `BusError`."""
         self.send([frame for _, frame in frames])
 
     @abstractmethod
@@ -107,7 +105,7 @@ def parse_bus_options(words: Iterable[str]) -> dict[str, str | int | float | boo
 
 
 class _HubPort(BusPort):
-    """The short way: frames without `can.Message`."""
+    """A `canarm` bus: frames without `can.Message`."""
 
     def __init__(self, channel: str | None, options: dict[str, Any]) -> None:
         self.discarded = Discarded()
@@ -143,7 +141,7 @@ class _HubPort(BusPort):
 def bus_flags(interface: str, channel: str | None, options: dict[str, Any]) -> str:
     """The flags that open a bus, as python-can's tools and ours take them.
 
-    `--bus-kwargs` takes all that follows up to the next flag, so it stands first: `can_player` has a file at the end.
+    `--bus-kwargs` takes all words up to the next flag, so it comes first: `can_player` has a file name at the end.
     """
     named_channel = [] if channel is None else [f"-c {channel}"]
     words = [f"{key}={value}" for key, value in options.items()]

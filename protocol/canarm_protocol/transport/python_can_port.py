@@ -1,7 +1,7 @@
 """Any bus that python-can knows, as a `BusPort`: frames go through `can.Message`.
 
-Owns what python-can's drivers do wrong: exceptions of every kind, frames that classical CAN does not have, own frames
-that come back. What cannot be read is counted, and is no lost bus.
+Copes with python-can's drivers: exceptions of every kind, frames that classical CAN does not have, own frames that come
+back. Unreadable input is counted, and does not mean that the bus is lost.
 """
 
 import errno
@@ -24,15 +24,15 @@ from .port import BusPort, Discarded, bus_flags
 MAX_FRAMES_PER_RECEIVE = 4096
 """Bound on one `receive`, so that a bus that never falls silent cannot hold its reader."""
 UNREADABLE = (ValueError, TypeError, LookupError, ArithmeticError, struct.error)
-"""What a driver raises that stumbles over what it has received."""
+"""What drivers raise for input that they cannot read."""
 MOST_SENDERS = 256
 MOST_UNREADABLE = 1000
-"""Bound on what cannot be read, one after the other, on a bus that cannot say whether it still is there."""
+"""Bound on consecutive unreadable input, on a bus that cannot tell whether it is still there."""
 SEND_TIMEOUT_S = 1.0
 LONGEST_REASON = 200
-"""Characters of what a driver says that are passed on."""
+"""Longest part of a driver's message that is passed on, in characters."""
 ALLOW_REMOTE = "allow_remote"
-"""Our own option of udp_multicast."""
+"""Our own option for udp_multicast."""
 _HIGHEST_ID, _HIGHEST_EXTENDED_ID, _MOST_BYTES = 0x7FF, 0x1FFF_FFFF, 8
 Receive = Callable[[float], can.Message | None]
 _log = logging.getLogger(__name__)
@@ -48,17 +48,17 @@ def open_python_can_port(interface: str, channel: str | None, options: dict[str,
 
 
 class PythonCanPort(BusPort):
-    """The long way: any bus that python-can knows, its own configuration files and environment included."""
+    """Any bus that python-can knows, with its own configuration files and environment."""
 
     def __init__(self, interface: str, channel: str | None, options: dict[str, Any]) -> None:
         self.discarded = Discarded()
         self._unreadable = 0
-        """What could not be read since the last message that could."""
+        """Unreadable input since the last readable message."""
         self.description = bus_flags(interface, channel, options)
         if interface not in can.VALID_INTERFACES:
             known = ", ".join(sorted(can.VALID_INTERFACES))
             raise BusError(f"{self.description}: python-can knows no such interface; it knows {known}")
-        # Own frames cannot be told from others': SocketCAN marks whatever this host sent as not received.
+        # Own frames could not be told from others: SocketCAN marks all that this host has sent as not received.
         if options.get("receive_own_messages"):
             raise BusError(f"{self.description}: leave receive_own_messages out; own frames must not come back")
         try:
@@ -80,7 +80,7 @@ class PythonCanPort(BusPort):
             raise self._lost("cannot send", error) from error
 
     def receive(self, timeout_s: float) -> list[tuple[int, Frame]]:
-        """As `BusPort.receive`; what cannot be read is counted and left out. Raises `BusError` when the bus is lost."""
+        """As `BusPort.receive`; unreadable input is counted and left out. Raises `BusError` when the bus is lost."""
         deadline_s = time.monotonic() + timeout_s
         frames: list[tuple[int, Frame]] = []
         while not frames and self._take(self._receive_one, timeout_s, frames):
@@ -93,7 +93,7 @@ class PythonCanPort(BusPort):
         return frames
 
     def _take(self, receive: Receive, timeout_s: float, frames: list[tuple[int, Frame]]) -> bool:
-        """Receive one message; what is a frame for this port goes to `frames`. Whether there was anything at all."""
+        """Receive one message; a frame for this port goes to `frames`. Returns whether there was anything at all."""
         try:
             message = receive(timeout_s)
         # Drivers raise whatever they like.
@@ -117,7 +117,7 @@ class PythonCanPort(BusPort):
         return True
 
     def _goes_on(self, error: Exception) -> bool:
-        """Whether the bus is there yet, and only what came over it could not be read."""
+        """Whether the bus is still there, and only its input could not be read."""
         cause = error.__cause__ if isinstance(error, can.CanError) else error
         if not isinstance(cause, UNREADABLE) and not (isinstance(error, can.CanOperationError) and _is_decoding(cause)):
             return False
@@ -129,7 +129,7 @@ class PythonCanPort(BusPort):
         return True
 
     def _forget_unreadable(self) -> None:
-        """Put right what a driver leaves behind when it cannot read something."""
+        """Clear what a driver keeps of unreadable input."""
 
     def _lost(self, what: str, error: Exception) -> BusError:
         _log.debug("%s: %s", self.description, what, exc_info=error)
@@ -145,7 +145,7 @@ class PythonCanPort(BusPort):
         return _message(frame)
 
     def _is_own(self, message: can.Message) -> bool:
-        """Whether `message` was sent through this port and came back. Drivers keep such to themselves, as a rule."""
+        """Whether `message` was sent through this port and came back; most drivers filter such messages."""
         return False
 
     def fileno(self) -> int | None:
@@ -165,9 +165,9 @@ class PythonCanPort(BusPort):
 
 
 class SlcanPort(PythonCanPort):
-    """python-can's slcan driver keeps nothing back, so the serial line itself tells whether there is more.
+    """python-can's slcan driver buffers nothing, so the serial line itself tells whether there is more.
 
-    Its `recv(0)` waits 1 ms where there is nothing, and returns `None` for an acknowledgement with frames behind it.
+    Its `recv(0)` waits 1 ms if there is nothing, and returns `None` for an acknowledgement even with frames behind it.
     """
 
     def _receive_at_once(self, timeout_s: float) -> can.Message | None:
@@ -182,7 +182,7 @@ class SlcanPort(PythonCanPort):
         return None
 
     def _forget_unreadable(self) -> None:
-        # The driver keeps a line that is no ASCII, and would stumble over it for ever.
+        # The driver keeps a line that is not ASCII, and would fail on it for ever.
         if isinstance(buffer := getattr(self._bus, "_buffer", None), bytearray):
             buffer.clear()
 
@@ -190,8 +190,8 @@ class SlcanPort(PythonCanPort):
 class MulticastPort(PythonCanPort):
     """python-can's udp_multicast returns what it has sent, and carries the channel's name with every frame.
 
-    A name of its own tells this port's frames from those of others; nobody else looks at it. python-can listens on all
-    addresses: without `allow_remote` frames stay on this machine, and a datagram of another one is counted and dropped.
+    A unique name tells this port's own frames from others; nobody else looks at it. python-can listens on all
+    addresses: without `allow_remote`, frames stay on this machine, and datagrams from others are counted and dropped.
     """
 
     def __init__(self, interface: str, channel: str | None, options: dict[str, Any]) -> None:
@@ -219,7 +219,7 @@ class MulticastPort(PythonCanPort):
         return bus
 
     def _is_local(self, sender: Sequence[Any]) -> bool:
-        """Whether a datagram came from an address of this machine: one that a socket can be bound to."""
+        """Whether a datagram came from this machine: from an address to which a socket can be bound."""
         host = str(sender[0])
         if host not in self._local:
             if len(self._local) >= MOST_SENDERS:
@@ -261,31 +261,31 @@ def _message(frame: Frame) -> can.Message:
 
 
 def _stamped_frame(message: can.Message) -> tuple[int, Frame] | None:
-    """Time and frame; None for what classical CAN does not have. Drivers pass on what an adapter says."""
+    """Time and frame; None for what classical CAN does not have: drivers pass on whatever an adapter sends."""
     can_id, is_extended, length = message.arbitration_id, message.is_extended_id, message.dlc
     data = bytes(length) if message.is_remote_frame and 0 <= length <= _MOST_BYTES else bytes(message.data)
     if not 0 <= can_id <= (_HIGHEST_EXTENDED_ID if is_extended else _HIGHEST_ID):
         return None
     if len(data) != length or length > _MOST_BYTES:
         return None
-    # A float has no more than microseconds of a time since 1970; rounding gives back the driver's number.
+    # A float holds a time since 1970 to microseconds only; rounding recovers the driver's number.
     time_ns = round(message.timestamp * 1e6) * 1000
     return time_ns, Frame(can_id, data, is_extended, message.is_remote_frame)
 
 
 def _is_decoding(cause: BaseException | None) -> bool:
-    """Whether an error of a driver has a cause, and that is not the system's."""
+    """Whether a driver's error has a cause that is not a system error."""
     return cause is not None and not isinstance(cause, OSError | can.CanError)
 
 
 def first_line(error: BaseException) -> str:
-    """What an error of a library says, in a line: some bring a traceback along."""
+    """A library's error message on one line: some contain a traceback."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return lines[0][:LONGEST_REASON] if lines else type(error).__name__
 
 
 def _explain(error: BaseException, interface: str, channel: str | None) -> str:
-    """What went wrong at opening, and what to do where that is known."""
+    """Why the bus could not be opened and, if known, what to do."""
     text = first_line(error)
     if isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
         return f"its driver cannot be loaded: {text}; install that, or take another interface, such as canarm"

@@ -1,7 +1,7 @@
-"""What a process can do and ask of the machine so that nothing holds its cycles up.
+"""What a process can do, and ask of the machine, so that nothing delays its cycles.
 
-Owns the calls to interpreter and operating system. What each brings was measured: docs/wall-clock.md. Outside Linux the
-calls that only Linux has are left out. No buses and no deadlines here.
+Owns the calls to interpreter and operating system; docs/wall-clock.md has the measured effect of each. Calls that only
+Linux has are left out elsewhere. Buses and deadlines never enter.
 """
 
 import contextlib
@@ -13,13 +13,13 @@ import time
 from collections.abc import Callable, Iterator
 
 PRIORITY = 49
-"""In SCHED_FIFO: just below the 50 of Linux's interrupt threads, without which no frame would come in."""
+"""Priority in SCHED_FIFO: just below the 50 of Linux's interrupt threads, without which no frame would arrive."""
 COLLECT_CYCLES = 400
-"""Cycles between two collections: a second at 2.5 ms."""
+"""Cycles between two collections: one second at 2.5 ms."""
 MARGIN = 3
-"""A collection begins when this many times as long as the last one took is left of the cycle."""
+"""A collection begins when this many times the duration of the last one is left of the cycle."""
 PATIENCE = 10
-"""The collection is made after so many times `COLLECT_CYCLES` even without a free moment: memory is bounded."""
+"""After this many times `COLLECT_CYCLES` a collection is made even without time left: memory is bounded."""
 
 _PR_SET_TIMERSLACK, _PR_GET_TIMERSLACK = 29, 30  # linux/prctl.h
 _MCL_CURRENT = 1  # asm-generic/mman-common.h; the few machines with another number refuse this one
@@ -28,9 +28,9 @@ _LEAST_SLACK_NS = 1
 
 
 class Collector:
-    """Python's garbage collection at moments of our choice: in the time that a cycle has left over.
+    """Python's garbage collection in the time that is left of a cycle.
 
-    Only reference cycles need it. Our own loop makes none, but a law of the user's may.
+    Only reference cycles need it. Our own loop makes none, but a user's law may.
     """
 
     def __init__(
@@ -57,10 +57,10 @@ class Collector:
 
 @contextlib.contextmanager
 def undisturbed(clock: Callable[[], int] = time.perf_counter_ns) -> Iterator[Collector]:
-    """No garbage collection but the `Collector`'s, and timers that fire on time; as it was before when this ends.
+    """Within this context only the `Collector` collects garbage, and timers fire on time.
 
-    What has been set up by now is not looked at again by any collection meanwhile. Begins with a full collection, which
-    can take longer than the cards wait for a heartbeat: not to be entered while they run. Needs no permission.
+    No collection looks at the objects that exist by now. Begins with a full collection, which can take longer than the
+    cards wait for a heartbeat: do not enter it while they run. Needs no permission.
     """
     was_enabled = gc.isenabled()
     gc.collect()
@@ -92,7 +92,7 @@ def ask_for_realtime() -> list[str]:
             f"real-time class: {error.strerror}; allow it with `ulimit -r {PRIORITY}` or CAP_SYS_NICE; "
             "the run goes on without"
         )
-    # Not what is mapped later as well: under a limit (`ulimit -l`), memory would then run out in the middle of a run.
+    # Memory that is mapped later is not locked: under a limit (`ulimit -l`) it would run out in the middle of a run.
     why = _memory_lock()
     if why is not None:
         refused.append(f"memory lock: {why}; the run goes on without")
@@ -100,7 +100,7 @@ def ask_for_realtime() -> list[str]:
 
 
 def _timer_slack_ns(wanted_ns: int) -> int:
-    """Set this thread's timer slack and return what it was; 0 where there is none, as in a real-time class."""
+    """Set this thread's timer slack and return the old one; 0 if there is none, as in a real-time class."""
     if sys.platform != "linux":
         return 0
     prctl = ctypes.CDLL(None).prctl

@@ -1,6 +1,6 @@
 """A blocking SDO client for the edges of a program: command lines, runners, tests against a live bench.
 
-It waits on the wall clock, never longer than its limit. Cores in virtual time drive `sdo.Transfer` themselves.
+It waits on the wall clock, never longer than its limit. Code in virtual time drives `sdo.Transfer` itself.
 """
 
 import time
@@ -11,16 +11,16 @@ from ..errors import BusError
 from .port import BusPort
 
 TOTAL_S = 60.0
-"""What a transfer may take in all: 100 kB at a ms a segment take 15 s."""
+"""Longest transfer in all: 100 kB with 1 ms per segment take 15 s."""
 
 
 class SdoSession:
-    """One SDO channel of one node over an open port. Frames of anybody else that arrive meanwhile are dropped."""
+    """One SDO channel of one node over an open port. Other frames that arrive meanwhile are dropped."""
 
     def __init__(
         self, port: BusPort, request_id: int, answer_id: int, limit_s: float = 1.0, total_s: float = TOTAL_S
     ) -> None:
-        """No answer is waited for longer than `limit_s`, and no transfer takes longer than `total_s`."""
+        """It waits at most `limit_s` for an answer, and a transfer takes at most `total_s`."""
         self._port, self._request_id, self._answer_id = port, request_id, answer_id
         self._limit_s, self._total_s = limit_s, max(total_s, limit_s)
 

@@ -1,9 +1,9 @@
-"""The text of the socketcand protocol, as pure bytes in and values out: every element that is written, and what a
-client reads. What a server reads is `socketcand_server`'s.
+"""The text of the socketcand protocol, bytes in and values out: every element that is written, and what a client reads.
 
-Source: linux-can/socketcand, doc/protocol.md and src/state_raw.c. Elements look like `< send 123 2 11 22 >`. No
-sockets, clocks or waiting enter here. Text that makes no sense is counted, never raised. Each parser has a fast path
-for the usual read (whole elements, all of one kind, single blanks) and takes anything else apart word by word.
+`socketcand_server` has what a server reads. Source: linux-can/socketcand, doc/protocol.md and src/state_raw.c. Elements
+look like `< send 123 2 11 22 >`. No sockets, clocks or waiting enter here. Text that makes no sense is counted, never
+raised. Each parser has a fast path for the usual read (whole elements of one kind, single blanks) and parses anything
+else word by word.
 """
 
 from binascii import hexlify
@@ -16,7 +16,7 @@ from ..errors import FrameError
 
 DEFAULT_PORT = 29536
 MAX_ELEMENT = 1024
-"""Longest element in bytes. The longest that means something here, a `send` of SavvyCAN's, has about 100."""
+"""Longest element in bytes. The longest that is valid here, a `send` from SavvyCAN, has about 100."""
 
 _MAX_SECONDS_DIGITS = 12  # 30 000 years; keeps every time stamp within a float's range
 STANDARD_MASK = 0x7FF
@@ -36,9 +36,9 @@ class ErrorFrame(NamedTuple):
 
 
 def format_frame(frame: Frame, time_ns: int) -> bytes:
-    """Return the element that tells a client of `frame`, stamped with `time_ns` (>= 0).
+    """Return the element that tells a client of `frame`, with the time stamp `time_ns` (>= 0).
 
-    The stamp has microseconds, rounded down. Raises `FrameError` for a remote frame: the protocol has none.
+    The time stamp is rounded down to microseconds. Raises `FrameError` for a remote frame: the protocol has none.
     """
     can_id, data, is_extended, is_remote = frame
     if is_remote:
@@ -143,7 +143,7 @@ class Cutter:
         return rest
 
     def split(self, text: str) -> Iterator[list[str]]:
-        """The words of each element; none for one that is too long or lost its beginning. Text outside is refused."""
+        """The words of each element, none for one that is too long or cut off. Text between elements is refused."""
         for piece in text.split(">")[:-1]:
             start = piece.rfind("<")
             if start < 0 or len(piece) - start > MAX_ELEMENT:
@@ -156,7 +156,7 @@ class Cutter:
 
 
 class _IdTable(dict[str, tuple[int, bool]]):
-    """(CAN ID, is extended) by its spelling, filled on demand. Raises `ValueError` for what is no ID."""
+    """(CAN ID, is extended) by its text, filled on demand. Raises `ValueError` for what is no ID."""
 
     def __missing__(self, text: str) -> tuple[int, bool]:
         # Eight digits mean extended (state_raw.c, element_length).
@@ -176,7 +176,7 @@ _IDS = _IdTable()
 
 
 def _read_hex(text: str) -> int:
-    """One to eight hex digits; `int` alone would also take signs, underscores and 0x."""
+    """One to eight hex digits; `int` would also accept signs, underscores and 0x."""
     if not 0 < len(text) <= 8 or not HEX_DIGITS.issuperset(text):
         raise ValueError(text)
     return int(text, 16)
@@ -209,7 +209,7 @@ def _read_frames(text: str) -> list[tuple[int, Frame]]:
     from_hex = bytes.fromhex
     for element in text.split("< frame ")[1:]:
         id_text, time_text, hex_text, end = element.split(" ")
-        # Frames of one cycle often carry one time.
+        # Frames of one cycle often have the same time stamp.
         if time_text != last_time_text:
             time_ns = _read_time(time_text)
             last_time_text = time_text

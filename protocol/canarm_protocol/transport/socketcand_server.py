@@ -1,10 +1,10 @@
-"""What a socketcand server reads: the commands of one client, as pure bytes in and values out.
+"""What a socketcand server reads: the commands of one client, bytes in and values out.
 
 Source: linux-can/socketcand, doc/protocol.md, src/state_raw.c and src/state_bcm.c. It reads numbers with scanf, so a
-client may write any number of digits, `0x` and leading zeros, and what is too wide loses its upper bits: SavvyCAN sends
-the byte 0x80 as `ffffffffffffff80`. No sockets, clocks or waiting enter here. Text that makes no sense is counted,
-never raised. Served are the modes raw, BCM (subscriptions without throttling) and control (statistics); send jobs,
-content filters and ISO-TP are `Unknown`.
+client may write any number of digits, `0x` and leading zeros, and a number that is too wide loses its upper bits:
+SavvyCAN sends the byte 0x80 as `ffffffffffffff80`. No sockets, clocks or waiting enter here. Text that makes no sense
+is counted, never raised. The modes raw, BCM (subscriptions without throttling) and control (statistics) are served;
+send jobs, content filters and ISO-TP are `Unknown`.
 """
 
 from enum import Enum
@@ -17,7 +17,7 @@ LONGEST_INTERVAL_MS = 1 << 31
 _EXTENDED_FLAG = 0x8000_0000
 """CAN_EFF_FLAG of linux/can.h, bit 31 of an ID."""
 _WIDEST_HEX, _WIDEST_DECIMAL = (1 << 64) - 1, 20
-"""What strtoul makes of more; and the decimal digits that 64 bits have."""
+"""strtoul's value for anything larger, and the decimal digits of 64 bits."""
 _LENGTH_TEXT = tuple(str(length) for length in range(9))
 _BYTE_OF = {spelling % byte: byte for byte in range(256) for spelling in ("%x", "%X", "%02x", "%02X")}
 _byte_of = _BYTE_OF.__getitem__
@@ -26,7 +26,7 @@ _tuple = tuple.__new__
 
 
 class Mode(Enum):
-    """What a client that has opened a bus wants of it (doc/protocol.md)."""
+    """What a client that has opened a bus is sent (doc/protocol.md)."""
 
     BCM = "bcmmode"
     """The frames that it has subscribed to."""
@@ -72,7 +72,7 @@ class Unsubscribe(NamedTuple):
 
 
 class Statistics(NamedTuple):
-    """`< statistics 1000 >`: a client wants to hear of the bus's traffic every so many ms; 0 ends that."""
+    """`< statistics 1000 >`: a client wants statistics of the bus at this interval in ms; 0 ends them."""
 
     interval_ms: int
 
@@ -97,7 +97,7 @@ Command = Send | Open | ChangeMode | Subscribe | Unsubscribe | Statistics | Echo
 
 
 def format_statistics(received_bytes: int, received: int, sent_bytes: int, sent: int) -> bytes:
-    """Return the element that tells a client of a bus's traffic: bytes and frames, received and sent."""
+    """Return the element with a bus's statistics: bytes and frames, received and sent."""
     return b"< stat %d %d %d %d >" % (received_bytes, received, sent_bytes, sent)
 
 
@@ -140,7 +140,7 @@ class ServerParser:
 
 
 def _read_command(words: list[str]) -> Command | None:
-    """What the words of one element mean; None, or `ValueError`, for a known command with wrong arguments."""
+    """The command in the words of one element; None, or `ValueError`, for a known command with wrong arguments."""
     match words:
         case ["send", id_text, length_text, *byte_texts]:
             return Send(_read_send(id_text, length_text, byte_texts))
@@ -149,7 +149,7 @@ def _read_command(words: list[str]) -> Command | None:
         case [name] if name in _MODES:
             return ChangeMode(_MODES[name])
         case ["subscribe", seconds, microseconds, id_text]:
-            # The interval would thin out the frames of an ID; every one is sent.
+            # The interval, which would throttle an ID, is ignored: every frame is sent.
             _read_decimal(seconds), _read_decimal(microseconds)
             return Subscribe(*_IDS[id_text])
         case ["unsubscribe", id_text]:
@@ -167,7 +167,7 @@ _WITH_ARGUMENTS = ("send", "open", "subscribe", "unsubscribe", "statistics")
 
 
 class _IdTable(dict[str, tuple[int, bool]]):
-    """(CAN ID, is extended) by its spelling, filled on demand. Raises `ValueError` for what is no ID."""
+    """(CAN ID, is extended) by its text, filled on demand. Raises `ValueError` for what is no ID."""
 
     def __missing__(self, text: str) -> tuple[int, bool]:
         # Eight characters mean extended (state_raw.c, element_length), and so does bit 31, which SavvyCAN sets.
@@ -188,7 +188,7 @@ _IDS = _IdTable()
 
 
 def _read_hex(text: str) -> int:
-    """As scanf's `%x`, but for signs; `int` alone would also take underscores."""
+    """As scanf's `%x`, but without signs; `int` would also accept underscores."""
     digits = text[2:] if text[:2] in ("0x", "0X") else text
     if not digits or not HEX_DIGITS.issuperset(digits):
         raise ValueError(text)
@@ -196,7 +196,7 @@ def _read_hex(text: str) -> int:
 
 
 def _read_decimal(text: str) -> int:
-    """As scanf's `%u`, but for signs. `int` alone would refuse what has thousands of digits in its own words."""
+    """As scanf's `%u`, but without signs; `int` would raise an error of its own for thousands of digits."""
     digits = text.lstrip("0")
     if not text.isascii() or not text.isdecimal() or len(digits) > _WIDEST_DECIMAL:
         raise ValueError(text)

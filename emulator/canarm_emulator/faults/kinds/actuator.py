@@ -4,7 +4,8 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-from ...robot.drives.d669 import Direction
+from canarm_protocol.cards.sc300 import DirectionBits
+
 from ...robot.truth import JointTruth
 from ..declaration import Context, Family, JointFault, SignalFault, TapKind
 from ..parameters import of_tap, parameter
@@ -68,9 +69,9 @@ class ReversedDirection(
 
     def apply(self, value: float, now_ns: int) -> float:
         """The other direction; off stays off."""
-        if value == Direction.CLOCKWISE:
-            return Direction.COUNTER_CLOCKWISE
-        return Direction.CLOCKWISE if value == Direction.COUNTER_CLOCKWISE else value
+        if value == DirectionBits.CLOCKWISE:
+            return DirectionBits.COUNTER_CLOCKWISE
+        return DirectionBits.CLOCKWISE if value == DirectionBits.COUNTER_CLOCKWISE else value
 
 
 @dataclass

@@ -4,8 +4,8 @@ Owns the electrical state of one joint's drive. Knows nothing of the arm: the mo
 """
 
 import math
-from enum import IntEnum
 
+from canarm_protocol.cards.sc300 import DirectionBits
 from canarm_protocol.cell.model import Command, Joint
 
 from ...signals import Distortion
@@ -17,21 +17,15 @@ DAC_FULL_SCALE = 255 / 256
 """DAC0808 output at code 255, as a fraction of I_ref (data sheet); the op-amp is trimmed to full scale there."""
 
 
-class Direction(IntEnum):
-    """Latch bits of one joint's bridge; counter-clockwise is a positive joint angle. 0b11 is illegal."""
-
-    OFF = 0b00
-    CLOCKWISE = 0b01
-    COUNTER_CLOCKWISE = 0b10
-
-
-ILLEGAL_DIRECTION = 0b11
-"""Both sides of the bridge at once: its interlock leaves it open."""
-
 OPAMP, CURRENT = "opamp", "amplifier.current"
 """Its stages at which faults act, as their taps are called."""
 
-_SIGN = {Direction.OFF: 0, Direction.CLOCKWISE: -1, Direction.COUNTER_CLOCKWISE: 1, ILLEGAL_DIRECTION: 0}
+_SIGN: dict[int, int] = {
+    DirectionBits.OFF: 0,
+    DirectionBits.CLOCKWISE: -1,
+    DirectionBits.COUNTER_CLOCKWISE: 1,
+    DirectionBits.ILLEGAL: 0,
+}
 
 
 class D669Drive:
@@ -132,10 +126,10 @@ class D669Drive:
         self.refresh_command()
 
     def set_direction(self, bits: int) -> None:
-        """Latch bits, a `Direction`; 0b11 opens the bridge and is counted. Raises `ValueError` outside 0..3."""
+        """Latch bits, a `DirectionBits`; 0b11 opens the bridge and is counted. Raises `ValueError` outside 0..3."""
         if bits not in _SIGN:
             raise ValueError(f"direction bits {bits}: must be 0 to 3")
-        if bits == ILLEGAL_DIRECTION:
+        if bits == DirectionBits.ILLEGAL:
             self.illegal_directions += 1
         self._sign = _SIGN[bits]
         self.refresh_command()

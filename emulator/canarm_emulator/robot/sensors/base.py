@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from canarm_protocol.cards.kind import highest_code
 from canarm_protocol.cell.sensing import WiredSensor
 from canarm_protocol.cell.sensors import AnalogueSensor, Quantity, Sensor
-from canarm_protocol.cell.sensors.base import highest_code
 
 from ...signals import Distortion
 from ..stages import Stage

@@ -1,6 +1,6 @@
-"""What all kinds of sensor have in common: what they measure, and how a code reads in its unit.
+"""What all kinds of sensor have in common: the quantity that they measure, and the scale of their codes.
 
-A kind belongs to a file of its own. Noise, offsets and faults of the true sensor belong to the emulator.
+Each kind has its own file. Noise, offsets and faults of the true sensor belong to the emulator.
 """
 
 from abc import abstractmethod
@@ -43,30 +43,30 @@ class SensorScale:
 
 @dataclass(frozen=True, slots=True)
 class Fitting:
-    """How a sensor is fitted: what a reading of its card counts, and the joint that it sits at."""
+    """How a sensor is fitted: what its card's codes count, and the joint at which it sits."""
 
     bits: int
-    """Of the card's code."""
+    """Bits of the card's code."""
     edges_per_period: int = 1
-    """Of the two tracks of an encoder, that a counter counts."""
+    """Edges of an encoder's two tracks that the counter counts in each period."""
     gear_ratio: float = 1.0
     home_rad: float = 0.0
-    """Where the joint is when its card is switched on."""
+    """Angle of the joint when its card is switched on."""
 
 
 class Sensor(Table):
     """One sensor of a joint, as the cell describes it. A kind sets the class variables and gives its scale."""
 
     kind: ClassVar[str]
-    """Its table in the file, and the second half of its signal: `[robot.joint.sensors.<kind>]`, `<joint>.<kind>`."""
+    """Name of its table, `[robot.joint.sensors.<kind>]`, and of its signal, `<joint>.<kind>`."""
     title: ClassVar[str]
     quantity: ClassVar[Quantity]
     wire: ClassVar[Wire]
-    """What kind of card channel takes it."""
+    """The kind of card channel that takes it."""
     is_on_motor: ClassVar[bool] = False
     """Whether it sits on the motor's side of the drive wire."""
     takes_magnitude: ClassVar[bool] = False
-    """Whether it shows the magnitude alone."""
+    """Whether it shows the magnitude only."""
 
     @abstractmethod
     def scale(self, fitting: Fitting) -> SensorScale:
@@ -74,10 +74,10 @@ class Sensor(Table):
 
     @abstractmethod
     def seen(self) -> tuple[float, float]:
-        """The least and the greatest value that its codes can show, in rad, rad/s or A."""
+        """The lowest and the highest value that its codes can show, in rad, rad/s or A."""
 
     def problems(self) -> Iterator[str]:
-        """What of its parameters does not fit together: "key = value: what would be right"."""
+        """Problems of its parameters, as "key = value: what would be right"."""
         yield from ()
 
 
@@ -101,7 +101,7 @@ class AnalogueSensor(Sensor):
         """Volts per rad, rad/s or A; negative for `sign` = -1."""
 
     def seen(self) -> tuple[float, float]:
-        """The values at both ends of the voltage's range, the lesser one first."""
+        """The values at both ends of the voltage range, the lower one first."""
         ends = -self.nominal_zero_v / self.volts_per_unit, self._above_zero_v / self.volts_per_unit
         return min(ends), max(ends)
 
@@ -110,10 +110,5 @@ class AnalogueSensor(Sensor):
         return self.full_scale_v - self.nominal_zero_v
 
 
-def highest_code(bits: int) -> int:
-    """The full-scale code of a converter of `bits` bits."""
-    return (1 << bits) - 1
-
-
 Sign = Literal[1, -1]
-"""Which way a sensor is mounted: -1 where its reading falls as the joint turns counter-clockwise."""
+"""How a sensor is mounted: with -1 its reading falls as the joint turns counter-clockwise."""

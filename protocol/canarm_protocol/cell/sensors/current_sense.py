@@ -1,13 +1,14 @@
-"""Current sense of a joint's drive: a voltage for the magnitude of the motor's current."""
+"""Current sense of a joint's drive: a voltage proportional to the magnitude of the motor current."""
 
 from typing import ClassVar
 
+from ...cards.kind import highest_code
 from ..table import Positive
-from .base import AnalogueSensor, Fitting, Quantity, SensorScale, highest_code
+from .base import AnalogueSensor, Fitting, Quantity, SensorScale
 
 
 class CurrentSense(AnalogueSensor):
-    """`full_scale_a` span 0 to `full_scale_v`. It sits at the one-way stage before the bridge and sees no sign."""
+    """0 to `full_scale_a` gives 0 to `full_scale_v`. It is before the bridge, and sees no sign."""
 
     kind: ClassVar[str] = "current_sense"
     title: ClassVar[str] = "current sense"
@@ -28,5 +29,5 @@ class CurrentSense(AnalogueSensor):
         return self.full_scale_v / self.full_scale_a
 
     def scale(self, fitting: Fitting) -> SensorScale:
-        """Amperes a code."""
+        """Amperes per code."""
         return SensorScale(0.0, self.full_scale_a / highest_code(fitting.bits))

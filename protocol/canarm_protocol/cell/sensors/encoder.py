@@ -1,4 +1,4 @@
-"""Incremental encoder on a joint's or a motor's shaft, read by a counter card. Nothing of the true one's errors."""
+"""Incremental encoder on a joint's or a motor's shaft, read by a counter card: nominal values only."""
 
 import math
 from typing import Annotated, ClassVar, Literal
@@ -10,9 +10,9 @@ from .base import Fitting, Quantity, Sensor, SensorScale, Sign
 
 
 class Encoder(Sensor):
-    """`lines` periods of two tracks a turn of its shaft, and an index. A counter's 0 is where the joint is parked.
+    """Two tracks with `lines` periods per turn of its shaft, and an index. The counter is 0 where the joint is parked.
 
-    On the joint's shaft (`shaft = "joint"`) or on the motor's, before the gear.
+    It is on the joint's shaft (`shaft = "joint"`) or on the motor's, before the gear.
     """
 
     kind: ClassVar[str] = "encoder"
@@ -25,11 +25,11 @@ class Encoder(Sensor):
     sign: Sign = 1
 
     def scale(self, fitting: Fitting) -> SensorScale:
-        """Radians of the joint a count; the joint is at home where the count is 0."""
+        """Radians of the joint per count; the joint is at home where the count is 0."""
         turns = fitting.gear_ratio if self.shaft == "motor" else 1.0
         step = self.sign * math.tau / (self.lines * fitting.edges_per_period * turns)
         return SensorScale(-fitting.home_rad / step, step)
 
     def seen(self) -> tuple[float, float]:
-        """Any angle: a counter goes round."""
+        """Any angle: a counter wraps round."""
         return -math.inf, math.inf

@@ -1,14 +1,15 @@
-"""Potentiometer on a joint's shaft: a voltage that grows with the angle. Nothing of the true one's errors."""
+"""Potentiometer on a joint's shaft, a voltage that grows with the angle: nominal values only."""
 
 from collections.abc import Iterator
 from typing import ClassVar
 
+from ...cards.kind import highest_code
 from ..table import DEGREE, NonNegative, Positive
-from .base import AnalogueSensor, Fitting, Quantity, SensorScale, Sign, highest_code
+from .base import AnalogueSensor, Fitting, Quantity, SensorScale, Sign
 
 
 class Potentiometer(AnalogueSensor):
-    """`range_deg` of the joint's angle span 0 to `full_scale_v`; `zero_v` is what stands at 0 degrees."""
+    """`range_deg` of the joint's angle gives 0 to `full_scale_v`, and 0 degrees gives `zero_v`."""
 
     kind: ClassVar[str] = "potentiometer"
     title: ClassVar[str] = "potentiometer"
@@ -29,11 +30,11 @@ class Potentiometer(AnalogueSensor):
         return self.sign * (self.full_scale_v / (self.range_deg * DEGREE))
 
     def scale(self, fitting: Fitting) -> SensorScale:
-        """Radians a code."""
+        """Radians per code."""
         highest = highest_code(fitting.bits)
         return SensorScale(self.zero_v / (self.full_scale_v / highest), self.sign * (self.range_deg * DEGREE / highest))
 
     def problems(self) -> Iterator[str]:
-        """Zero beyond full scale."""
+        """A zero beyond full scale."""
         if self.zero_v > self.full_scale_v:
             yield f"zero_v = {self.zero_v:g}: must be at most full_scale_v = {self.full_scale_v:g}"

@@ -1,4 +1,4 @@
-"""Which kinds of sensor there are. A new kind is one line here; what it is, its own file says."""
+"""The kinds of sensor. A new kind is one line here and a file of its own."""
 
 from ..table import Table
 from .base import Quantity, Sensor
@@ -9,7 +9,7 @@ from .tachometer import Tachometer
 
 
 class Sensors(Table):
-    """The sensors of one joint: `[robot.joint.sensors.<kind>]`, a table for each that the joint has."""
+    """The sensors of one joint: one table `[robot.joint.sensors.<kind>]` for each."""
 
     potentiometer: Potentiometer | None = None
     tachometer: Tachometer | None = None

@@ -1,14 +1,15 @@
-"""Tachometer on a joint's motor: a voltage either side of a middle one. Nothing of the true one's errors."""
+"""Tachometer on a joint's motor, a voltage on either side of a middle one: nominal values only."""
 
 from collections.abc import Iterator
 from typing import ClassVar
 
+from ...cards.kind import highest_code
 from ..table import NonNegative, Positive
-from .base import AnalogueSensor, Fitting, Quantity, SensorScale, Sign, highest_code
+from .base import AnalogueSensor, Fitting, Quantity, SensorScale, Sign
 
 
 class Tachometer(AnalogueSensor):
-    """`full_scale_rad_s` of joint speed span `zero_v`, where the joint stands, to `full_scale_v`."""
+    """0 to `full_scale_rad_s` of joint speed gives `zero_v` to `full_scale_v`."""
 
     kind: ClassVar[str] = "tachometer"
     title: ClassVar[str] = "tachometer"
@@ -30,12 +31,12 @@ class Tachometer(AnalogueSensor):
         return self.sign * ((self.full_scale_v - self.zero_v) / self.full_scale_rad_s)
 
     def scale(self, fitting: Fitting) -> SensorScale:
-        """Radians per second a code."""
+        """Radians per second per code."""
         volts = self.full_scale_v / highest_code(fitting.bits)
         span_v = self.full_scale_v - self.zero_v
         return SensorScale(self.zero_v / volts, self.sign * (self.full_scale_rad_s / span_v * volts))
 
     def problems(self) -> Iterator[str]:
-        """A zero that leaves one way of turning without voltage."""
+        """A zero that leaves no voltage for one direction."""
         if not 0.0 < self.zero_v < self.full_scale_v:
             yield f"zero_v = {self.zero_v:g}: must lie between 0 and full_scale_v = {self.full_scale_v:g}"
