@@ -11,6 +11,8 @@ from contextlib import AbstractContextManager
 import pytest
 from hypothesis import settings
 
+from tests.starter import CAN_FORK, Starter
+
 # A shell that starts the tests in the background has SIGINT ignored, nohup SIGHUP; every process that they start would
 # inherit it.
 for ignored, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
@@ -40,3 +42,12 @@ def _full_at(size: int) -> Iterator[None]:
 def full_at() -> Callable[[int], AbstractContextManager[None]]:
     """A disk on which no file grows beyond so many bytes: what fits of a write is written, as on any full disk."""
     return _full_at
+
+
+@pytest.fixture(scope="session")
+def starter() -> Iterator[Starter | None]:
+    """What makes processes of `canarm …` in little time, where it can be had."""
+    starter = Starter() if CAN_FORK else None
+    yield starter
+    if starter is not None:
+        starter.close()

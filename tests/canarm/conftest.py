@@ -23,6 +23,7 @@ import pytest
 
 from canarm_protocol.cell.cell_file import shipped_cells
 from canarm_protocol.runs.run_folder import LOG_START_S
+from tests.starter import Forked, Starter
 
 DEADLINE_S = 60.0 * float(os.environ.get("PATIENCE", "1"))
 """Far longer than anything takes: a busy machine must not fail a test. PATIENCE=10 is for emulated machines."""
@@ -49,19 +50,9 @@ def wait_until(condition: Callable[[], Any], what: str, deadline_s: float = DEAD
 class Process:
     """A program that runs, the lines it has written so far, and the signals one can send it."""
 
-    def __init__(self, command: list[str], folder: Path, environment: dict[str, str], **options: Any) -> None:
+    def __init__(self, command: list[str], process: "subprocess.Popen[str] | Forked") -> None:
         self.command = shlex.join(command)
-        self._popen = subprocess.Popen(
-            command,
-            cwd=folder,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-            **options,
-        )
+        self._popen = process
         self.stdout: list[str] = []
         self.stderr: list[str] = []
         self._news = threading.Condition()
@@ -132,22 +123,72 @@ class Process:
 class Commands:
     """Starts `canarm …` in a folder of the test's own. Ports are free ones; no process outlives its test."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, starter: Starter | None) -> None:
         self.folder = folder
+        self._starter = starter
         self._processes: list[Process] = []
         self._marker = uuid.uuid4().hex
 
     def run(self, *command: str, env: dict[str, str] | None = None, **options: Any) -> Process:
         """Any program, started."""
-        inherited = {name: value for name, value in os.environ.items() if not name.startswith("CANARM_")}
-        environment = {**inherited, "COLUMNS": "100", "PYTHONUNBUFFERED": "1", MARKER: self._marker, **(env or {})}
-        process = Process(list(command), self.folder, environment, **options)
-        self._processes.append(process)
-        return process
+        popen = subprocess.Popen(
+            command,
+            cwd=self.folder,
+            env=self._environment(env),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            **{"stdin": subprocess.DEVNULL, **options},
+        )
+        return self._kept(Process(list(command), popen))
 
     def __call__(self, *arguments: str, env: dict[str, str] | None = None, **options: Any) -> Process:
-        """`canarm …`, started."""
-        return self.run(sys.executable, "-m", "canarm", *arguments, env=env, **options)
+        """`canarm …`, started; as a fork, unless what is asked for is an interpreter's business."""
+        words = ("-m", "canarm", *arguments)
+        if options or any(not name.startswith("CANARM_") for name in env or ()):
+            return self.run(sys.executable, *words, env=env, **options)
+        return self.python(*words, env=env)
+
+    def python(self, *words: str, env: dict[str, str] | None = None, stdin: int | None = None) -> Process:
+        """`python …`, started; a fork wherever it can be."""
+        command = [sys.executable, *words]
+        if self._starter is None:
+            return self.run(*command, env=env, **({} if stdin is None else {"stdin": stdin}))
+        fork = self._starter.start(words, self.folder, self._environment(env), (stdin, None, None))
+        return self._kept(Process(command, fork))
+
+    def piped(self, text: str, *arguments: str) -> Process:
+        """`canarm …`, which reads this text from a pipe."""
+        reading, writing = os.pipe()
+        process = self.python("-m", "canarm", *arguments, stdin=reading)
+        os.close(reading)
+        with os.fdopen(writing, "w") as pipe:
+            pipe.write(text)
+        return process
+
+    def at_terminal(self, terminal: int, *arguments: str) -> "subprocess.Popen[bytes] | Forked":
+        """`canarm …` with this terminal for stdin, stdout and stderr."""
+        words = ("-m", "canarm", *arguments)
+        environment = {**os.environ, "TERM": "dumb"}
+        if self._starter is not None:
+            return self._starter.start(words, self.folder, environment, (terminal, terminal, terminal))
+        return subprocess.Popen(
+            [sys.executable, *words],
+            cwd=self.folder,
+            env=environment,
+            stdin=terminal,
+            stdout=terminal,
+            stderr=terminal,
+        )
+
+    def _environment(self, more: dict[str, str] | None) -> dict[str, str]:
+        inherited = {name: value for name, value in os.environ.items() if not name.startswith("CANARM_")}
+        return {**inherited, "COLUMNS": "100", "PYTHONUNBUFFERED": "1", MARKER: self._marker, **(more or {})}
+
+    def _kept(self, process: Process) -> Process:
+        self._processes.append(process)
+        return process
 
     def write_cell(self, name: str, changes: dict[str, str]) -> str:
         """A cell file: konkuk1 with texts replaced. Returns its name."""
@@ -174,14 +215,12 @@ class Commands:
         return self("controller", "--connect", address, *self.for_clock(clock), "--progress", "--json", *arguments)
 
     def remaining(self) -> list[int]:
-        """Process ids that carry this test's mark (Linux); elsewhere the processes that were started directly."""
-        if not Path("/proc/self/environ").exists():
-            return [process.pid for process in self._processes if process.is_running]
+        """Process ids of what was started, and (Linux) of all that carries this test's mark."""
+        found = [process.pid for process in self._processes if process.is_running]
         mark = f"{MARKER}={self._marker}".encode()
-        found = []
         for path in Path("/proc").glob("[0-9]*/environ"):
             try:
-                if mark in path.read_bytes():
+                if mark in path.read_bytes() and int(path.parent.name) not in found:
                     found.append(int(path.parent.name))
             except OSError:
                 continue
@@ -240,8 +279,8 @@ class RunFolder:
 
 
 @pytest.fixture
-def canarm(tmp_path) -> Iterator[Commands]:
-    commands = Commands(tmp_path)
+def canarm(tmp_path, starter) -> Iterator[Commands]:
+    commands = Commands(tmp_path, starter)
     yield commands
     commands.close()
 

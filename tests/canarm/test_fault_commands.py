@@ -1,9 +1,8 @@
 """Faults from the command line and over the bench bus: several clients at once, and the same bytes again."""
 
 import json
+import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -11,6 +10,7 @@ import pytest
 from canarm import BenchClient, Rig
 from canarm.cli import run
 from canarm.fault_text import parse_parameters, status_lines
+from canarm.rig.arguments import RigWarning
 from canarm_emulator.faults.declaration import declared_faults
 from canarm_protocol.cell import bench_objects as objects
 from canarm_protocol.cell.cell_file import load_cell
@@ -233,29 +233,19 @@ def test_a_name_that_is_no_text_is_told(emulator, bench_port, capsys):
 
 
 def test_two_processes_at_once_each_have_a_channel_and_do_not_disturb_each_other(canarm, emulator):
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-c", HAMMER, str(emulator.port), name],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        for name in ("one", "two")
-    ]
-    try:
-        channels = [process.stdout.readline() for process in processes]
-        assert len(set(channels)) == 2, channels
-        for process in processes:
-            process.stdin.write("\n")
-            process.stdin.flush()
-        for process in processes:
-            said, complaint = process.communicate(timeout=120.0)
-            assert (process.returncode, said) == (0, "done\n"), complaint
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()
+    processes, pipes = [], []
+    for name in ("one", "two"):
+        reading, writing = os.pipe()
+        processes.append(canarm.python("-c", HAMMER, str(emulator.port), name, stdin=reading))
+        os.close(reading)
+        pipes.append(writing)
+    channels = [process.wait_for(r"channel (\d)")[1] for process in processes]
+    assert len(set(channels)) == 2, channels
+    for pipe in pipes:
+        os.close(pipe)
+    for process in processes:
+        assert process.wait() == 0, process
+        assert process.stdout[-1] == "done"
 
 
 def test_clients_get_different_channels_until_there_are_no_more(bench_port):
@@ -372,29 +362,26 @@ def test_a_fault_that_needs_the_wire_is_refused_without_it(canarm, capsys):
     assert "start the emulator with --wire" in capsys.readouterr().err
 
 
-def test_two_runs_and_a_rig_with_the_same_fault_file_write_the_same_bytes(canarm):
+def test_processes_and_a_rig_with_the_same_fault_file_write_the_same_bytes(canarm):
     (canarm.folder / "f.toml").write_text(FAULTS)
     options = ["--clock", "sync", "--no-tui", "--json", "--seconds", SECONDS, "--seed", "7", "--faults", "f.toml"]
-    for name in ("first", "second"):
-        demo = canarm("demo", *options, "--out", name)
-        assert demo.wait() in (0, 1), demo
-        assert demo.json["faults"] == 3
-        assert all(set(each) == {"detector", "where", "tick", "reaction"} for each in demo.json["detections"])
+    demo = canarm("demo", *options, "--out", "processes")
+    assert demo.wait() in (0, 1), demo
+    assert demo.json["faults"] == 3
+    assert all(set(each) == {"detector", "where", "tick", "reaction"} for each in demo.json["detections"])
     begins = r"fault begins: joint2.tachometer noise \(noise\), cycle (80|160), "
     assert len([line for line in demo.stderr if re.search(begins, line)]) == 2
     with Rig("konkuk1", seed=7, faults=canarm.folder / "f.toml", out=canarm.folder / "rig") as rig:
         rig.run(float(SECONDS))
-    logs = [(canarm.folder / name / "can0.log").read_bytes() for name in ("first", "second", "rig")]
-    assert logs[0] == logs[1], "two runs differ"
-    assert logs[0] == logs[2], "processes and rig differ"
+    logs = [(canarm.folder / name / "can0.log").read_bytes() for name in ("processes", "rig")]
+    assert logs[0] == logs[1]
 
 
-def test_a_fault_changes_the_bytes(canarm):
-    for name, options in (("with", ["--faults", "f.toml"]), ("without", [])):
-        (canarm.folder / "f.toml").write_text(FAULTS)
-        demo = canarm("demo", "--clock", "sync", "--no-tui", "--seconds", "0.5", "--out", name, *options)
-        assert demo.wait() in (0, 1), demo
-    logs = [(canarm.folder / name / "can0.log").read_bytes() for name in ("with", "without")]
+def test_a_fault_changes_the_bytes(tmp_path):
+    for name, faults in (("with", parse_faults(FAULTS)), ("without", None)):
+        with Rig("konkuk1", faults=faults, out=tmp_path / name) as rig:
+            rig.run(0.5)
+    logs = [(tmp_path / name / "can0.log").read_bytes() for name in ("with", "without")]
     assert logs[0] != logs[1]
     assert logs[0][:5000] == logs[1][:5000]
 
@@ -409,14 +396,14 @@ def test_the_page_names_every_fault():
 
 @pytest.mark.parametrize("text", blocks("toml"))
 def test_every_fault_file_of_the_page_is_accepted(text, tmp_path):
-    with Rig("konkuk1") as rig:
+    with pytest.warns(RigWarning, match="has never run"), Rig("konkuk1") as rig:
         rig._bench.inject(parse_faults(text))
 
 
 def test_the_snippet_for_python_canopen_injects_by_its_stock_client(canarm, emulator):
     assert run(["export", "eds", "--out", str(canarm.folder / "eds")]) == 0
     snippet = next(block for block in blocks("python") if "import canopen" in block)
-    program = canarm.run(sys.executable, "-c", snippet.replace("29536", str(emulator.port)))
+    program = canarm.python("-c", snippet.replace("29536", str(emulator.port)))
     assert program.wait() == 0, program
     assert program.stdout[0] == "accepted 'dies'"
     assert json.loads(program.stdout[1])["active"] == [{"set": "dies", "tap": "joint2.tachometer", "fault": "stuck"}]
@@ -424,7 +411,7 @@ def test_the_snippet_for_python_canopen_injects_by_its_stock_client(canarm, emul
 
 def test_the_snippet_for_the_client_does_what_it_says(canarm, emulator):
     snippet = next(block for block in blocks("python") if "BenchClient" in block)
-    program = canarm.run(sys.executable, "-c", snippet.replace("29536", str(emulator.port)))
+    program = canarm.python("-c", snippet.replace("29536", str(emulator.port)))
     assert program.wait() == 0, program
     assert program.stdout[0] == "accepted 'x'"
 
@@ -434,6 +421,6 @@ def test_the_fault_of_the_page_works_and_so_does_its_test(canarm):
     (canarm.folder / "dead_band.py").write_text(fault)
     name = re.search(r"def (test_\w+)", its_test)
     assert name is not None
-    program = canarm.run(sys.executable, "-c", f"{its_test}\n{name[1]}()\nprint('passed')")
+    program = canarm.python("-c", f"{its_test}\n{name[1]}()\nprint('passed')")
     assert program.wait() == 0, program
     assert program.stdout == ["passed"]

@@ -42,10 +42,10 @@ def outputs(emulator) -> tuple[int, int]:
 
 
 def piped(canarm, *arguments: str, text: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "canarm", "jog", *arguments]
-    return subprocess.run(
-        command, input=text, cwd=canarm.folder, capture_output=True, text=True, timeout=DEADLINE_S, check=False
-    )
+    process = canarm.piped(text, "jog", *arguments)
+    status = process.wait()
+    stdout, stderr = ("".join(f"{line}\n" for line in lines) for lines in (process.stdout, process.stderr))
+    return subprocess.CompletedProcess(process.command, status, stdout, stderr)
 
 
 def test_one_shot_commands_set_step_and_read_in_lockstep(canarm):
@@ -222,11 +222,7 @@ class Terminal:
 
     def __init__(self, canarm, *arguments: str) -> None:
         self._terminal, theirs = pty.openpty()
-        command = [sys.executable, "-m", "canarm", *arguments]
-        environment = {**os.environ, "TERM": "dumb"}
-        self._process = subprocess.Popen(
-            command, cwd=canarm.folder, stdin=theirs, stdout=theirs, stderr=theirs, env=environment
-        )
+        self._process = canarm.at_terminal(theirs, *arguments)
         os.close(theirs)
         self.pid = self._process.pid
         self._text = ""
@@ -253,5 +249,5 @@ class Terminal:
 
     def __exit__(self, *exception: object) -> None:
         self._process.kill()
-        self._process.wait()
+        self._process.wait(DEADLINE_S)
         os.close(self._terminal)
