@@ -1,4 +1,4 @@
-"""What is kept of a bus: its frames with their times and senders."""
+"""Records of a bus: its frames with their times and senders."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ from canarm_protocol.canopen.frames import Frame
 class Record(NamedTuple):
     """A frame on a bus: its time, and the client that sent it (None: a node of the bench).
 
-    An error frame's origin is what happened on the wire, an `ErrorFrame` or a `StateChange`.
+    The origin of an error frame is the `ErrorFrame` or `StateChange` on the wire.
     """
 
     time_ns: int
@@ -16,9 +16,9 @@ class Record(NamedTuple):
     origin: object = None
 
 
-_new = tuple.__new__  # a third of the time of a named tuple's own
+_new = tuple.__new__  # takes a third of the time of a named tuple's own
 
 
 def record(time_ns: int, frame: Frame, origin: object = None) -> Record:
-    """`Record(time_ns, frame, origin)`, for frames of every cycle."""
+    """`Record(time_ns, frame, origin)`, faster, for frames that are sent every cycle."""
     return _new(Record, (time_ns, frame, origin))

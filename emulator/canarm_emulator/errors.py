@@ -16,7 +16,7 @@ class TruthError(EmulatorError):
 
 
 class HubError(EmulatorError):
-    """The virtual bus cannot be served where it was asked for."""
+    """The virtual bus cannot be served at the given address."""
 
     exit_status = ExitStatus.WRONG_INPUT
 

@@ -1,6 +1,6 @@
-"""The type of what a fault does to a number on its way."""
+"""The type of a fault's effect on a signal."""
 
 from collections.abc import Callable
 
 Distortion = Callable[[float], float]
-"""From the value that arrives at a point of the signal path to the one that goes on."""
+"""Takes the value that arrives at a point of the signal path, and returns the value that goes on."""

@@ -27,16 +27,15 @@ class Bench(BenchTime):
     """The robot's side of a cell, and the bench node.
 
     `on_cycle` is called with the truth at every SYNC after NMT start, and for a while after SYNCs have ended. Frames on
-    the robot's bus, those received included, gather in order in `records`; those on the bench bus in `bench_records`.
-    Whoever drives it empties both.
+    the robot's bus, including those received, collect in order in `records`, those on the bench bus in `bench_records`.
+    The caller empties both.
 
-    `with_wire` lets frames take the time that the wire needs, one after the other by arbitration, stamped with the end
-    of the frame: all of them on the wall clock; in lockstep those of a running cycle but for SYNC and TIME, which carry
-    time itself, and NMT and SDO, whose answer nobody could wait for while time stands still. No card sees the SYNC of a
-    client in bus-off, and a card in bus-off sees none.
+    With `with_wire`, frames arbitrate for the bus, take their time and get the time stamp of their last bit. On the
+    wall clock this holds for all frames; in lockstep for those of a running cycle, except SYNC and TIME, which carry
+    time itself, and NMT and SDO, whose answers nobody could wait for while time stands still. No card sees the SYNC of
+    a client in bus-off, and a card in bus-off sees none.
 
-    What breaks it comes from outside, and is told of time once a cycle and whenever it passes without cycles
-    (`attach_faults`).
+    Faults come from outside: `attach_faults` has them told of time once a cycle, and when it passes without cycles.
     """
 
     def start(self) -> None:
@@ -61,10 +60,10 @@ class Bench(BenchTime):
         self.nodes.refresh()
 
     def move_on(self) -> None:
-        """In lockstep, the world goes on to the next SYNC as soon as a cycle's inputs are out.
+        """In lockstep, move the world on to the next SYNC as soon as a cycle's inputs have been sent.
 
-        Nothing that a cyclic controller sends acts before that SYNC, so this need not wait for it: a runner calls it
-        while the controller computes. It always comes before the next frame is taken, so that the bytes are the same.
+        Nothing that a cyclic controller sends acts before that SYNC, so a runner calls this while the controller
+        computes. It always happens before the next frame is received, so that the bytes are the same.
         """
         if self._may_move_on:
             self._may_move_on = False
@@ -95,11 +94,11 @@ class Bench(BenchTime):
         self.node.receive(frame, origin)
 
     def send_telemetry(self) -> None:
-        """The bench node sends its TPDOs: for a runner that knows that somebody listens."""
+        """The bench node sends its TPDOs; the runner calls this while somebody listens."""
         self.node.send_telemetry()
 
     def change_truth(self, truth: Truth) -> None:
-        """The true robot is another one from now on."""
+        """Change the true robot from now on."""
         self.world.change(truth)
 
     def _set_emergency_stop(self, is_on: bool) -> None:
@@ -145,9 +144,9 @@ class Bench(BenchTime):
             self._may_move_on = True
 
     def _finish_transmissions(self, wire: Wire) -> None:
-        """The cycle's inputs reach the controller when the wire has carried them, or never if it is too slow.
+        """Let the wire carry the cycle's inputs to the controller, as far as it can before the next SYNC.
 
-        Nobody waits here for a node in bus-off.
+        Does not wait for a node in bus-off.
         """
         while (due_ns := wire.next_due_ns) < self._next_sync_ns:
             if self._off and self.bus.is_silent:

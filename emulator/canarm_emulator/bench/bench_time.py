@@ -1,6 +1,6 @@
-"""The parts of an emulated bench, and how virtual time passes in them.
+"""The parts of an emulated bench, and how virtual time passes in them: what falls due is done in order.
 
-What falls due is done in order. What a frame, a SYNC or an NMT command does never enters.
+What a frame, a SYNC or an NMT command does never enters.
 """
 
 from abc import ABC, abstractmethod
@@ -31,13 +31,13 @@ from .rest import RestWatch
 from .robot_bus import RobotBus
 
 RUN_ON_NS = 500_000_000
-"""How long after the heartbeat time the world runs on when the sender of SYNC is lost in lockstep."""
+"""When the sender of SYNC is lost in lockstep, the world runs on for the heartbeat time and this long after it."""
 IDLE_STEP_NS = 5_000_000
-"""The world follows in pieces of this length while no SYNC asks for more."""
+"""The world moves in steps of this length while there is no SYNC."""
 SILENT_CYCLES = 4
-"""The truth is told after this many cycles without SYNC as well: a test wants to see what the arm does then."""
+"""After this many cycles without SYNC, `on_cycle` is called all the same: tests look at what the arm does then."""
 SETTLE_NS = 100_000_000
-"""What a wire has not carried after so much time, it never will: nobody is left to acknowledge."""
+"""Frames that the wire has not carried after this time will never be carried: nobody is left to acknowledge them."""
 
 
 class CycleTruth(NamedTuple):
@@ -49,7 +49,7 @@ class CycleTruth(NamedTuple):
 
 
 class BenchTime(ABC):
-    """Time of a bench: `advance` lets it pass, `run_on` and `settle` until something is over."""
+    """A bench as far as its time goes: `advance` lets it pass; `run_on` and `settle` wait for something to end."""
 
     def __init__(self, cell: Cell, truth: Truth, clock: Clock, seed: int, with_wire: bool = False) -> None:
         self.cell, self.clock = cell, clock
@@ -100,7 +100,7 @@ class BenchTime(ABC):
 
     @property
     def begin_ns(self) -> int | None:
-        """When cycle 0 was; None before."""
+        """Time of cycle 0; None before."""
         return self._time.begin_ns
 
     @property
@@ -123,7 +123,7 @@ class BenchTime(ABC):
 
     @property
     def ignored_frames(self) -> int:
-        """Frames on the robot's bus that nobody took, those of cards left aside."""
+        """Frames of clients on the robot's bus that nobody took."""
         return self.bus.ignored_frames
 
     @property
@@ -132,9 +132,9 @@ class BenchTime(ABC):
         return self.nodes.is_operational
 
     def make_card(self, card: Card, name: Hashable) -> Slave:
-        """A card that goes by `name` on the robot's bus: one of the cell's, or a second one, which is wired to nothing.
+        """A card named `name` on the robot's bus: one of the cell's, or a second one, which is wired to nothing.
 
-        It has not booted, and is to be told to `nodes`.
+        It has not booted, and the caller must add it to `nodes`.
         """
         node_id = card.node_id
         device = self.rack.spare(card) if isinstance(name, SecondCard) else self.rack.devices[node_id]
@@ -159,7 +159,7 @@ class BenchTime(ABC):
         return due_ns if self._faults is None else min(due_ns, self.hooks.due_ns)
 
     def advance(self, until_ns: int) -> None:
-        """Let virtual time pass, on the wall clock or while nobody sends SYNC; a time gone by is no error."""
+        """Let virtual time pass, on the wall clock or while nobody sends SYNC; a time in the past is no error."""
         time = self._time
         while (due_ns := self.next_due_ns) <= until_ns:
             self._run_due(due_ns)
@@ -174,7 +174,7 @@ class BenchTime(ABC):
             self.bus.carry(self.wire, until_ns)
 
     def run_on(self) -> None:
-        """In lockstep, the sender of SYNC is lost: time runs on until the cards are safe and the arms at rest."""
+        """In lockstep, after the loss of SYNC: let time run on until the cards are safe and the arms at rest."""
         time = self._time
         timeouts_ns = [slave.watch_due_ns for slave in self.slaves if slave.watch_due_ns != NEVER]
         timeouts_ns.append(time.time_ns + self.cell.bus.heartbeat_timeout_ms * 1_000_000)
@@ -191,13 +191,13 @@ class BenchTime(ABC):
         self._next_sync_ns = time.time_ns
 
     def settle(self) -> None:
-        """Let the wire carry what still waits on it, at the end of a run."""
+        """At the end of a run, let the wire carry the frames that still wait."""
         wire, limit_ns = self.wire, self._time.time_ns + SETTLE_NS
         while wire is not None and (due_ns := wire.next_due_ns) <= limit_ns:
             self.advance(due_ns)
 
     def attach_faults(self, faults: Faults) -> None:
-        """From now on `faults` are told of time as it passes."""
+        """Tell `faults` of time as it passes from now on."""
         self._faults = faults
 
     def _time_and_run(self) -> tuple[int, int, bool]:
@@ -209,7 +209,7 @@ class BenchTime(ABC):
         self._time.catch_up()
 
     def _tell_idle_truth(self) -> None:
-        """The truth while no SYNC asks for it: shown always, told to `on_cycle` until the cards have acted."""
+        """Without SYNC, show the truth always, and call `on_cycle` until the cards have acted."""
         joints, time = self.world.state(), self._time
         self.device.truth = joints
         silence_ns = time.time_ns - self._last_cycle_ns

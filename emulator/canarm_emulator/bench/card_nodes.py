@@ -1,4 +1,4 @@
-"""The cards as nodes of the robot's bus: whose processors run, who takes which COB-ID, when one has something to do.
+"""The cards as nodes of the robot's bus: which of them run, which COB-IDs they take, and when they have work to do.
 
 How frames get on the bus never enters.
 """
@@ -22,21 +22,21 @@ _OPERATIONAL = NmtState.OPERATIONAL
 
 
 class Taker(NamedTuple):
-    """What a node, by its name on the bus, does with the data of frames of one COB-ID."""
+    """A node, by its name on the bus, and what it does with the data of frames of one COB-ID."""
 
     name: Hashable
     take: Take
 
 
 class CardNodes:
-    """The cards of a cell, `slaves`, and second ones with the same node-IDs. `on_nmt` takes NMT commands for all."""
+    """The cards of a cell (`slaves`) and second ones with their node-IDs. `on_nmt` takes NMT commands for all."""
 
     def __init__(self, timeline: Timeline, hooks: FaultHooks, on_nmt: Take) -> None:
         self.slaves: list[Slave] = []
         self.running = self.slaves
         """The cards, and second ones with the same node-ID, whose processors run."""
         self.takers: Mapping[int, list[Taker]] = {}
-        """By COB-ID."""
+        """Takers by COB-ID."""
         self.next_due_ns = NEVER
         """When `run_timers` has something to do."""
         self._timeline, self._hooks, self._on_nmt = timeline, hooks, on_nmt
@@ -50,7 +50,7 @@ class CardNodes:
         return False
 
     def refresh(self) -> None:
-        """A card has booted, stopped, or changed its state or configuration: find out who runs and takes what."""
+        """Find out which cards run and what they take, after one has booted, stopped or changed."""
         hooks = self._hooks
         cards = (*self.slaves, *hooks.doubles.values())
         self.running = [slave for slave in cards if slave.bus_name not in hooks.halted]
@@ -89,7 +89,7 @@ class CardNodes:
         self.schedule()
 
     def answer_remote(self, can_id: int, off: Container[Hashable]) -> bool:
-        """A remote frame is on the bus; whether a card has a TPDO for it. Those that are `off` do not hear it."""
+        """Whether a card answers a remote frame by a TPDO. Cards that are `off` do not hear it."""
         self._timeline.catch_up()
         hearing = [slave for slave in self.running if slave.bus_name not in off]
         answers = [slave.on_remote(can_id, self._timeline.time_ns) for slave in hearing]

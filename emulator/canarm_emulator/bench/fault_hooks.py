@@ -1,6 +1,6 @@
-"""What faults have changed about the nodes, messages and time of a bench; on a sound bench all of it is empty.
+"""What faults have changed about the nodes, messages and time of a bench; without faults all of it is empty.
 
-State only: the bench asks it on its way; `card_handle.py` and the points of `faults/` write it.
+State only: the bench reads it; `card_handle.py` and the points of `faults/` write it.
 """
 
 from collections.abc import Callable, Hashable
@@ -15,7 +15,7 @@ from ..timing import NEVER
 SyncFilter = Callable[[int], bool]
 SendFilter = Callable[[Frame], Frame | None]
 CycleLength = Callable[[int, int], int]
-"""From the nominal cycle and the time of a SYNC to the time until the next one, ns."""
+"""Takes the nominal cycle and the time of a SYNC, and returns the time until the next one; all in ns."""
 
 
 class Faults(Protocol):
@@ -27,7 +27,7 @@ class Faults(Protocol):
 
 
 class MessageGate(Protocol):
-    """Where frames of one direction pass, or are held back for a while."""
+    """Passes on frames of one direction, or holds them back for a while."""
 
     @property
     def due_ns(self) -> int:
@@ -39,12 +39,12 @@ class MessageGate(Protocol):
         ...
 
     def release(self, until_ns: int) -> None:
-        """Let go what is due by `until_ns`."""
+        """Pass on what is due by `until_ns`."""
         ...
 
 
 class SecondCard(NamedTuple):
-    """The name on the bus of a second card with a node-ID that is taken; `number` tells several apart."""
+    """Bus name of a second card with the same node-ID as another; `number` tells several apart."""
 
     node_id: int
     number: int
@@ -70,7 +70,7 @@ class CardTrouble:
 
 @dataclass(slots=True)
 class FaultHooks:
-    """By node-ID where it concerns cards."""
+    """The changes; those of cards are kept by node-ID."""
 
     towards_cards: MessageGate | None = None
     from_cards: MessageGate | None = None
@@ -84,7 +84,7 @@ class FaultHooks:
 
     @property
     def due_ns(self) -> int:
-        """When a frame that was held back is to go on."""
+        """When the next frame that is held back goes on."""
         points = (self.towards_cards, self.from_cards)
         return min((point.due_ns for point in points if point is not None), default=NEVER)
 
@@ -95,7 +95,7 @@ class FaultHooks:
                 point.release(until_ns)
 
     def sees_sync(self, slave: Slave, now_ns: int) -> bool:
-        """Whether the card's own faults let it see a SYNC. Each of them is asked, for they count."""
+        """Whether the card's faults let it see a SYNC. Every fault is asked, because they count SYNCs."""
         if slave.bus_name not in self.cards:
             return True
         filters = [each.sync_filter for each in self.cards[slave.node_id]]
@@ -103,7 +103,7 @@ class FaultHooks:
         return all(answers)
 
     def sent(self, node_id: int, frame: Frame) -> Frame | None:
-        """What goes out when the card sends `frame`, each fault acting on what the one before has left."""
+        """The frame that goes out when the card sends `frame`, after all faults in turn; None if it is lost."""
         passed: Frame | None = frame
         for each in self.cards.get(node_id, ()):
             if passed is not None and each.send_filter is not None:

@@ -1,7 +1,4 @@
-"""Process data between a SYNC and the end of the conversions that it starts.
-
-When a SYNC comes never enters.
-"""
+"""Process data between a SYNC and the end of the conversions that it starts."""
 
 from collections.abc import Mapping
 
@@ -19,16 +16,16 @@ class InputScan:
 
     def __init__(self, rack: Rack, world: World, hooks: FaultHooks) -> None:
         self.due_ns = NEVER
-        """When the next card's conversions are done; `NEVER` while there are none."""
+        """When the next card has finished its conversions; `NEVER` while there are none."""
         self._rack, self._world, self._hooks = rack, world, hooks
         self._pdos: list[tuple[Slave, PdoLayout]] = []
         self._mapped: Mapped = ()
-        """The objects in them, by node-ID; they are the same in nearly every cycle."""
+        """The objects in `_pdos` with their node-IDs; the same in nearly every cycle."""
         self._durations_ns: Mapping[int, int] | None = None
         self._groups: list[tuple[int, list[tuple[Slave, PdoLayout]]]] = []
-        """What leaves together, and how long after the begin."""
+        """PDOs that are sent together, and how long after the start of the scan."""
         self._due: list[tuple[int, list[tuple[Slave, PdoLayout]]]] = []
-        """What is still to be sent, and when, in order of time."""
+        """PDOs still to be sent with their times, earliest first."""
 
     def begin(self, pdos: list[tuple[Slave, PdoLayout]], now_ns: int) -> None:
         """Convert the inputs of `pdos`; the world moves on meanwhile."""
@@ -47,7 +44,7 @@ class InputScan:
         self.due_ns = self._due[0][0]
 
     def finish(self, now_ns: int) -> None:
-        """A card's conversions are done, or those of several: their TPDOs leave."""
+        """Send the TPDOs of the cards that have finished their conversions."""
         while self._due and self._due[0][0] <= now_ns:
             _, pdos = self._due.pop(0)
             for slave, layout in pdos:

@@ -1,13 +1,13 @@
-"""When an arm that nobody drives has come to rest. How time passes until then is the bench's."""
+"""When an arm that nobody drives has come to rest."""
 
 from collections.abc import Sequence
 
 from ..robot.world import JointState
 
 AT_REST_RAD_S, AT_REST_NS = 0.01, 300_000_000
-"""An arm rests when no joint has been faster for so long: a pendulum that turns is slow only for a moment."""
+"""An arm rests when every joint has been slower than this for this long: a swinging one is slow only for a moment."""
 LONGEST_FALL_NS = 30_000_000_000
-"""An arm without friction would swing for ever."""
+"""Bound on the wait: an arm without friction would swing for ever."""
 
 
 class RestWatch:

@@ -1,4 +1,4 @@
-"""How frames get on the robot's bus: from cards, clients and faults, at once or over the model of the wire.
+"""How frames get on the robot's bus: from cards, clients and faults, at once or through the wire model.
 
 Owns the record of the bus, the wire and its trouble. What a SYNC does, and why time passes, belongs to the bench.
 """
@@ -28,14 +28,14 @@ _NMT_AND_SDO = frozenset(
 
 
 OnSync = Callable[[Frame, object, Collection[object]], None]
-"""Takes a SYNC that is on the bus, its origin, and the names of those who have not got it."""
+"""Takes a SYNC on the bus, its origin, and the names of nodes that have missed it."""
 
 
 class RobotBus:
     """The robot's bus with the cards of `cell`; `nodes` take what is on it.
 
-    `with_wire` says which frames take their time: all of them on the wall clock; in lockstep those of a running cycle
-    but for SYNC and TIME, NMT and SDO.
+    With `with_wire` frames take their time: all of them on the wall clock; in lockstep those of a running cycle except
+    SYNC, TIME, NMT and SDO.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class RobotBus:
         """What was on the bus, in order; whoever drives the bench empties it."""
         self.ignored_frames = 0
         self.missed_by: Collection[object] = ()
-        """Who has not got the frame that is being taken."""
+        """Nodes that have missed the frame that is being delivered."""
         node_ids = [card.node_id for card in cell.card]
         self.wire = Wire(cell.bus.bitrate, node_ids) if with_wire else None
         """The wire model, where one was asked for."""
@@ -68,17 +68,17 @@ class RobotBus:
 
     @property
     def is_cycling(self) -> bool:
-        """Whether SYNCs drive a run. Before, time stands still in lockstep, and all frames are there at once."""
+        """Whether SYNCs drive a run. Until then time stands still in lockstep, and frames arrive at once."""
         return self._timeline.cycle >= 0 and self._nodes.is_operational
 
     @property
     def time_passes(self) -> bool:
-        """Whether what is to come later does come: always on the wall clock, in lockstep while SYNCs drive a run."""
+        """Whether later events will come: always on the wall clock, in lockstep while SYNCs drive a run."""
         return self._is_timed or self.is_cycling
 
     @property
     def is_silent(self) -> bool:
-        """Whether nobody has anything to send. Between two steps of the bench no frame is half sent."""
+        """Whether nobody has anything to send. No frame is half sent between two steps of the bench."""
         return self.wire is None or not any(node.queue for node in self.wire.nodes.values())
 
     def is_lost(self, origin: object) -> bool:
@@ -86,14 +86,14 @@ class RobotBus:
         return bool(self._off) and wire_name(origin) in self._off
 
     def hearers(self, sender: object, now_ns: int) -> list[Slave]:
-        """The cards that hear a SYNC while somebody is in bus-off or broken."""
+        """The cards that hear a SYNC while some node is in bus-off or faulty."""
         if self.is_lost(sender):
             return []
         sees = self._hooks.sees_sync
         return [each for each in self._nodes.running if each.bus_name not in self._off and sees(each, now_ns)]
 
     def way_out(self, node_id: int, name: Hashable) -> Emit:
-        """The way of a card's frames onto the bus, through the card's own faults and those of the messages."""
+        """Sends a card's frames to the bus, through the card's faults and those of messages."""
         hooks, timeline, nodes, off = self._hooks, self._timeline, self._nodes, self._off
         is_wired, unplugged = self.wire is not None, self.trouble.unplugged
 
@@ -134,7 +134,7 @@ class RobotBus:
             self._arrive(record(time_ns, frame, origin), self._off)
 
     def intrude(self, time_ns: int, frame: Frame, origin: Hashable) -> None:
-        """A frame of nobody that belongs to the cell gets on the bus. Its sender has room for one frame to wait."""
+        """A frame of an intruder gets on the bus. The intruder can queue one frame."""
         wire = self.wire
         if wire is None or not self.time_passes:
             self._arrive(Record(time_ns, frame, origin), self._off)
@@ -170,7 +170,7 @@ class RobotBus:
         if wire is None:
             raise ValueError(f"node {name!r} is on no wire; this bench was made without the wire model")
         if self.is_silent:
-            # The wire's clock stands where it last carried something.
+            # The wire's clock is at the last frame that it has carried.
             self.carry(wire, max(self._timeline.time_ns, wire.time_ns))
         wire.recover(name)
 
@@ -195,9 +195,9 @@ class RobotBus:
             self._detach_leaving(wire)
 
     def _arrive(self, record: Record, missed_by: Collection[object], is_card: bool = False) -> None:
-        """A frame is on the bus as a whole: it is logged, and who is to take it takes it.
+        """A whole frame has been on the bus: log it and deliver it.
 
-        What nobody takes counts as ignored, but for what a card sends.
+        A frame that nobody takes counts as ignored, unless a card has sent it.
         """
         self.records.append(record)
         frame = record.frame
@@ -213,11 +213,11 @@ class RobotBus:
                 taker.take(data)
 
     def _is_carried(self, frame: Frame) -> bool:
-        """Whether a frame goes over the wire, where there is one."""
+        """Whether a frame goes through the wire model, if there is one."""
         return self._is_timed or (self._timeline.cycle >= 0 and not _is_service(frame) and self._nodes.is_operational)
 
     def _queue(self, wire: Wire, frame: Frame, name: Hashable) -> None:
-        """A client has a frame to send; in lockstep it took the controller a while to compute it."""
+        """Queue a client's frame; in lockstep, the controller's computing time later."""
         if name not in wire.nodes:
             wire.attach(name)
         if self._leaving:
@@ -231,7 +231,7 @@ class RobotBus:
             self.expel(name)
 
     def _take_events(self, wire: Wire) -> None:
-        """Errors on the wire are told to everybody, changes of a card's error state to the card."""
+        """Report errors on the wire to everybody, and changes of a card's error state to the card."""
         timeline, events = self._timeline, list(wire.events)
         wire.events.clear()
         for event in events:

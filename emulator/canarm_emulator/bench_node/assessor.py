@@ -1,4 +1,4 @@
-"""Compares the true motion with the reference that a controller reports: the bench's own judgement of a run.
+"""Compares the true motion with the reference that a controller reports: the bench's own assessment of a run.
 
 The reference arrives late and in batches; the truth of the last cycles is kept until it does.
 """
@@ -13,23 +13,23 @@ from canarm_protocol.cell.sensing import position_steps_rad
 from ..robot.world import JointState
 
 SETTLING_CYCLES = 1024
-"""Cycles at the start that are left out: the motion is still blending in."""
+"""Cycles at the start that are left out, while the motion blends in."""
 KEPT_CYCLES = 4096
 
 LARGEST_RAD = 1e6
-"""A reference beyond it is nonsense from the bus."""
+"""Largest reference that is believed."""
 SHORTEST_STRETCH = 100
 """Cycles for which the reference must keep its speed to count as a stretch of constant speed."""
 STEADY_RAD = 5e-7
-"""All steps of a stretch equal its first one to this: in single precision a step is known to 2.4e-7 rad. A motion that
-keeps to it over the shortest stretch accelerates by less than 1e-3 rad/s² at 2.5 ms."""
+"""Steps of a stretch may differ from its first one by this: in single precision a step is known to 2.4e-7 rad. Over the
+shortest stretch that allows an acceleration of less than 1e-3 rad/s² at 2.5 ms."""
 
 
 @dataclass(slots=True)
 class SpeedRipple:
     """Ripple of the true speed on stretches of constant reference speed: standard deviation over mean, pooled.
 
-    Each stretch is judged about its own mean, so that going there and back does not count as ripple.
+    Each stretch has its own mean, so that moving back and forth does not count as ripple.
     """
 
     last_rad: float = math.nan
@@ -113,8 +113,8 @@ class Assessor:
     def truth(self, cycle: int, joints: Sequence[JointState], supply_limited: Sequence[int]) -> None:
         """The true state at the SYNC of `cycle`.
 
-        `supply_limited` counts, a joint, the steps so far in which the supply held the current down. A cycle is
-        saturated when the D669 was asked for all it has, or the supply gave less than was asked for.
+        `supply_limited` counts per joint the steps so far in which the supply limited the current. A cycle is saturated
+        when the D669 was at its limit, or the supply gave less than was asked for.
         """
         self._truth[cycle % KEPT_CYCLES] = (cycle, joints)
         before, self._supply_limited = self._supply_limited, supply_limited
@@ -127,7 +127,7 @@ class Assessor:
                 score.saturated_cycles += 1
 
     def reference(self, tick: int, joint: int, angle_rad: float) -> None:
-        """The reference of one joint at `tick`; dropped if it is no angle, too old, or of a cycle that never was."""
+        """The reference of one joint at `tick`; ignored if it is no angle, too old, or of an unknown cycle."""
         kept = self._truth[tick % KEPT_CYCLES]
         if kept is None or kept[0] != tick or tick < SETTLING_CYCLES or not -LARGEST_RAD < angle_rad < LARGEST_RAD:
             return

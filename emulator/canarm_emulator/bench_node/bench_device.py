@@ -1,6 +1,6 @@
-"""The bench node's data: truth, assessment, figures of the buses and faults; what the controller reports.
+"""The bench node's data: truth, assessment, figures of the buses, faults, and what the controller reports.
 
-Tells who is to do what a client writes; what faults are, and which client owns which channel, is known elsewhere.
+Passes on what clients write; faults and the ownership of channels are handled elsewhere.
 """
 
 from collections.abc import Callable
@@ -40,9 +40,9 @@ class BenchDevice:
         self.is_stopped = False
         """Whether the emergency stop is on."""
         self.on_emergency_stop: Callable[[bool], None] | None = None
-        """Told of every change."""
+        """Called at every change."""
         self.on_power_cycle: Callable[[], None] | None = None
-        """Told when one is over."""
+        """Called after each."""
         self._set_emergency_stop, self._power_cycle = set_emergency_stop, power_cycle
         self.cycle = 0
         self.truth: list[JointState] = []

@@ -1,4 +1,4 @@
-"""The bench bus: the bench as a CANopen node, with what it tells and takes there.
+"""The bench bus: the bench as a CANopen node.
 
 Owns the bench node and the record of its bus. The robot's bus never enters.
 """
@@ -18,7 +18,7 @@ from .bench_device import BenchDevice
 
 
 class BenchNode:
-    """The node that shows `device`. Without `has_wire` it leaves out the telemetry of the bus load."""
+    """The node that shows `device`; its telemetry has the bus load if `has_wire`."""
 
     def __init__(self, cell: Cell, clock: Clock, timeline: Timeline, device: BenchDevice, has_wire: bool) -> None:
         self.records: list[Record] = []
@@ -38,7 +38,7 @@ class BenchNode:
         }
 
     def receive(self, frame: Frame, origin: object) -> None:
-        """A frame arrives from a client, on a channel that is its own or nobody's."""
+        """Take a frame from a client; SDO only on a channel that the client owns or that nobody has claimed."""
         self.records.append(Record(self._timeline.time_ns, frame, origin))
         if frame.is_extended or frame.is_remote or not self._device.channels.admit(frame.can_id, origin):
             return

@@ -1,6 +1,6 @@
 """What the bench node shows of the buses: load, response times and errors of the wire, clients of the virtual bus.
 
-Reads and reckons only. Without a wire model its counts are 0 and its measurements no numbers.
+Reads and computes only. Without a wire model, counts are 0 and measurements are NaN.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,7 +17,7 @@ from ..wire.wire_node import WireNode
 
 LOAD_WINDOW_NS = 1_000_000_000
 LOAD_REFRESH_NS = 100_000_000
-"""The load of the last second is worked out again after so much time: it takes a look at every frame of that second."""
+"""The load of the last second is computed this often: that looks at every frame of the second."""
 NAN = float("nan")
 _STATE_NUMBERS = {ErrorState.ACTIVE: 0, ErrorState.PASSIVE: 1, ErrorState.BUS_OFF: 2}
 
@@ -34,13 +34,13 @@ class BusFigures:
 
     def __init__(self, wire: Wire | None, trouble: BusTrouble, node_ids: Sequence[int]) -> None:
         self.count_clients: Callable[[str], ClientCounts] = lambda bus: ClientCounts(0, 0)
-        """Who serves clients says so here, by the name of the bus."""
+        """Counts the clients of a bus by its name; set by whoever serves them."""
         self._wire, self._trouble, self._node_ids = wire, trouble, node_ids
         self._load = NAN
         self._load_until_ns = -1
 
     def getter(self, index: int, subindex: int) -> Getter | None:
-        """How to read an object of the bench node; None for one that is not of the buses."""
+        """How to read an object of the bench node; None if it is not about the buses."""
         if index in _FIGURES:
             figure = _FIGURES[index]
             return lambda: figure(self)
@@ -73,7 +73,7 @@ class BusFigures:
 
     @property
     def lost_frames(self) -> int:
-        """Frames lost in bus-off, or since a node's queue was full, so far."""
+        """Frames lost so far, in bus-off or because a node's queue was full."""
         return self._trouble.lost_frames
 
     @property

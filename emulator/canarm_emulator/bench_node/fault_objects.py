@@ -1,6 +1,6 @@
-"""The bench node's fault objects: a text that is written is done at once, and what became of it is read back.
+"""The bench node's fault objects: a text is carried out as soon as it is written, and its result is read back.
 
-Texts in, texts out. What a text means and when faults act is the engine's business; who writes is `sdo_channels`'s.
+Texts in, texts out. The engine knows what a text means and when faults act; `sdo_channels` knows who writes.
 """
 
 import json
@@ -21,7 +21,7 @@ from ..node.store import SdoRefused
 NOTHING_YET = "nothing was written on this channel yet"
 NO_FAULTS = "no faults can be injected on this bench"
 NO_LINES = "\n"
-"""An object without any byte cannot be read by SDO."""
+"""Stands for no lines: an empty object cannot be read by SDO."""
 LONGEST_RESULT = 4000
 U8 = 0xFF
 _log = logging.getLogger(__name__)
@@ -29,10 +29,10 @@ SOURCE = "fault set"
 
 
 class FaultDesk(Protocol):
-    """Who does what the texts ask for."""
+    """Carries out what the texts ask for."""
 
     def inject(self, script: FaultScript) -> str:
-        """Do it; returns what was done. Raises `FaultError` with the reason of a refusal."""
+        """Carry out a script; returns what was done. Raises `FaultError` with the reason of a refusal."""
         ...
 
     def plain_sets(self) -> list[dict[str, Any]]:
@@ -49,8 +49,9 @@ class FaultDesk(Protocol):
 
 
 class FaultObjects:
-    """Faults of one bench as its node shows them. `time` gives virtual time, cycle, and whether a run is on; `on_event`
-    is told of events.
+    """Faults of one bench as its node shows them.
+
+    `time` gives virtual time, cycle, and whether a run is on; `on_event` is called with events.
     """
 
     def __init__(self, time: Callable[[], tuple[int, int, bool]]) -> None:
@@ -66,13 +67,13 @@ class FaultObjects:
         self._packed = b""
 
     def prepare(self) -> None:
-        """Load and make now what would take several cycles of the wall clock when it is first needed."""
+        """Load and build now what would take several cycles of the wall clock later."""
         if self._desk is not None:
             self._desk.load()
         self.packed_catalogue()
 
     def attach(self, desk: FaultDesk) -> None:
-        """Faults of the bench are `desk`'s from now on."""
+        """Let `desk` carry out the texts from now on."""
         self._desk = desk
 
     def note(self, event: FaultEvent) -> None:
@@ -93,13 +94,13 @@ class FaultObjects:
         return min(len(self._acting), U8)
 
     def write(self, data: bytes, channel: int) -> None:
-        """Do what the text `data` asks for. Raises `SdoRefused`; the reason is in `result`."""
+        """Carry out the text `data`. Raises `SdoRefused`; the reason is in `result`."""
         try:
             script = parse_faults(data.decode("utf-8-sig"), SOURCE)
             if self._desk is None:
                 raise FaultError(NO_FAULTS)
             done = self._desk.inject(script)
-        # Whatever a text from outside brings about ends that text, never the bench.
+        # Whatever goes wrong ends this text, never the bench.
         except Exception as error:
             if isinstance(error, FaultError):
                 reason = str(error)
@@ -113,11 +114,11 @@ class FaultObjects:
         self._results[channel] = done[:LONGEST_RESULT]
 
     def forget(self, channel: int) -> None:
-        """The channel has a new client, whom earlier results do not concern."""
+        """The channel has a new client: drop the last result."""
         self._results.pop(channel, None)
 
     def result(self, channel: int) -> str:
-        """What became of the last text that came on `channel`."""
+        """The result of the last text on `channel`."""
         return _ascii(self._results.get(channel, NOTHING_YET))
 
     def status(self) -> str:
@@ -135,7 +136,7 @@ class FaultObjects:
         )
 
     def events(self) -> str:
-        """The last beginnings and ends of faults, oldest first, a line each."""
+        """The last beginnings and ends of faults, oldest first, one per line."""
         return "".join(_json(event_as_plain(event)) + "\n" for event in self._events) or NO_LINES
 
     def packed_events(self) -> bytes:
@@ -156,7 +157,7 @@ class FaultObjects:
 
 
 def event_text(event: FaultEvent) -> str:
-    """The event in a line for people."""
+    """The event as a readable line."""
     verb = "begins" if event.is_begin else "ends"
     when = f"cycle {event.cycle}" if event.cycle >= 0 else "before the first cycle"
     failure = f", {event.failure}" if event.failure else ""

@@ -1,8 +1,8 @@
-"""Which client has which SDO channel of the bench node: claims, their end by silence, and who may speak on a channel.
+"""Which client owns which SDO channel of the bench node: claims, their expiry, and who may use a channel.
 
-A client writes a token, a number of its own that is not 0, to CHANNEL_OWNER:n over the channel that is for claims, and
-reads it back: the channel is its own if it reads its own token. It writes 0 over the channel itself to give it back.
-A channel that nobody has claimed serves whoever asks.
+A client writes a token, a number other than 0, to CHANNEL_OWNER:n over the claim channel and reads it back: it owns the
+channel if it reads its own token. It gives the channel back by writing 0 over the channel itself. A channel that nobody
+has claimed serves anybody.
 """
 
 from dataclasses import dataclass
@@ -21,11 +21,11 @@ class _Channel:
     token: int = NOBODY
     origin: object = None
     heard_ns: int = -CLAIM_NS
-    """When somebody last asked for something, on the clock that the runner sets."""
+    """Time of the last request, on the clock that the runner sets."""
 
 
 class SdoChannels:
-    """The channels of one bench node. `now_ns` is a clock of the clients' world, set by whoever drives the bench."""
+    """The channels of one bench node. `now_ns` is the clients' clock, set by whoever drives the bench."""
 
     def __init__(self, node_id: int) -> None:
         self.now_ns = 0
@@ -38,7 +38,7 @@ class SdoChannels:
         self._numbers = {sdo_channel(node_id, number)[0]: number for number in range(SDO_CHANNELS + 1)}
 
     def admit(self, cob_id: int, origin: object) -> bool:
-        """A frame comes: whether it is to be served. False for one from a stranger on a claimed channel."""
+        """Whether a frame is to be served. False if it comes from a stranger on a claimed channel."""
         number = self._numbers.get(cob_id)
         if number is None:
             return True
@@ -55,9 +55,9 @@ class SdoChannels:
         return self._channels[number].token
 
     def write(self, number: int, token: int) -> bool:
-        """A client claims channel `number`, or gives it back with 0; whether it has a new owner. Raises `SdoRefused`.
+        """Claim channel `number`, or give it back with 0. Returns whether it has a new owner. Raises `SdoRefused`.
 
-        A client has one channel at most: a claim gives back the one that it had.
+        A client owns one channel at most: a claim gives back the one before.
         """
         if number not in CLIENT_CHANNELS:
             raise SdoRefused(AbortCode.READ_ONLY)
@@ -80,7 +80,7 @@ class SdoChannels:
         return not is_renewed
 
     def leave(self, origin: object) -> None:
-        """A client has left the bus: what it had claimed is free."""
+        """A client has left the bus: free its channel."""
         for number in CLIENT_CHANNELS:
             if self._channels[number].token != NOBODY and self._channels[number].origin == origin:
                 self._channels[number] = _Channel()

@@ -1,4 +1,4 @@
-"""The Apple II's peripheral cards as registers, and what each of them offers as a CANopen I/O module.
+"""The Apple II's peripheral cards, as registers and as CANopen I/O modules.
 
-One module per kind, of the name that the kind has in `canarm_protocol.cards`; its `plug_in` makes the card.
+There is one module per kind, named as in `canarm_protocol.cards`; its `plug_in` makes the card.
 """

@@ -1,8 +1,8 @@
 """The A/D card: an ADC0809, eight multiplexed channels of eight bits, one conversion at a time.
 
 Registers: a write to 0-7 latches that channel and starts a conversion; a read of 8 gives EOC in bit 7; a read of 9
-gives the last result. The converter has no sample-and-hold of its own; the input is taken at the start, which is right
-as long as it moves less than half a step during the conversion.
+gives the last result. The converter has no sample-and-hold; the input is sampled at the start, which is right while it
+moves less than half a step during the conversion.
 """
 
 from collections.abc import Callable

@@ -1,7 +1,4 @@
-"""What converters of any resolution have in common: their characteristics with their errors.
-
-Registers belong to the cards.
-"""
+"""Characteristics of converters of any resolution, with their errors. Registers belong to the cards."""
 
 from canarm_protocol.cards.kind import highest_code
 
@@ -15,7 +12,7 @@ STEPS = 256
 def output_fractions(bits: int, nonlinearity: float) -> list[float]:
     """I_out / I_ref of a D/A converter for each of its codes; full scale is 255/256 whatever the resolution.
 
-    `nonlinearity` is the greatest deviation from the line between the end points, a fraction of full scale, as a bow.
+    `nonlinearity` is the largest deviation from the end-point line, as a fraction of full scale; its shape is a bow.
     """
     full_scale = highest_code(bits)
     per_code = (STEPS - 1) / full_scale / STEPS
@@ -28,8 +25,8 @@ def output_fractions(bits: int, nonlinearity: float) -> list[float]:
 class Converter:
     """An A/D converter that starts when it is told to and is done after `conversion_ns`.
 
-    `errors` are in steps of its own, but for `gain_error`, a fraction of the reading; the nonlinearity is a bow between
-    the end points. The reference is trimmed so that `full_scale_v` reads the highest code.
+    `errors` are in LSB, except `gain_error`, a fraction of the reading; the nonlinearity is a bow between the end
+    points. The reference is trimmed so that `full_scale_v` reads the full-scale code.
     """
 
     def __init__(self, bits: int, full_scale_v: float, conversion_ns: int, errors: AdcTruth) -> None:
@@ -41,7 +38,7 @@ class Converter:
         self._result = self._converting = self._done_ns = 0
 
     def start(self, volts: float, now_ns: int) -> None:
-        """Begin to convert what stands at the input; a conversion that is running is abandoned."""
+        """Start to convert the input; a running conversion is abandoned."""
         if now_ns >= self._done_ns:
             self._result = self._converting
         self._converting = self.code(volts)
@@ -52,13 +49,13 @@ class Converter:
         return now_ns >= self._done_ns
 
     def result(self, now_ns: int) -> int:
-        """The last result; before the end of a conversion that of the one before."""
+        """The last result; during a conversion, that of the one before."""
         if now_ns >= self._done_ns:
             self._result = self._converting
         return self._result
 
     def convert(self, volts: float, now_ns: int) -> int:
-        """Begin as `start` does, and read when the conversion is over."""
+        """Start a conversion, and read its result when it is done."""
         self._result = self._converting = code = self.code(volts)
         self._done_ns = now_ns + self.conversion_ns
         return code

@@ -1,8 +1,8 @@
-"""A D/A card of 8 to 16 bits: four converters, each behind a register that takes its two bytes over at once.
+"""A D/A card of 8 to 16 bits: four converters, each behind a register that latches its two bytes together.
 
-Registers of channel c (0 to 3): 4c holds the code's low byte, a write to 4c+1 brings its high byte and loads the
-converter with both, as double-buffered converters on 8-bit buses do; a code never passes through an intermediate
-value. Bits above the resolution are not connected. Settling takes far less than a bus cycle.
+Registers of channel c (0 to 3): 4c holds the code's low byte; a write to 4c+1 gives the high byte and loads the
+converter with both, as in double-buffered converters on 8-bit buses. A code never passes through an intermediate value.
+Bits above the resolution are not connected. Settling takes far less than a bus cycle.
 """
 
 from collections.abc import Callable
@@ -18,13 +18,13 @@ from .registers import OPEN_BUS
 
 CHANNELS = 4
 SPACING = 4
-"""Addresses from one channel's registers to the next one's."""
+"""Addresses per channel."""
 
 
 class DacCard:
     """Buffers and converters of `bits` bits. `on_output(channel, fraction)` is told of every change of I_out / I_ref.
 
-    Full scale is that of eight bits, 255/256 of the reference, so that the op-amp behind it is trimmed alike.
+    Full scale is 255/256 of the reference as with eight bits, so that the op-amp behind it is trimmed in the same way.
     `nonlinearity` is as in `Dac0808Card`.
     """
 
@@ -57,14 +57,14 @@ class DacCard:
         self.write(SPACING * channel + 1, code >> 8, now_ns)
 
     def refresh(self, channel: int) -> None:
-        """Convert the code, as changed by whatever breaks in front of the converter."""
+        """Convert the code again, with the faults in front of the converter."""
         code = self._codes[channel]
         if self._distortions and channel in self._distortions:
             code = int(self._distortions[channel](code))
         self._on_output(channel, self._fractions[code])
 
     def distort(self, channel: int, distortion: Distortion | None) -> None:
-        """Let the converter see another code than was loaded, from the next `refresh` on."""
+        """Change the code that the converter sees, from the next `refresh` on."""
         if distortion is None:
             self._distortions.pop(channel, None)
         else:

@@ -23,8 +23,8 @@ NIBBLE = 4
 class Dac0808Card:
     """Latches and converters. `on_output(channel, fraction)` is told of every change of I_out / I_ref.
 
-    `nonlinearity` is the greatest deviation from the straight line between the end points, as a fraction of full scale
-    (data sheet: 0.19 % at most), as a bow over the codes.
+    `nonlinearity` is the largest deviation from the end-point line, as a fraction of full scale (data sheet: 0.19 % at
+    most); its shape is a bow over the codes.
     """
 
     def __init__(self, on_output: Callable[[int, float], None], nonlinearity: float = 0.0) -> None:
@@ -54,14 +54,14 @@ class Dac0808Card:
             self.refresh(channel)
 
     def refresh(self, channel: int) -> None:
-        """Convert what stands in the latches, as changed by whatever breaks between them and the converter."""
+        """Convert the latched code again, with the faults between latches and converter."""
         code = self._latches[2 * channel] | self._latches[2 * channel + 1] << NIBBLE
         if self._distortions and channel in self._distortions:
             code = int(self._distortions[channel](code))
         self._on_output(channel, self._fractions[code])
 
     def distort(self, channel: int, distortion: Distortion | None) -> None:
-        """Let the converter see another code than its latches hold, 0 to 255, from the next `refresh` on."""
+        """Change the code (0 to 255) that the converter sees, from the next `refresh` on."""
         if distortion is None:
             self._distortions.pop(channel, None)
         else:

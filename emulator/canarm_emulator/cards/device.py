@@ -1,8 +1,8 @@
 """Cards as CiA 401 I/O modules: objects of the dictionary on one side, registers on the other.
 
-A device turns a value of an object into the register accesses that the Apple II would make, at the time at which it
-would make them. It knows no frames, no states and no time-outs; `slave.py` owns those. What its methods do, `IoDevice`
-says. Which registers a card has, and where, is the card's business.
+A device turns the value of an object into the register accesses that the Apple II would make, at the time at which it
+would make them. Frames, states and time-outs are in `slave.py`; `IoDevice` documents the methods. Each card knows its
+own registers.
 """
 
 from collections.abc import Callable
@@ -30,7 +30,7 @@ from .registers import Clock, RegisterCard
 
 INPUT_BITS = {ANALOGUE_INPUT_8: 7, ANALOGUE_INPUT: 15, ANALOGUE_INPUT_32: 31}
 OUTPUT_BITS = {ANALOGUE_OUTPUT_8: 7, ANALOGUE_OUTPUT: 15, ANALOGUE_OUTPUT_32: 31}
-"""Room for a left-adjusted code in the objects of CiA 401: their bits without the sign."""
+"""Bits for a left-adjusted code in the objects of CiA 401, without the sign."""
 ALL_BITS = 0xFF
 
 
@@ -56,7 +56,7 @@ class AdcRegisters(RegisterCard, Protocol):
     """A card of one A/D converter behind a multiplexer."""
 
     def convert(self, volts: float, now_ns: int) -> int:
-        """Write to a channel's address, with what stands at its pin then; read the data when they are there."""
+        """Start the conversion of a channel with this voltage at its pin, and read the data when they are ready."""
         ...
 
 
@@ -107,7 +107,7 @@ class DacDevice:
 
 
 class LatchDevice:
-    """0x6200: eight latch bits as one byte, of which writing changes those that are 1 in 0x6208."""
+    """0x6200: eight latch bits as one byte; writing changes the bits that are 1 in 0x6208."""
 
     def __init__(self, card: LatchRegister, clock: Clock) -> None:
         self._card, self._clock = card, clock

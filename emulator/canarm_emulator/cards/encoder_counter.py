@@ -1,10 +1,9 @@
 """An encoder counter card: four quadrature decoders, each with a counter, a latch for its index and flags.
 
 Registers of channel c (0 to 3): a write to 4c latches the count, to 4c+1 the count at the last index, to 4c+2 the
-flags, which it clears, and to 4c+3 sets the counter to 0; reads of 4c to 4c+3 give the bytes of what was latched, the
-lowest first. Flags: bit 0 the counter has gone over its highest count, bit 1 under its lowest one, bit 2 the index has
-passed. A decoder counts every edge of both tracks (x4) or one edge of a period (x1); counters run freely and wrap
-around.
+flags, which it clears; a write to 4c+3 sets the counter to 0. Reads of 4c to 4c+3 give the latched bytes, lowest first.
+Flags: bit 0 overflow, bit 1 underflow, bit 2 the index has passed. A decoder counts every edge of both tracks (x4) or
+one edge per period (x1); counters wrap around.
 """
 
 from collections.abc import Callable
@@ -26,13 +25,13 @@ from .registers import Clock
 
 CHANNELS = 4
 SPACING = 4
-"""Addresses from one channel's registers to the next one's."""
+"""Addresses per channel."""
 COUNT, INDEX, FLAGS, CLEAR = range(SPACING)
 WENT_OVER, WENT_UNDER, INDEX_PASSED = 0x01, 0x02, 0x04
 
 
 class _Channel:
-    """One decoder. Edges are counted from `edges_per_turn`; the index comes once a turn, at angle 0 of the shaft."""
+    """One decoder of `edges_per_turn`; the index comes once per turn, at angle 0 of the shaft."""
 
     def __init__(self, edges_per_turn: int, bits: int) -> None:
         self._edges_per_turn = edges_per_turn
@@ -41,7 +40,7 @@ class _Channel:
         self.count = self.index = self.overflows = self.flags = 0
 
     def follow(self, angle_rad: float) -> None:
-        """The shaft is at an angle: count the edges since it was last looked at. The first look counts none."""
+        """Count the edges since the last call, with the shaft at `angle_rad` now. The first call counts none."""
         per_turn = self._edges_per_turn
         edge = floor(angle_rad / tau * per_turn) if per_turn else 0
         before, self._edge = self._edge, edge
@@ -83,12 +82,12 @@ class EncoderCounterCard:
         return self._latched[channel] >> 8 * byte & 0xFF
 
     def write(self, address: int, value: int, now_ns: int) -> None:
-        """Bring a counter up to date, and latch what is asked for, or clear it."""
+        """Bring a counter up to date, then latch or clear it."""
         channel, register = divmod(address, SPACING)
         self.latch(channel, register, self._shaft(channel))
 
     def latch(self, channel: int, register: int, angle_rad: float) -> None:
-        """What a write does, with where the shaft is then."""
+        """The effect of a write, with the shaft at `angle_rad`."""
         decoder = self.channels[channel]
         decoder.follow(angle_rad)
         if register == CLEAR:

@@ -1,6 +1,6 @@
-"""A card in its slot: what its analogue side is connected to, and what the rack gets back for plugging it in.
+"""A card in its slot: what its analogue side is connected to, and what the rack gets when it plugs it in.
 
-Knows no particular kind: the module of a kind is found by its name.
+The module of a kind is found by its name; no particular kind is known here.
 """
 
 import importlib
@@ -15,9 +15,9 @@ from ..signals import Distortion
 from .registers import Clock, RegisterCard
 
 Samples = tuple[tuple[int, int, int], ...]
-"""What a card samples in a scan, in order of time: channel (from 0), ns after the begin, and place among the values."""
+"""The samples of a card in a scan, in order of time: channel (from 0), ns after the start, and index of the value."""
 Scan = Callable[[int, Samples, list[float]], None]
-"""Make the accesses of a program that scans the inputs, from a time on (ns); `values` are what stood at the pins."""
+"""Makes the accesses of a program that scans the inputs, from a time (ns) on; the values are those at the pins."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class Connections:
     set_output: Callable[[int, float], None]
     """An output of a channel has changed: I_out/I_ref of a DAC, the two bits of a latch."""
     sample: Callable[[int], float]
-    """What stands at the pin of an input channel now: V at a converter, rad of the encoder's shaft at a counter."""
+    """The present input of a channel: V at a converter, rad of the encoder's shaft at a counter."""
     full_scale_v: float
     """The reference voltage of a converter."""
     lines: Callable[[int], int]
@@ -46,9 +46,9 @@ class Plugged:
     distort: Callable[[int, Distortion | None], None]
     """Change the code of a channel, or no longer (None)."""
     refresh: Callable[[int], None] | None = None
-    """Let an output pass its code on once more; None where there are no outputs."""
+    """Put out a channel's code again; None if there are no outputs."""
     inputs: frozenset[int] = frozenset()
-    """Indices of the objects that have an input channel under each sub-index; mapping one in a TPDO has it scanned."""
+    """Indices of the objects with an input channel under each sub-index; mapped ones are scanned."""
     scan: Scan | None = None
 
 

@@ -1,6 +1,6 @@
-"""The cards of a cell, plugged in: their analogue wires to the world on one side, devices on the other.
+"""The cards of a cell, plugged in: their wires to the world on one side, devices on the other.
 
-Owns which channel drives or measures which joint. Knows no kind of card, no frames, no states and no order of events.
+Knows which channel drives or measures which joint. Kinds of card, frames, states and the order of events never enter.
 """
 
 from collections.abc import Callable, Mapping
@@ -33,7 +33,7 @@ class _InputCard:
     scan: Scan
     channel_ns: int
     sources: dict[int, Source]
-    """By channel, as they are now; `sound` is how they are with nothing broken."""
+    """Sources by channel, with faults; `sound` has them without."""
     sound: dict[int, Source]
 
     def measured(self, mapped: Mapped) -> list[int]:
@@ -47,12 +47,12 @@ class _InputCard:
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """A scan: when what is sampled, which card takes what of it, and when each card is done after its start."""
+    """A scan: the sampling times, which card takes which samples, and how long each card needs."""
 
     schedule: ScanSchedule
     scans: tuple[tuple[Scan, Samples], ...]
     durations_ns: dict[int, int]
-    """By node-ID; cards that convert nothing are not among them."""
+    """By node-ID, without cards that convert nothing."""
 
 
 def _plan(cards: list[_InputCard], mapped: Mapped) -> _Plan:
@@ -75,14 +75,14 @@ class Rack:
         self._inputs: list[_InputCard] = []
         self._mapped: Mapped | None = None
         self._plan = _plan([], ())
-        """Of the last scan: nearly always the next one's too."""
+        """Plan of the last scan, nearly always the next one's too."""
         self.cards: dict[int, Plugged] = {card.node_id: self._plug_in(card) for card in cell.card}
         self.devices: dict[int, IoDevice] = {node_id: card.device for node_id, card in self.cards.items()}
 
     def convert(self, mapped: Mapped) -> Mapping[int, int]:
         """Scan the inputs among these objects, all cards at once; the world moves on to the end meanwhile.
 
-        Returns how long each card takes, in ns by node-ID; those that convert nothing are not among them.
+        Returns how long each card takes, in ns by node-ID, without cards that convert nothing.
         """
         if mapped is not self._mapped:
             self._mapped, self._plan = mapped, _plan(self._inputs, mapped)
@@ -97,7 +97,7 @@ class Rack:
         return plug_in(card, self._connections(card)).device
 
     def distort_input(self, joint: int, quantity: Quantity, distortion: Distortion | None) -> None:
-        """Change what a sensor gives on its way to the card, or no longer (None)."""
+        """Distort a sensor's output on its way to the card, or no longer (None)."""
         for card in self._inputs:
             for channel, source in card.sound.items():
                 if (source.joint_index, source.quantity) == (joint, quantity):

@@ -1,6 +1,6 @@
-"""What every card is to the computer: sixteen addresses, the DEVICE SELECT range of its slot from $C080 + 16 x slot.
+"""A card as the computer sees it: sixteen addresses, the DEVICE SELECT range of its slot from $C080 + 16 x slot.
 
-A card knows registers and its analogue side. It knows nothing of CAN; `device.py` puts a CiA 401 face on it.
+A card knows its registers and its analogue side, but not CAN; `device.py` makes a CiA 401 device of it.
 """
 
 from typing import Protocol
@@ -21,7 +21,7 @@ class RegisterCard(Protocol):
 
 
 class Clock(Protocol):
-    """What knows the present: when a register is accessed that is accessed now."""
+    """Gives the present, the time of register accesses."""
 
     @property
     def time_ns(self) -> int:
@@ -30,4 +30,4 @@ class Clock(Protocol):
 
 
 OPEN_BUS = 0xFF
-"""What a read of an address without a register gives: TTL inputs float high."""
+"""Value read at an address without a register: TTL inputs float high."""

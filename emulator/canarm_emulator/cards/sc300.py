@@ -39,7 +39,7 @@ class Sc300Card:
                 self.refresh(channel)
 
     def refresh(self, channel: int) -> None:
-        """Put out a channel's bits, as changed by whatever breaks behind the latch."""
+        """Put out a channel's bits again, with the faults behind the latch."""
         bits = self.value >> BITS_PER_JOINT * channel & 0b11
         if self._distortions and channel in self._distortions:
             bits = int(self._distortions[channel](bits))
@@ -48,7 +48,7 @@ class Sc300Card:
             self._on_output(channel, bits)
 
     def distort(self, channel: int, distortion: Distortion | None) -> None:
-        """Let other bits go out than the latch holds, 0 to 3, from the next `refresh` on."""
+        """Change the bits (0 to 3) that go out, from the next `refresh` on."""
         if distortion is None:
             self._distortions.pop(channel, None)
         else:

@@ -1,6 +1,6 @@
 """Fault injection: what can break at which tap of the signal path, when it does, and how that reaches the bench.
 
-What a fault of your own needs: a base, its family and kinds of tap, and parameters.
+The names here are what a fault of your own needs: a base class, families, kinds of tap, and parameters.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Where faults of the wire, of nodes and of the bench's time act: thin points over what the bench offers for each."""
+"""The points where faults of the wire, of nodes and of the bench's time act."""
 
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ class BusPoint(Point):
         assert bench.wire is not None
         self._wire = bench.wire
         self._faults: list[tuple[BusFault, int]] = []
-        """With the times at which they began."""
+        """Faults with the times at which they began."""
 
     def _add(self, fault: Fault, context: Context) -> None:
         assert isinstance(fault, BusFault)
@@ -25,7 +25,7 @@ class BusPoint(Point):
         fault.act(self._wire, context.now_ns)
 
     def remove(self, fault: Fault, now_ns: int) -> None:
-        """What the fault has asked of the wire and has not happened yet does not happen."""
+        """Withdraw what the fault has asked of the wire and has not happened yet."""
         assert isinstance(fault, BusFault)
         self._faults = [each for each in self._faults if each[0] is not fault]
         fault.end(self._wire)
@@ -43,7 +43,7 @@ class NodePoint(Point):
     def __init__(self, bench: "Bench", tap: Tap) -> None:
         self._bench, self._node_id = bench, tap.node_id
         self._faults: list[tuple[NodeFault, NodeHandle, int]] = []
-        """Each with a port of its own, and the time at which it began."""
+        """Faults, each with a handle of its own and the time at which it began."""
 
     def _add(self, fault: Fault, context: Context) -> None:
         assert isinstance(fault, NodeFault)

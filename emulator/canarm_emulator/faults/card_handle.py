@@ -1,6 +1,6 @@
-"""What a fault can do to a card: the bench's side of `faults.declaration.NodeHandle`.
+"""What a fault can do to a card: the implementation of `faults.declaration.NodeHandle` on a bench.
 
-Every fault has a port of its own, so that one fault's end leaves alone what another has done to the same card.
+Every fault has a handle of its own, so that the end of one leaves alone what another has done to the same card.
 """
 
 import math
@@ -24,7 +24,7 @@ _COMMANDS = {
 
 
 class CardHandle(NodeHandle):
-    """One fault's hands on the card of `bench` with a node-ID."""
+    """One fault's handle on a card of `bench`."""
 
     def __init__(self, bench: "Bench", node_id: int) -> None:
         self._bench, self._hooks = bench, bench.hooks
@@ -105,13 +105,13 @@ class CardHandle(NodeHandle):
         self._bench.nodes.refresh()
 
     def remove_double(self) -> None:
-        """Gone without a word; what is on the wire of it is still carried."""
+        """It leaves silently; what it has on the wire is still carried."""
         self._hooks.doubles.pop(self._double, None)
         self._bench.bus.expel(self._double)
         self._bench.nodes.refresh()
 
     def _apply(self) -> None:
-        """Let the card be as all its faults together make it."""
+        """Apply all faults of the card together."""
         hooks, node_id, slave = self._hooks, self._slave.node_id, self._slave
         known = hooks.cards.get(node_id, [])
         others = [each for each in known if each is not self._done]

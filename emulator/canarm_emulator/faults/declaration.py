@@ -1,8 +1,7 @@
 """What a fault is: a name, its parameters, the kinds of tap where it may act, and what it does there.
 
-A fault is a dataclass derived from one of the bases below; deriving with `name=...` declares it, in whatever module.
-Its fields are its parameters, which `parameters.py` makes. Nothing here knows when a fault acts, which is `engine.py`'s
-business, nor which modules there are, which is `modules.py`'s.
+A fault is a dataclass derived from one of the bases below; deriving with `name=...` declares it, in any module. Its
+fields are its parameters, made by `parameters.py`. `engine.py` decides when faults act; `modules.py` finds the modules.
 """
 
 import sys
@@ -65,7 +64,7 @@ SCALAR_KINDS = frozenset({TapKind.DAC_CODE, TapKind.OPAMP, TapKind.CURRENT, TapK
 
 @dataclass(frozen=True, slots=True)
 class Tap:
-    """A named point of the signal path. A scalar's value lies in `low` to `high`, in `unit`; `step` is its resolution.
+    """A named point of the signal path. A scalar is in `low` to `high`, in `unit`, with the resolution `step`.
 
     `joint` is an index into `Cell.joints`; `node_id` and `channel` (from 1) belong to a card.
     """
@@ -84,7 +83,7 @@ class Tap:
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """What a fault is told when it begins: where, when, a source of randomness of its own, and of which set it is."""
+    """What a fault is told when it begins: tap, time, a random generator of its own, and its set."""
 
     tap: Tap
     now_ns: int
@@ -114,12 +113,10 @@ class Fault(ABC):
     needs_wire: ClassVar[bool]
     """Whether it acts on the wire model alone, and is refused without."""
     is_dangerous: ClassVar[bool]
-    """Whether it makes torque that nobody asked for, turns its direction, or breaks the wire. Faults of sensors, and
-    loss of torque, are judged by what the arm does.
-    """
+    """Whether it makes torque that nobody asked for, reverses its direction, or breaks the wire."""
 
     declared_at: ClassVar[str]
-    """File and line."""
+    """File and line of the declaration."""
     able_at: ClassVar[frozenset[TapKind]] = frozenset()
     """The kinds of tap where the base can act at all."""
 
@@ -131,7 +128,7 @@ class Fault(ABC):
         needs_wire: bool = False,
         is_dangerous: bool = False,
     ) -> None:
-        """Raises `FaultError` for a name that is taken at a kind of tap, and where it could not act."""
+        """Raises `FaultError` for a name that is taken at a kind of tap, and for a kind where the base cannot act."""
         if name:
             if not is_built_in(cls.__module__):
                 load_built_in()
@@ -168,7 +165,7 @@ def _check_place(fault: type[Fault]) -> None:
         raise FaultError(f"{where}: acts_on has {', '.join(beyond)}; with its base it can act on {able}")
     for kind in TapKind:
         other = _DECLARED.get((fault.name, kind)) if kind in fault.acts_on else None
-        # The same lines again are a module that is imported again, or under another name.
+        # The same lines again mean that a module is imported again, or under another name.
         if other is not None and other.declared_at != fault.declared_at:
             raise FaultError(
                 f"{where}: the name is taken at {kind.name} ({kind.value}) by {other.declared_at}; choose another name"
@@ -182,9 +179,9 @@ class SignalFault(Fault):
 
     @abstractmethod
     def apply(self, value: float, now_ns: int) -> float:
-        """What goes on instead of `value`; the tap limits it to its range, and rounds codes.
+        """The value that replaces `value`; the tap limits it to its range, and rounds codes.
 
-        Called whenever the value is passed on, at least once a cycle, with times that never go back.
+        Called whenever the value is passed on, at least once per cycle, with times that never decrease.
         """
 
 
@@ -194,7 +191,7 @@ class JointFault(Fault):
     able_at = frozenset({TapKind.SUPPLY, TapKind.MOTOR, TapKind.BRAKE, TapKind.LINK, TapKind.DRIVE_WIRE})
 
     varies: ClassVar[bool] = False
-    """Whether `change` is to be asked every cycle; otherwise only when some fault of the arm begins or ends."""
+    """Whether `change` is called every cycle; otherwise only when a fault of the arm begins or ends."""
 
     @abstractmethod
     def change(self, joint: JointTruth, now_ns: int) -> JointTruth:
@@ -211,17 +208,17 @@ class MessageFault(Fault):
 
     @abstractmethod
     def pass_on(self, frame: Frame, now_ns: int) -> Iterable[tuple[int, Frame]]:
-        """What becomes of a frame: (time, frame) pairs, at `now_ns` or later; none where it is lost.
+        """What becomes of a frame: (time, frame) pairs at `now_ns` or later, none if it is lost.
 
-        In lockstep, while no run is on, later ones go on at `now_ns` too: time stands still.
+        In lockstep, while no run is on, later frames go on at `now_ns` too: time stands still.
         """
 
     def due(self, until_ns: int) -> Iterable[tuple[int, Frame]]:
-        """Frames that come by themselves before `until_ns`; asked again then, and again, a cycle at a time."""
+        """Frames that it sends by itself before `until_ns`; called once per cycle."""
         return ()
 
     def rest(self, now_ns: int) -> Iterable[tuple[int, Frame]]:
-        """It ends: frames that it still holds back."""
+        """The frames that it still holds back when it ends."""
         return ()
 
 
@@ -273,7 +270,7 @@ class NodeHandle(ABC):
 
     @abstractmethod
     def command(self, state: str, now_ns: int) -> None:
-        """Enter an NMT state by itself: "stopped", "pre-operational" or "operational"."""
+        """Enter an NMT state without a command: "stopped", "pre-operational" or "operational"."""
 
     @abstractmethod
     def set_deaf(self, is_deaf: bool) -> None:
@@ -281,11 +278,11 @@ class NodeHandle(ABC):
 
     @abstractmethod
     def set_sync_filter(self, passes: Callable[[int], bool] | None) -> None:
-        """`passes(now_ns)` decides for each SYNC whether the node sees it; None: it sees all."""
+        """`passes(now_ns)` says for each SYNC whether the node sees it; None for all."""
 
     @abstractmethod
     def set_send_filter(self, passes: Callable[[Frame], Frame | None] | None) -> None:
-        """`passes(frame)` is what becomes of each frame that the node sends, if anything; None: all go out."""
+        """`passes(frame)` returns the frame that goes out for each one sent, or None; without a filter all go out."""
 
     @abstractmethod
     def set_sdo_refusal(self, is_refusing: bool) -> None:
@@ -315,9 +312,9 @@ class ClockFault(Fault):
 
 
 def declared_faults() -> Mapping[tuple[str, TapKind], type[Fault]]:
-    """Every fault by name and kind of tap, wherever it was declared. One name may stand for several, at other kinds.
+    """Every declared fault by name and kind of tap. A name may stand for different faults at different kinds of tap.
 
-    Raises `FaultError` where a module of faults that is installed cannot be imported.
+    Raises `FaultError` if an installed module of faults cannot be imported.
     """
     import_declared()
     return _DECLARED

@@ -1,8 +1,8 @@
-"""When faults act: configurations of sets, their triggers, durations and repetitions, evaluated once a cycle.
+"""When faults act: configurations of sets, their triggers, durations and repetitions, evaluated once per cycle.
 
-Every text that is accepted is a configuration of its own; configurations run side by side. Inside one, sets come one
-after the other (or side by side where it says `parallel`): a set waits for its trigger when the one before has ended,
-or ends the one before when that has no duration. All or nothing of a text is accepted.
+Every accepted text is a configuration of its own, and configurations run in parallel. Within one, sets follow each
+other unless it is `parallel`: a set waits for its trigger until the one before has ended, or ends the one before if
+that has no duration. A text is accepted as a whole or not at all.
 """
 
 import contextlib
@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 NAME_OF_ALL = ""
 """`clear` with this name clears every set."""
 MOST_AT_WORK, MOST_DONE = 2000, 100
-"""Sets that may wait or act at one time; texts whose sets have all ended that `status` still shows."""
+"""Most sets that may wait or act at one time, and most finished texts that `status` still shows."""
 _JOINT_KINDS = frozenset({TapKind.SUPPLY, TapKind.MOTOR, TapKind.LINK, TapKind.DRIVE_WIRE})
 
 
 class FaultEngine:
-    """The faults of one bench. `update` is called once a cycle and whenever time passes without cycles.
+    """The faults of one bench. `update` is called once per cycle, and when time passes without cycles.
 
-    `on_event` is told of every beginning and end; `seed` feeds the faults' own randomness and nothing else.
+    `on_event` is called at every beginning and end; `seed` is for the faults' own randomness only.
     """
 
     def __init__(self, bench: "Bench", seed: int) -> None:
@@ -64,9 +64,9 @@ class FaultEngine:
         self._signals = ("time_s", "cycle", *signals)
 
     def accept(self, script: FaultScript) -> str:
-        """Do what a text asks for, as a whole or not at all; returns what was done in a few words.
+        """Carry out a script as a whole or not at all; returns what was done in a few words.
 
-        Raises `FaultError` for what is not supported, with the reason, and for sets that there are not.
+        Raises `FaultError` with the reason for what is not supported, and for unknown sets.
         """
         if script.clear is not None:
             return self.clear(script.clear)
@@ -97,7 +97,7 @@ class FaultEngine:
         return "; ".join([f"accepted {', '.join(repr(turn.declared.name) for turn in turns)}", *self._remarks(script)])
 
     def _planned(self, declared: FaultSet) -> Iterator[PlannedFault]:
-        """The faults of a set. Raises `FaultError` for one that there is not, or that this bench does not support."""
+        """The faults of a set. Raises `FaultError` for one that is unknown, or that this bench does not support."""
         for number, spec in enumerate(declared.faults, start=1):
             try:
                 planned = PlannedFault(self.taps, spec)
@@ -119,7 +119,7 @@ class FaultEngine:
             )
 
     def overdue(self, script: FaultScript) -> list[FaultSet]:
-        """Sets of `script` whose time or cycle is over, so that they would begin at once."""
+        """Sets of `script` whose time or cycle has passed, so that they would begin at once."""
         began_ns = self._run_began_ns
         if began_ns is None:
             return []
@@ -130,7 +130,7 @@ class FaultEngine:
                 return round(trigger.at_s * 1e9) < passed_ns
             return trigger.cycle is not None and trigger.cycle <= self._bench.cycle
 
-        # In an order the others wait for those before them, whatever time it is.
+        # In a sequence, the others wait for those before them anyway.
         sets = script.sets if script.is_parallel else script.sets[:1]
         return [each for each in sets if is_over(each.trigger)]
 
@@ -141,7 +141,7 @@ class FaultEngine:
         return None if began_ns is None else (self._bench.time_ns - began_ns) * 1e-9
 
     def clear(self, name: str = NAME_OF_ALL) -> str:
-        """End and forget the sets of that name, or all. Raises `FaultError` where there is none of the name."""
+        """End and forget the sets of that name, or all. Raises `FaultError` if there is none."""
         found = 0
         names = [turn.declared.name for turn in self._turns()]
         if name and name not in names:
@@ -255,7 +255,7 @@ class FaultEngine:
             self._failed.append(turn)
 
     def _fail_at(self, point: Point, error: Exception) -> None:
-        """Any of the faults there may be the cause: all of them end."""
+        """End all faults at a point: any of them may be the cause."""
         for turn in self._turns():
             for tap, fault in turn.faults:
                 if self._point(tap) is point:
@@ -329,7 +329,7 @@ class FaultEngine:
             self.on_event(FaultEvent(now_ns, self._cycle, is_begin, name, tap.name, fault.name, failure))
 
     def _remarks(self, script: FaultScript) -> list[str]:
-        """What is worth a word about the times in a script that was accepted."""
+        """Remarks about the times in an accepted script."""
         time_s = self.run_time_s
         if time_s is None:
             given = ["at"] * any(each.trigger.at_s is not None for each in script.sets)

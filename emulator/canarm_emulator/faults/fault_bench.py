@@ -1,6 +1,6 @@
-"""A bench on which faults can be injected: the bench and the engine of its faults, put together.
+"""A bench on which faults can be injected: a bench with a fault engine.
 
-The faults are many modules, and most runs need none: they are loaded when something is first asked of them.
+The faults are many modules, and most runs need none: they are loaded when they are first used.
 """
 
 import importlib
@@ -28,7 +28,7 @@ class FaultBench(Bench):
 
     @property
     def faults(self) -> "FaultEngine":
-        """What is broken, or will be."""
+        """The fault engine."""
         if self._engine is None:
             from .engine import FaultEngine
 
@@ -38,7 +38,7 @@ class FaultBench(Bench):
         return self._engine
 
     def inject(self, script: FaultScript) -> str:
-        """Do what a fault script asks for; returns what was done. Raises `FaultError` with the reason of a refusal."""
+        """Carry out a fault script; returns what was done. Raises `FaultError` with the reason of a refusal."""
         done = self.faults.accept(script)
         if not self.bus.is_cycling:
             self.catch_up()
@@ -46,14 +46,14 @@ class FaultBench(Bench):
         return done
 
     def change_truth(self, truth: Truth) -> None:
-        """The true robot is another one from now on; what faults change about it they change about the new one."""
+        """Change the true robot from now on; active faults act on the new one."""
         if self._engine is None:
             super().change_truth(truth)
         else:
             self._engine.truth_point.change_base(truth, self.time_ns)
 
     def power_cycle(self) -> None:
-        """As a bench without faults does; those that there are end first and are forgotten."""
+        """End and forget all faults, then switch everything off and on again."""
         if self._engine is not None:
             self.inject(clearing())
         super().power_cycle()
@@ -70,5 +70,5 @@ class FaultBench(Bench):
         return as_plain(catalogue_of(self.cell))
 
     def load(self) -> None:
-        """Load now what the first fault would need: several cycles of the wall clock."""
+        """Load now what the first fault would need, which takes several cycles of the wall clock."""
         importlib.import_module(".engine", __package__)

@@ -1,6 +1,6 @@
-"""Between a fault and the bench: what a fault raises, or returns that cannot be, does not take the bench down.
+"""Guards the bench against faults: an exception or an impossible result of a fault does not take the bench down.
 
-A guarded fault that fails does nothing from then on, and the failure is reported once. When it ends is not known here.
+A guarded fault that fails does nothing from then on, and the failure is reported once; the engine ends it.
 """
 
 import math
@@ -14,11 +14,11 @@ from ..robot.truth import JointTruth
 from .declaration import Fault, NodeHandle
 
 LONGEST = 300
-"""Characters of a failure's text."""
+"""Longest text of a failure, in characters."""
 
 
 def guard(fault: Fault, report: Callable[[Exception], None]) -> None:
-    """Let every call of `fault` by the bench pass through a check. `report` is told of the first failure."""
+    """Check every call of `fault` by the bench. `report` is called with the first failure."""
     has_failed = False
 
     def guarded(call: Callable[..., Any], neutral: Callable[..., Any], checked: Callable[[Any], Any]) -> Any:
@@ -43,7 +43,7 @@ def guard(fault: Fault, report: Callable[[Exception], None]) -> None:
 
 
 class _GuardedPort:
-    """A node's port: the filters that a fault hands over are checked as its own calls are."""
+    """A node's handle that checks the filters of a fault like its own calls."""
 
     def __init__(self, port: NodeHandle, guarded: Callable[..., Callable[..., Any]]) -> None:
         self._port, self._guarded = port, guarded
@@ -84,7 +84,7 @@ def _joint(value: Any) -> JointTruth:
 
 
 def _stamped(frames: Iterable[Any]) -> list[tuple[int, Frame]]:
-    """Made at once: a generator would fail outside."""
+    """The frames as a list: a generator could fail outside the guard."""
     found = list(frames)
     for each in found:
         time_ns, frame = each if isinstance(each, tuple) and len(each) == 2 else (None, None)
@@ -125,4 +125,4 @@ _CALLS: dict[str, tuple[Callable[..., Any], Callable[[Any], Any]]] = {
     "end": (_nothing, _as_it_is),
     "period_ns": (lambda nominal_ns, now_ns: nominal_ns, _period),
 }
-"""The bench's calls by name: what stands for the fault once it has failed, and the check of what it returns."""
+"""The bench's calls by name: the replacement once the fault has failed, and the check of its results."""

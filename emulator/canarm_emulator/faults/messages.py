@@ -1,4 +1,4 @@
-"""Faults on messages: frames that are held back, changed, or come from nowhere, in one direction of the robot's bus."""
+"""Faults on messages: frames that are held back, changed or forged, in one direction of the robot's bus."""
 
 import heapq
 import itertools
@@ -19,7 +19,7 @@ TOWARDS_CARDS = "can0.rx"
 
 
 class Intruder(NamedTuple):
-    """Who sends the frames that a fault makes up: the tap where it acts, and its number there."""
+    """Sender of the frames that a fault forges: the tap where it acts, and its number there."""
 
     tap: str
     number: int
@@ -34,7 +34,7 @@ class _Passing(NamedTuple):
 
 
 class _Held(NamedTuple):
-    """A frame that waits; `number` keeps those of one time in order."""
+    """A frame that waits; `number` keeps frames of the same time in order."""
 
     time_ns: int
     number: int
@@ -50,28 +50,28 @@ class _Held(NamedTuple):
 class MessagePoint(Point):
     """One direction of the bus. The bench hands over every frame but SYNC and TIME; frames held back wait here.
 
-    A frame passes the faults that are there when it is sent, in the order in which they began; one that is held back
-    meets none that begins later. It still comes when its fault has ended by itself, but not when the fault was cleared,
-    when the run is over in which it was sent, or when a new one has begun since. In lockstep none is held back while no
-    SYNC drives a run: time stands still, and the frame would never come.
+    A frame passes the faults that act when it is sent, in the order in which they began; a frame that is held back
+    does not meet later ones. It still arrives if its fault ends by itself, but not if the fault is cleared, or its run
+    is over or followed by another. In lockstep no frame is held back while no SYNC drives a run: time stands still, and
+    it would never arrive.
     """
 
     def __init__(self, bench: "Bench", tap: Tap) -> None:
         self._bench, self._tap = bench, tap.name
         self._is_towards_cards = tap.name == TOWARDS_CARDS
         self._faults: list[tuple[MessageFault, str]] = []
-        """Each with the name of its set."""
+        """Faults, each with the name of its set."""
         self._sources: list[tuple[MessageFault, Intruder]] = []
-        """Faults that make frames up."""
+        """Faults that forge frames."""
         self._ask_ns = NEVER
-        """When those are asked for more."""
+        """When those are asked for more frames."""
         self._held: list[_Held] = []
         self._run_on: int | None = None
         """The run that was on when a frame last came here."""
         self._announced = 0
-        """The run that an NMT start, perhaps held back itself, is to begin: what is sent behind it belongs there."""
+        """The run that an NMT start, perhaps held back itself, will begin: frames sent after it belong to that run."""
         self._senders: dict[int, object] = {}
-        """Whose each identifier is: a fault may let go the frame of another sender than that of the one that came."""
+        """Sender of each identifier: a fault may release the frame of another sender than that of the present one."""
         self._count, self._intruders = itertools.count(), itertools.count()
 
     def _add(self, fault: Fault, context: Context) -> None:
@@ -83,7 +83,7 @@ class MessagePoint(Point):
         self._install(self)
 
     def remove(self, fault: Fault, now_ns: int) -> None:
-        """Frames that a fault has held back still come; those that it has made up do not."""
+        """Frames that a fault has held back still arrive; those that it has forged do not."""
         assert isinstance(fault, MessageFault)
         self._look_for_end_of_run(now_ns)
         holders = frozenset(name for each, name in self._faults if each is fault)
@@ -100,7 +100,7 @@ class MessagePoint(Point):
         self._leave_if_done()
 
     def drop(self, set_name: str | None = None) -> None:
-        """Frames that faults of this set have held back, or all that are held back, do not come."""
+        """Drop the frames that faults of this set have held back, or all."""
         self._held = [each for each in self._held if set_name is not None and set_name not in each.holders]
         heapq.heapify(self._held)
         self._leave_if_done()
@@ -111,7 +111,7 @@ class MessagePoint(Point):
         return min(self._held[0].time_ns, self._ask_ns) if self._held else self._ask_ns
 
     def take(self, time_ns: int, frame: Frame, origin: object) -> None:
-        """A frame comes from `origin`: it goes on at once, later, changed, several times or never."""
+        """Take a frame from `origin`: it goes on at once, later, changed, several times or never."""
         self._look_for_end_of_run(time_ns)
         time_passes = self._bench.bus.time_passes
         self._senders[frame.can_id] = origin
@@ -128,7 +128,7 @@ class MessagePoint(Point):
             self._announced = self._bench.run + 1
 
     def release(self, until_ns: int) -> None:
-        """Let go what is due by `until_ns`."""
+        """Pass on what is due by `until_ns`."""
         while self.due_ns <= until_ns:
             if self._ask_ns <= self.due_ns:
                 self._ask(self._ask_ns)
@@ -161,7 +161,7 @@ class MessagePoint(Point):
         heapq.heappush(self._held, _Held(time_ns, next(self._count), frame, origin, holders, run, is_of_run))
 
     def _look_for_end_of_run(self, now_ns: int) -> None:
-        """What faults themselves keep of a run that is over does not come either."""
+        """Discard what faults themselves hold from a run that is over."""
         run_on = self._bench.run if self._bench.is_operational else None
         if self._run_on not in (None, run_on):
             for fault, _ in self._faults:
@@ -169,7 +169,7 @@ class MessagePoint(Point):
         self._run_on = run_on
 
     def _may_come(self, held: _Held) -> bool:
-        """Whether the run it belongs to is not over."""
+        """Whether its run is not over."""
         if isinstance(held.origin, Intruder):
             return True
         return held.run >= self._bench.run and (self._bench.is_operational or not held.is_of_run)
@@ -184,7 +184,7 @@ class MessagePoint(Point):
 
 
 def _passed(passing: _Passing, fault: MessageFault, set_name: str) -> Iterator[_Passing]:
-    """What the fault makes of a frame."""
+    """The frames that result when a frame passes the fault."""
     for time_ns, frame in fault.pass_on(passing.frame, passing.time_ns):
         is_held = time_ns > passing.time_ns
         yield _Passing(time_ns, frame, passing.holders | {set_name} if is_held else passing.holders)

@@ -1,6 +1,6 @@
-"""Which modules declare faults: our own in `kinds/`, and those of other packages, which are found by an entry point.
+"""The modules that declare faults: our own in `kinds/`, and those of other packages, found by an entry point.
 
-What a fault is must not enter: `declaration.py` imports this.
+`declaration.py` imports this, so it must not know what a fault is.
 """
 
 import functools
@@ -11,7 +11,7 @@ from importlib.metadata import entry_points
 from canarm_protocol.errors import FaultError
 
 ENTRY_POINTS = "canarm.faults"
-"""Group of entry points, each of which names a module that declares faults."""
+"""Group of entry points; each names a module that declares faults."""
 _KINDS = f"{__package__}.kinds"
 
 

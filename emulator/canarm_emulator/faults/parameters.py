@@ -1,6 +1,6 @@
-"""The parameters of a fault: how a class declares them, with bounds that are checked where they are written.
+"""The parameters of a fault: how a class declares them. Their bounds are checked where they are declared.
 
-What a fault does with them never enters; which value somebody asks for is checked by `catalogue.py`.
+`catalogue.py` checks the values that are asked for.
 """
 
 import dataclasses
@@ -17,7 +17,7 @@ from .declaration import Fault, Tap
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter at a tap: a number in `unit` from `minimum` to `maximum`, or a text where `choices` are given.
+    """A parameter at a tap: a number in `unit` from `minimum` to `maximum`, or one of the words `choices`.
 
     A `default` of None means that the fault finds a value by itself, as `about` says.
     """
@@ -41,7 +41,7 @@ def parameter(
     *,
     is_whole: bool = False,
 ) -> Any:
-    """A numeric parameter of a fault, bounds included. It and the next three raise `FaultError` for what cannot be."""
+    """A numeric parameter of a fault; bounds are inclusive. These functions raise `FaultError` for wrong arguments."""
     call = "parameter(about, unit, default, minimum, maximum, *, is_whole=False)"
     _check_arguments(call, {"about": about, "unit": unit}, default, minimum, maximum)
     meta = Parameter("", about, unit, default, minimum, maximum, is_whole=is_whole)
@@ -49,9 +49,9 @@ def parameter(
 
 
 def of_tap(about: str, default: float | None, minimum: float, maximum: float, per: str = "") -> Any:
-    """A numeric parameter in the unit of the tap (`per` something, such as "s"), given in multiples of its range.
+    """A numeric parameter in the unit of the tap, or `per` something such as "s".
 
-    Bounds and default here are multiples of high - low; what the fault gets is in the tap's unit.
+    Bounds and default are multiples of the tap's range, high - low; the fault gets the value in the tap's unit.
     """
     call = 'of_tap(about, default, minimum, maximum, per="")'
     _check_arguments(call, {"about": about, "per": per}, default, minimum, maximum)
@@ -60,7 +60,7 @@ def of_tap(about: str, default: float | None, minimum: float, maximum: float, pe
 
 
 def level(about: str, default: float | None) -> Any:
-    """A parameter that is a value of the tap itself, from its low to its high. `default`: 0 is low, 1 is high."""
+    """A parameter that is a value of the tap, from its low to its high. `default`: 0 is low, 1 is high."""
     _check_arguments("level(about, default)", {"about": about}, default, 0.0, 1.0)
     meta = Parameter("", about, "", default, 0.0, 1.0)
     return field(default=default, metadata={"parameter": meta, "level": True})
@@ -126,7 +126,7 @@ def _check_arguments(call: str, texts: Mapping[str, object], default: object, mi
 
 
 def _refused(call: str, problem: str) -> FaultError:
-    """What is wrong with a parameter, at the line and in the class where it is declared."""
+    """The error about a parameter, with the line and the class where it is declared."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None and frame.f_globals.get("__name__") == __name__:
         frame = frame.f_back

@@ -1,6 +1,6 @@
-"""Where taps are inside the bench: which call a fault has to change, installed while a fault is there and only then.
+"""The points of the bench that stand behind taps: a fault changes a call there, installed only while it acts.
 
-Faults at one tap act in the order in which they began, each on what the one before has left.
+Faults at one point act in the order in which they began, each on the result of the one before.
 """
 
 from abc import ABC, abstractmethod
@@ -34,15 +34,15 @@ class Point(ABC):
         """A fault ends."""
 
     def drop(self, set_name: str | None = None) -> None:  # noqa: B027
-        """Faults were cleared, those of this set or all: what they have held back so far never goes on."""
+        """Faults of this set, or all, were cleared: drop what they have held back."""
 
     def refresh(self, now_ns: int) -> None:  # noqa: B027
-        """Once a cycle while any fault is here: what varies with time is brought up to date."""
+        """Update what varies with time; called once per cycle while any fault is here."""
 
 
 class SignalPoint(Point):
-    """A scalar tap. `install` puts a distortion into the signal path or takes it out (None); `pass_on` makes an output
-    pass through it again.
+    """A scalar tap. `install` puts a distortion into the signal path, or takes it out (None); `pass_on` sends an output
+    through it again.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class SignalPoint(Point):
         self.refresh(now_ns)
 
     def refresh(self, now_ns: int) -> None:
-        """Outputs change only when something is sent; the faults change them meanwhile."""
+        """Pass outputs on again: faults change them between commands."""
         if self._pass_on is not None:
             self._pass_on()
 
@@ -85,7 +85,7 @@ class SignalPoint(Point):
 
 
 class TruthPoint(Point):
-    """All that changes the truth of joints. One for the whole arm, since an arm is one model."""
+    """Changes the truth of joints; there is one for all arms, because they are one model."""
 
     def __init__(self, bench: "Bench") -> None:
         self._world = bench.world
@@ -111,7 +111,7 @@ class TruthPoint(Point):
             self._change(now_ns)
 
     def change_base(self, truth: Truth, now_ns: int) -> None:
-        """The truth that the faults act on is another one from now on."""
+        """Change the truth on which the faults act."""
         if self._faults:
             self._base = truth
             self._change(now_ns)

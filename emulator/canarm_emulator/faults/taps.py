@@ -1,6 +1,6 @@
 """The taps of a cell: every arrow of the signal path by name.
 
-Names come from the cell's joints and cards. What hangs on a tap inside the bench belongs to `points.py`.
+Names come from the cell's joints and cards. `points.py` has what stands behind a tap inside the bench.
 """
 
 from canarm_protocol.cards import Wire
@@ -16,7 +16,7 @@ _OF_A_CARD = {
     Wire.VOLTAGE: (TapKind.ADC_CODE, "LSB"),
     Wire.PULSES: (TapKind.ADC_CODE, "LSB"),
 }
-"""What flows through the channels of a card, and in which unit."""
+"""Kind and unit of the signals at the channels of a card."""
 
 _OF_A_JOINT = (
     ("amplifier.supply", TapKind.SUPPLY, "supply of amplifier and motor"),

@@ -1,6 +1,6 @@
-"""The sets of a fault script at work: in which state each is, and when its trigger or its duration says so.
+"""The sets of an accepted fault script: the state of each, and when its trigger or its duration ends that state.
 
-What a fault does when its set begins never enters; the engine begins and ends sets.
+The engine begins and ends sets; what their faults do never enters.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,7 +15,7 @@ from .catalogue import PlannedFault
 from .declaration import Fault, Tap
 
 Values = Callable[[], Mapping[str, float]]
-"""Gives the true signals of the moment by name."""
+"""Gives the present true signals by name."""
 
 
 class SetState(Enum):
@@ -50,10 +50,10 @@ class Turn:
     was_true: bool = False
     faults: list[tuple[Tap, Fault]] = field(default_factory=list)
     failure: tuple[Fault, str] | None = None
-    """The fault of it that has failed first, and how."""
+    """Its first fault that has failed, and how."""
 
     def may_begin(self, now_ns: int, begin_ns: int | None, cycle: int, values: Values) -> bool:
-        """Whether its trigger holds. A condition that comes again must have been false in between."""
+        """Whether its trigger holds. A condition must have been false before it triggers again."""
         if self.is_pulled:
             return True
         if self.activations and self.declared.period_s is not None:
@@ -86,7 +86,7 @@ class Configuration:
     turns: list[Turn]
     is_parallel: bool
     place: int = 0
-    """The set whose turn it is, where they come one after the other."""
+    """Index of the set whose turn it is, in a sequence."""
 
     @property
     def is_done(self) -> bool:
@@ -94,5 +94,5 @@ class Configuration:
         return all(turn.state is SetState.ENDED for turn in self.turns)
 
     def keep(self, turns: list[Turn]) -> None:
-        """Forget all but these. Those that have ended are passed over again."""
+        """Forget all but these."""
         self.turns, self.place = turns, 0

@@ -22,11 +22,11 @@ ABOVE_UPPER, BELOW_LOWER, CHANGED, REDUCED, INCREASED = 0x01, 0x02, 0x04, 0x08, 
 """Bits of 0x6421."""
 LIMITS, DELTAS = ABOVE_UPPER | BELOW_LOWER, CHANGED | REDUCED | INCREASED
 SHIFT = {ANALOGUE_INPUT_8: 24, ANALOGUE_INPUT: 16, ANALOGUE_INPUT_32: 0}
-"""From the value of an input to 32 bits."""
+"""Shift from the value of an input to 32 bits."""
 
 
 class AnalogueEvents:
-    """Judges inputs against what was last told of them."""
+    """Compares inputs with their last transmitted values."""
 
     def __init__(self, store: ObjectStore) -> None:
         self._store = store
@@ -34,7 +34,7 @@ class AnalogueEvents:
         self._sources = 0
 
     def reset(self) -> None:
-        """Nothing has been told yet."""
+        """No value has been transmitted yet."""
         self._told.clear()
         self._sources = 0
 
@@ -58,7 +58,7 @@ class AnalogueEvents:
         self._told[index, subindex] = value
 
     def happens(self, index: int, subindex: int, value: int) -> bool:
-        """Whether the value is an event: it differs, lies beyond a limit and differs by a delta, as far as selected."""
+        """Whether the value is an event by the criteria that are selected: a change, a limit, a delta."""
         is_event = self._is_event(index, subindex, value)
         if is_event:
             self._sources |= 1 << (subindex - 1)

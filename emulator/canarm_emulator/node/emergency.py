@@ -1,6 +1,6 @@
-"""EMCY of one node (CiA 301, 7.2.7): which errors there are, 0x1001 and 0x1003 kept, messages sent or held back.
+"""EMCY of one node (CiA 301, 7.2.7): its present errors, objects 0x1001 and 0x1003, messages sent or held back.
 
-What is an error, and what else it brings about, is the node's business.
+The node decides what an error is, and what else follows from it.
 """
 
 from collections import deque
@@ -18,7 +18,7 @@ GENERIC_ERROR, COMMUNICATION_ERROR = 0x01, 0x10
 """Bits of the error register (CiA 301, 7.5.2.2)."""
 HISTORY_LENGTH = 4
 LONGEST_QUEUE = 16
-"""This many messages wait for the inhibit time to end; register and history show what those beyond them said."""
+"""Most messages that wait for the inhibit time to end; register and history show the others."""
 
 
 class EmergencyProducer:
@@ -33,7 +33,7 @@ class EmergencyProducer:
         """When `run` has something to send."""
         self._store, self._node_id, self._emit, self._may_send = store, node_id, emit, may_send
         self._told: list[ErrorCode] = []
-        """What was present when the last message was sent."""
+        """Errors present at the last message."""
         self._waiting: deque[Emergency] = deque()
         self._free_ns = -NEVER
         self._was_bus_off = False
@@ -68,7 +68,7 @@ class EmergencyProducer:
     def on_error_state(self, state: ErrorState, now_ns: int) -> None:
         """The node's CAN controller has changed its error state.
 
-        EMCY 0x8120 for as long as it is error-passive; back from bus-off 0x8140, and that all is well.
+        EMCY 0x8120 while it is error-passive; after bus-off 0x8140, followed by "no error".
         """
         if state is ErrorState.PASSIVE:
             self.begin(ErrorCode.ERROR_PASSIVE, now_ns)
@@ -82,9 +82,9 @@ class EmergencyProducer:
             self.end(ErrorCode.RECOVERED_FROM_BUS_OFF, now_ns)
 
     def tell_held_back(self, now_ns: int) -> None:
-        """The NMT state permits EMCY again: report the latest of what began meanwhile, or that something is over.
+        """The NMT state permits EMCY again: report the latest error that has begun meanwhile, or that one is over.
 
-        So CiA 301, 7.3.2.2.4, has it for the state STOPPED.
+        CiA 301, 7.3.2.2.4, asks for this after STOPPED.
         """
         begun = [code for code in self.present if code not in self._told]
         if begun:
@@ -93,12 +93,12 @@ class EmergencyProducer:
             self._report(ErrorCode.NO_ERROR, now_ns)
 
     def clear_history(self) -> None:
-        """What writing 0 to 0x1003:0 does."""
+        """0 is written to 0x1003:0."""
         for position in range(1, HISTORY_LENGTH + 1):
             self._store.put(ERROR_HISTORY, position, 0)
 
     def postpone(self, now_ns: int) -> None:
-        """What should have been sent before `now_ns` is sent then."""
+        """Send at `now_ns` what should have been sent before."""
         if self._waiting:
             self.due_ns = max(self.due_ns, now_ns)
 

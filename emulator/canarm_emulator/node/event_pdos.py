@@ -1,6 +1,6 @@
 """Event-driven TPDOs of one node (CiA 301, types 254 and 255): events, event timer and inhibit time.
 
-What the data are and when the node is in OPERATIONAL is the node's business.
+The node knows the data, and when it is in OPERATIONAL.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,7 +34,7 @@ class _EventPdo:
 class EventPdos:
     """Decides when event-driven TPDOs are sent, and scans the inputs for events.
 
-    `send(layout, now_ns)` packs and sends. `inputs` judges analogue inputs; None where the card has none.
+    `send(layout, now_ns)` packs and sends. `inputs` finds events of analogue inputs; None if the card has none.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class EventPdos:
         self._schedule()
 
     def restart(self, now_ns: int) -> None:
-        """Go on after a standstill: event timers and scans start again, what had to wait is sent."""
+        """Go on after a standstill: event timers and scans start again, and pending PDOs are sent."""
         for pdo in self._pdos:
             pdo.free_ns = max(pdo.free_ns, now_ns) if pdo.is_pending else pdo.free_ns
             pdo.timer_due_ns = now_ns + pdo.timer_ns if pdo.timer_due_ns != NEVER else NEVER

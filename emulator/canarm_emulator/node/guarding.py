@@ -1,6 +1,6 @@
 """Node guarding and life guarding of one node (CiA 301, 7.2.8.3.2.1), for masters that send no heartbeat.
 
-What a lost master brings about is the node's business.
+What follows from the loss of the master is up to the node.
 """
 
 from canarm_protocol.canopen.dictionary import GUARD_TIME, LIFE_TIME_FACTOR, PRODUCER_HEARTBEAT
@@ -13,7 +13,7 @@ _TOGGLE = 0x80
 
 
 class LifeGuard:
-    """Answers the master's remote frames, and notices that they stay away: 0x100C ms times 0x100D, 0 for never.
+    """Answers the master's remote frames, and notices when they stop: after 0x100C ms times 0x100D; 0 for never.
 
     A node that produces heartbeats does neither.
     """
@@ -26,12 +26,12 @@ class LifeGuard:
         self._toggle = 0
 
     def reset(self) -> None:
-        """The node has booted: the first answer has toggle bit 0, and monitoring begins with the first question."""
+        """The node has booted: the toggle bit begins at 0, and monitoring with the first remote frame."""
         self._toggle = 0
         self.restart()
 
     def restart(self) -> None:
-        """Monitoring begins anew with the next question."""
+        """Monitoring begins again with the next remote frame."""
         self.is_lost, self.due_ns = False, NEVER
 
     def asked(self, state: NmtState, now_ns: int, scale: float = 1.0) -> bytes | None:
@@ -46,6 +46,6 @@ class LifeGuard:
         return answer
 
     def run(self, now_ns: int) -> None:
-        """If its time was over by `now_ns` the master is lost; monitoring begins anew with its next question."""
+        """The master is lost if its time is over by `now_ns`; monitoring begins again with its next remote frame."""
         if self.due_ns <= now_ns:
             self.is_lost, self.due_ns = True, NEVER

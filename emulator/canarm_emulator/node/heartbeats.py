@@ -1,6 +1,6 @@
 """Heartbeats of one node: those that it produces (0x1017), and those that it monitors (0x1016, CiA 301, 7.5.2.19).
 
-What a lost heartbeat brings about is the node's business.
+What follows from a lost heartbeat is up to the node.
 """
 
 from collections.abc import Callable
@@ -46,7 +46,7 @@ class HeartbeatProducer:
 
 
 class HeartbeatConsumer:
-    """The entries of 0x1016, one per node. One without a time, or with a node-ID of nobody, is not used."""
+    """The entries of 0x1016, one per node. An entry without a time or a valid node-ID is not used."""
 
     def __init__(self, store: ObjectStore) -> None:
         self.due_ns = NEVER
@@ -58,7 +58,7 @@ class HeartbeatConsumer:
         self._lost: set[int] = set()
 
     def reset(self) -> None:
-        """The objects have got their defaults: nobody is waited for, no loss is known."""
+        """The objects have their defaults: nobody is monitored yet, and nobody is lost."""
         self._times_ns = None
         self._due_ns.clear()
         self._lost.clear()
@@ -75,7 +75,7 @@ class HeartbeatConsumer:
         return bool(self._lost)
 
     def rewrite(self, subindex: int, value: int) -> None:
-        """An entry is about to be written: its monitoring begins again. Raises `SdoRefused` for a node twice."""
+        """An entry is about to be written: its monitoring begins again. Raises `SdoRefused` for a duplicate node."""
         node_id, time_ns = _entry(value)
         others = [entry for entry in self._subindices() if entry != subindex]
         if time_ns and node_id in NODE_IDS and any(self._read(entry) == node_id for entry in others):
@@ -89,7 +89,7 @@ class HeartbeatConsumer:
     def heard(self, node_id: int, now_ns: int, scale: float = 1.0) -> bool:
         """A heartbeat came; returns whether its node is monitored. Monitoring begins with the first one.
 
-        `scale` multiplies the time that is waited for the next one.
+        `scale` multiplies the time until the next one is due.
         """
         time_ns = self._times().get(node_id)
         if time_ns is None:

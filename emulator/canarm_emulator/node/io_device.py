@@ -1,6 +1,6 @@
-"""What a node needs of the device behind its objects: how values are read and written, and what a reset does to them.
+"""What a node needs of the device behind its objects: how to read and write values, and what a reset does to them.
 
-Owns the interface alone. Which device stands behind a node, a card or the bench itself, never enters.
+The interface only; the device may be a card or the bench itself.
 """
 
 from collections.abc import Callable
@@ -34,7 +34,7 @@ class IoDevice(Protocol):
         ...
 
     def power_off(self) -> None:
-        """The outputs are as the hardware has them without power."""
+        """Set the outputs as the hardware has them without power."""
         ...
 
     def take_error_values(self, read: ReadObject) -> None:

@@ -1,6 +1,6 @@
 """What a client may write into the parameters of a node's PDOs (CiA 301, 7.5.2.35 to 7.5.2.38).
 
-A node is never left with PDOs that it cannot serve: a wrong value is refused when it is written.
+A wrong value is refused when it is written, so that a node never has PDOs that it cannot serve.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ KINDS: tuple[Kind, ...] = ("rpdo", "tpdo")
 SYNCHRONOUS_TYPES = range(241)
 EVENT_DRIVEN_TYPES = (254, 255)
 SYNCHRONOUS_ON_REQUEST, ON_REQUEST = 252, 253
-"""TPDOs that are sent on a remote frame only: sampled at the last SYNC, sampled then."""
+"""TPDOs that are sent on a remote frame only, sampled at the last SYNC or at the request."""
 TRANSMISSION_TYPES: dict[Kind, frozenset[int]] = {
     "rpdo": frozenset((*SYNCHRONOUS_TYPES, *EVENT_DRIVEN_TYPES)),
     "tpdo": frozenset((*SYNCHRONOUS_TYPES, SYNCHRONOUS_ON_REQUEST, ON_REQUEST, *EVENT_DRIVEN_TYPES)),

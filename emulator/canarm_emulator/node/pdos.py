@@ -1,7 +1,7 @@
-"""The process data of one node (CiA 301, 7.5.2.35 to 7.5.2.38): which PDOs are in force, what they carry, and when.
+"""The process data of one node (CiA 301, 7.5.2.35 to 7.5.2.38): active PDOs, what they carry, and when.
 
-Owns what a SYNC, a remote frame and a received PDO do to the card's inputs and outputs. What a client may write into
-their parameters is `pdo_rules`'s; NMT states, EMCY and time-outs are the node's.
+Owns what a SYNC, a remote frame and a received PDO do to the card's inputs and outputs. `pdo_rules` checks writes to
+their parameters; NMT states, EMCY and time-outs belong to the node.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ SYNC_START_VALUE = 6
 
 
 class Pdos:
-    """PDOs of a node by the name of `name`, in force between `activate` and `clear`; sent by `emit`."""
+    """PDOs of the node `name`, active between `activate` and `clear`, and sent by `emit`."""
 
     def __init__(
         self,
@@ -70,7 +70,7 @@ class Pdos:
         self._sync_overflow, self.sync_length = value, 1 if value else 0
 
     def activate(self, now_ns: int) -> None:
-        """Put the configured PDOs in force. Those that map nothing are none."""
+        """Activate the configured PDOs, except those that map nothing."""
         dictionary, number, optional = self._store.dictionary, self._store.number, self._store.optional
         self.rpdos = [layout for layout in read_layouts(dictionary, "rpdo", number) if layout.objects]
         self.tpdos = [layout for layout in read_layouts(dictionary, "tpdo", number) if layout.objects]
@@ -94,7 +94,7 @@ class Pdos:
         self._last_sync_ns = NEVER
 
     def is_scanned(self, index: int, subindex: int) -> bool:
-        """Whether a TPDO in force carries the object, so that its value is the last scan's."""
+        """Whether an active TPDO carries the object, so that its value is from the last scan."""
         return (index, subindex) in self._scanned
 
     def can_map(self, kind: Kind, index: int, subindex: int) -> bool:
@@ -106,7 +106,7 @@ class Pdos:
     def take(self, layout: PdoLayout, data: bytes, now_ns: int) -> bool:
         """Take an RPDO; a synchronous one acts at the next SYNC, an event-driven one at once.
 
-        False for a synchronous one that comes after the synchronous window, which has no effect.
+        False for a synchronous one after the synchronous window, which has no effect.
         """
         if layout.transmission_type in SYNCHRONOUS_TYPES:
             if self.window_ns and now_ns - self._last_sync_ns > self.window_ns:
@@ -155,10 +155,10 @@ class Pdos:
         return due
 
     def send(self, layout: PdoLayout, now_ns: int) -> None:
-        """Send one TPDO, if it is still in force.
+        """Send one TPDO, if it is still active.
 
-        One of type 0 is sent only when its data differ from what it last sent; one of type 252 waits for a remote
-        frame. A synchronous one whose time has come after the synchronous window is left out.
+        One of type 0 is sent only if its data differ from the last ones; one of type 252 waits for a remote frame. A
+        synchronous one that is late for the synchronous window is left out.
         """
         if layout not in self.tpdos:
             return

@@ -34,7 +34,7 @@ class RpdoWatch:
         self.restart()
 
     def reset(self) -> None:
-        """Nothing is monitored, nothing was wrong."""
+        """Nothing is monitored, and nothing is wrong."""
         self.activate(())
         self._missed.clear()
         self._too_short.clear()
@@ -49,7 +49,7 @@ class RpdoWatch:
         self._emergency.begin(ErrorCode.PDO_LENGTH, now_ns)
 
     def received(self, number: int, now_ns: int) -> bool:
-        """An RPDO came as it should; returns whether anything has fallen due at another time because of it."""
+        """A valid RPDO came; returns whether any due time may have changed."""
         timer_ns = self._timers_ns.get(number) if self._timers_ns else None
         if timer_ns is not None:
             self._missed.discard(number)
@@ -62,7 +62,7 @@ class RpdoWatch:
         return True
 
     def rewrite(self, number: int, subindex: int, value: int, now_ns: int) -> None:
-        """A communication parameter is about to be written: an RPDO that is disabled, or no longer timed, is well."""
+        """A communication parameter is about to be written: an RPDO that is disabled or untimed has no errors."""
         is_disabled = subindex == 1 and value & DISABLED
         if is_disabled:
             self._too_short.discard(number)

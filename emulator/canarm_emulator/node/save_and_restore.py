@@ -1,6 +1,6 @@
 """Storing a node's parameters and restoring their defaults (CiA 301, 0x1010 and 0x1011).
 
-The memory lives as long as the emulated card: it outlasts resets, not the end of the process.
+The memory outlasts resets of the emulated card, but not the end of the process.
 """
 
 from canarm_protocol.canopen.dictionary import ERROR_HISTORY, ERROR_REGISTER, RESTORE_DEFAULTS, STORE_PARAMETERS
@@ -14,14 +14,14 @@ SIGNATURES = {
 }
 COMMUNICATION, APPLICATION = range(0x1000, 0x2000), range(0x2000, 0xA000)
 GROUPS = {1: (COMMUNICATION, APPLICATION), 2: (COMMUNICATION,), 3: (APPLICATION,)}
-"""What the sub-indices of both objects mean."""
+"""Groups of objects by the sub-indices of both objects."""
 NO_PARAMETERS = (ERROR_REGISTER, ERROR_HISTORY)
 
 
 def obey(store: ObjectStore, index: int, subindex: int, signature: int) -> None:
     """A client wrote 0x1010 or 0x1011. Raises `SdoRefused` for a wrong signature.
 
-    Restored defaults come into force with the next reset, stored values with every one.
+    Restored defaults take effect at the next reset, stored values at every one.
     """
     if signature != SIGNATURES[index]:
         raise SdoRefused(AbortCode.CANNOT_STORE)

@@ -1,7 +1,6 @@
 """SDO block transfer, the server's side (CiA 301, 7.2.4.3.10 to 7.2.4.3.16): sub-blocks of 7-byte segments, with CRC.
 
-Frames of the client in, frames of the server out. What is written and read belongs to the store, which object and when
-to `sdo_server`.
+The client's frames in, the server's frames out. `sdo_server` decides about objects, whose values are in the store.
 """
 
 import binascii
@@ -14,9 +13,9 @@ from canarm_protocol.canopen.sdo import AbortCode
 from .store import SdoRefused
 
 INITIATE_DOWNLOAD, INITIATE_UPLOAD = 0xC0, 0xA0
-"""What the client's command bytes have in their upper three bits, and the server's answers to the other direction."""
+"""Upper three bits of the client's command bytes, and of the server's answers for the other direction."""
 MOST_SEGMENTS = 127
-"""Of a sub-block; also what this server asks of its clients."""
+"""Most segments of a sub-block, and the number that this server asks for."""
 _SEGMENT = 7
 _LAST, _SEQUENCE = 0x80, 0x7F
 _CRC, _SIZED, _END, _RESPONSE, _START = 0x04, 0x02, 0x01, 0x02, 0x03
@@ -58,7 +57,7 @@ class BlockDownload:
         return _HEAD.pack(INITIATE_UPLOAD | crc, self.index, self.subindex) + bytes((MOST_SEGMENTS, 0, 0, 0))
 
     def segment(self, frame: bytes) -> bytes | None:
-        """Take a segment; the answer that ends a sub-block. What comes after a lost one is asked for again.
+        """Take a segment; returns the answer at the end of a sub-block. Segments after a lost one are requested again.
 
         Raises `SdoRefused`.
         """
@@ -97,7 +96,7 @@ class BlockUpload:
     has_crc: bool
     data: bytes
     segments: int
-    """Of a sub-block, as the client wants it."""
+    """Segments per sub-block, as requested by the client."""
     _sent: int = 0
     _stage: _Stage | None = None
 
@@ -108,7 +107,7 @@ class BlockUpload:
         return head + struct.pack("<I", len(self.data))
 
     def answer(self, frame: bytes) -> tuple[list[bytes], bool]:
-        """What the server sends upon the client's next request, and whether that was the last. Raises `SdoRefused`."""
+        """The server's frames for the client's next request, and whether it was the last. Raises `SdoRefused`."""
         command = frame[0] & _SUBCOMMAND
         if command == _START and self._stage is None:
             self._stage = _Stage.SEGMENTS
@@ -126,7 +125,7 @@ class BlockUpload:
         raise SdoRefused(AbortCode.COMMAND)
 
     def _acknowledge(self, received: int, segments: int) -> None:
-        """The client has got so many segments of the sub-block; the rest is sent again."""
+        """The client has received this many segments of the sub-block; the rest is sent again."""
         if received > self.segments:
             raise SdoRefused(AbortCode.SEQUENCE)
         self._sent = min(self._sent + received * _SEGMENT, max(len(self.data), 1))
@@ -144,7 +143,7 @@ class BlockUpload:
 
 
 def checked_segments(count: int) -> int:
-    """How many segments a client wants in a sub-block. Raises `SdoRefused` for none, and for more than there can be."""
+    """The segments per sub-block that a client requests. Raises `SdoRefused` unless it is 1 to `MOST_SEGMENTS`."""
     if not 1 <= count <= MOST_SEGMENTS:
         raise SdoRefused(AbortCode.BLOCK_SIZE)
     return count

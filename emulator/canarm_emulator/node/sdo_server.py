@@ -1,6 +1,6 @@
 """The server's side of SDO transfers (CiA 301, 7.2.4), expedited, segmented and in blocks: request in, answers out.
 
-What a block consists of is `sdo_block`'s. Objects and their rules belong to the store.
+Block transfers are in `sdo_block`, objects and their rules in the store.
 """
 
 import struct
@@ -14,9 +14,9 @@ from .sdo_block import INITIATE_DOWNLOAD, INITIATE_UPLOAD, BlockDownload, BlockU
 from .store import ObjectStore, SdoRefused
 
 BLOCK_TIMEOUT_NS = 1000 * MILLISECOND
-"""A block download whose client has been silent for so long is over: what comes next is no segment of it."""
+"""A block download ends when its client has been silent for this long: the next frame is no segment of it."""
 LARGEST_DOWNLOAD = 1 << 20
-"""Bytes of one download that are taken; no object here is longer."""
+"""Most bytes of a download; no object here is longer."""
 
 SERVER_PARAMETERS = range(0x1200, 0x1280)
 ABORT = 0x80
@@ -39,7 +39,7 @@ class SdoServers:
 
     @property
     def cob_ids(self) -> list[int]:
-        """Of the clients' requests."""
+        """COB-IDs of the clients' requests."""
         return list(self._servers)
 
     def reset(self) -> None:
@@ -53,7 +53,7 @@ class SdoServers:
         return [Frame(answer_id, answer) for answer in server.answer(request, now_ns)]
 
     def refuse(self, cob_id: int, request: bytes) -> list[Frame]:
-        """The abort of whatever is asked for with `cob_id`."""
+        """An abort, whatever the request on `cob_id`."""
         server, answer_id = self._servers[cob_id]
         refusal = server.refuse(request, AbortCode.GENERAL)
         return [] if refusal is None else [Frame(answer_id, refusal)]
@@ -61,7 +61,7 @@ class SdoServers:
 
 @dataclass(slots=True)
 class _Transfer:
-    """A segmented transfer that is under way. An upload holds what is left to send, a download what has come."""
+    """A segmented transfer in progress. An upload holds what is left to send, a download what has arrived."""
 
     index: int
     subindex: int
@@ -69,7 +69,7 @@ class _Transfer:
     data: bytearray = field(default_factory=bytearray)
     announced: int | None = None
     length: int | None = None
-    """Bytes of the object, where it has a fixed length."""
+    """Bytes of the object, if its length is fixed."""
     toggle: int = 0
 
 
@@ -86,7 +86,7 @@ class SdoServer:
         self._transfer = None
 
     def answer(self, request: bytes, now_ns: int) -> list[bytes]:
-        """The answers to eight bytes of a client: one as a rule, none to an abort, many within a block."""
+        """The answers to eight bytes of a client: normally one, none to an abort, many within a block."""
         transfer, silence_ns = self._transfer, now_ns - self._heard_ns
         self._heard_ns = now_ns
         if isinstance(transfer, BlockDownload | BlockUpload):
@@ -154,7 +154,7 @@ class SdoServer:
 
     @staticmethod
     def _belongs_to_block(request: bytes, transfer: BlockDownload | BlockUpload) -> bool:
-        """Whether a request goes on with the transfer rather than beginning another."""
+        """Whether a request continues the transfer instead of starting another."""
         if isinstance(transfer, BlockDownload):
             return transfer.takes_segments or request[0] >> 5 == INITIATE_DOWNLOAD >> 5
         return request[0] >> 5 == INITIATE_UPLOAD >> 5 and bool(request[0] & 3)
@@ -203,7 +203,7 @@ class SdoServer:
         return _HEAD.pack(0x60, index, subindex) + bytes(4)
 
     def _check_download(self, index: int, subindex: int, announced: int | None) -> int | None:
-        """The object's length where it is fixed. Raises `SdoRefused` for what cannot be written anyway."""
+        """The object's length if it is fixed. Raises `SdoRefused` for what cannot be written at all."""
         self._store.check_writable(index, subindex)
         length = self._length(index, subindex)
         if announced is not None and length is not None and announced != length:
@@ -237,10 +237,10 @@ class SdoServer:
         return transfer
 
     def _size_of(self, index: int, subindex: int) -> int:
-        """Bytes that count in an expedited download that does not say: as many as the object has, four at most."""
+        """Length of an expedited download that does not give it: that of the object, four bytes at most."""
         return min(self._length(index, subindex) or 4, 4)
 
     def _length(self, index: int, subindex: int) -> int | None:
-        """Bytes of an object that always has as many."""
+        """Bytes of an object of fixed length; None for others."""
         variable = self._store.variable(index, subindex)
         return len(variable) // 8 if variable.fixed_size else None

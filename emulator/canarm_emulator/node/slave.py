@@ -1,7 +1,7 @@
 """A CANopen slave in virtual time (CiA 301): NMT states, SDO server, PDOs of every type, heartbeat both ways, EMCY.
 
-Frames and times go in through methods; frames come out through `emit`. Nothing here waits, and what is answered is
-answered at once. Which frames are a node's, and when time passes, is the bench's business.
+Frames and times go in through methods; frames come out through `emit`. Nothing here waits: answers come at once. The
+bench decides which frames a node gets, and when time passes.
 
 Left out, as the standard permits: LSS, SDO towards other nodes, TIME, bit-wise and dummy mapping, 29-bit
 identifiers, another COB-ID for SYNC, and changes of PDOs in OPERATIONAL.
@@ -43,11 +43,11 @@ from .store import ObjectStore, SdoRefused
 Emit = Callable[[int, Frame], None]
 
 SILENT_STATES = (NmtState.STOPPED, NmtState.BOOT_UP)
-"""Neither SDO nor EMCY, and no SYNC acts."""
+"""States without SDO and EMCY, in which SYNC has no effect."""
 
 
 class Slave:
-    """One node. `clock_mode` is what its object 0x2000 shows: 0 wall, 1 lockstep; `eds` what 0x1021 holds."""
+    """One node. Its object 0x2000 shows `clock_mode` (0 wall, 1 lockstep), 0x1021 holds `eds`."""
 
     def __init__(
         self,
@@ -61,16 +61,16 @@ class Slave:
     ) -> None:
         self.name, self.node_id, self.device = name, node_id, device
         self.bus_name: Hashable = node_id
-        """Its name on the bus, apart from all others even where two nodes share a node-ID."""
+        """Its name on the bus, unique even if two nodes share a node-ID."""
         self.state = NmtState.BOOT_UP
         self.next_due_ns = NEVER
         """When `run_timers` has something to do."""
         self.ignored_frames = 0
         self.boot_ns = 0
-        """How long it takes from an NMT reset to the boot-up message. 0: it comes in the same instant."""
+        """Time from an NMT reset to the boot-up message."""
         self._boot_due_ns, self._boots_everything = NEVER, True
         self.timer_scale = 1.0
-        """How long the periods of its heartbeat and of those that it waits for last, of what they should."""
+        """Factor on the period of its heartbeat and on its time-outs for others'."""
         self.refuses_sdo = False
         """Whether every SDO request is answered by an abort."""
         self._emit = emit
@@ -80,7 +80,7 @@ class Slave:
         self._emergency = EmergencyProducer(self._store, node_id, emit, lambda: self.state not in SILENT_STATES)
         self._inputs = AnalogueEvents(self._store) if INTERRUPT_ENABLE in dictionary else None
         self.pdos = Pdos(name, self._store, device, self._inputs, emit)
-        """What of its process data is in force."""
+        """Its process data."""
         self._live = LiveObjects(device, self.pdos, self._inputs, clock_mode, eds)
         self._is_configured = False
         self._rpdo_watch = RpdoWatch(self._store, self._emergency)
@@ -88,7 +88,7 @@ class Slave:
         self._life = LifeWatch(self._store, self._emergency)
 
     def boot(self, now_ns: int, everything: bool = True) -> None:
-        """Reset: communication objects take their defaults, with `everything` the application's too; then boot-up."""
+        """Reset the communication objects, with `everything` all objects, and send the boot-up message."""
         self._boot_due_ns = NEVER
         self._store.reset(keep=lambda index: not everything and not 0x1000 <= index < 0x2000)
         self._sdo.reset()
@@ -105,7 +105,7 @@ class Slave:
         self.state = NmtState.PRE_OPERATIONAL
 
     def _restart(self, now_ns: int, everything: bool) -> None:
-        """A reset: the node boots, which takes it `boot_ns`. Meanwhile it hears nothing, its outputs are safe."""
+        """Reset: boot after `boot_ns`. Until then the node hears nothing, and its outputs have their error values."""
         if not self.boot_ns:
             self.boot(now_ns, everything)
             return
@@ -126,10 +126,7 @@ class Slave:
         self._schedule()
 
     def on_nmt(self, command: NmtCommand, now_ns: int) -> None:
-        """Obey an NMT command addressed to this node. EMCY that STOPPED has held back is sent when it ends.
-
-        A node that is about to boot obeys none.
-        """
+        """Obey an NMT command to this node, unless it is booting. EMCY held back by STOPPED is sent at its end."""
         if self._boot_due_ns != NEVER:
             return
         was_stopped = self.state is NmtState.STOPPED
@@ -184,8 +181,8 @@ class Slave:
     def on_rpdo(self, layout: PdoLayout, data: bytes, now_ns: int) -> None:
         """Take an RPDO; a synchronous one acts at the next SYNC, an event-driven one at once.
 
-        Bytes beyond the mapped ones are left aside; one that is too short has no effect but EMCY 0x8210. A synchronous
-        one that comes after the synchronous window (0x1007) has none at all.
+        Extra bytes are ignored; an RPDO that is too short only causes EMCY 0x8210. A synchronous one after the
+        synchronous window (0x1007) has no effect.
         """
         if len(data) < layout.size:
             self.ignored_frames += 1
@@ -199,8 +196,8 @@ class Slave:
     def on_sync(self, data: bytes, now_ns: int) -> list[PdoLayout]:
         """SYNC: outputs act; returns the TPDOs to be sent once their inputs are converted.
 
-        One whose length is not what 0x1019 says is reported by EMCY 0x8240 and acts nevertheless; one whose counter is
-        not within 1 and 0x1019 acts as one without.
+        A SYNC whose length does not fit 0x1019 is reported by EMCY 0x8240 and acts all the same; one whose counter is
+        not from 1 to 0x1019 acts like one without.
         """
         if self.state in SILENT_STATES:
             return []
@@ -213,7 +210,7 @@ class Slave:
         return self.pdos.on_sync(data, now_ns)
 
     def on_remote(self, cob_id: int, now_ns: int) -> bool:
-        """A remote frame asks for a TPDO or, with the COB-ID of the heartbeat, guards the node. Whether it answers."""
+        """Answer a remote frame: for a TPDO or, with the COB-ID of the heartbeat, node guarding. Whether it does."""
         if cob_id != Cob.HEARTBEAT + self.node_id:
             return self.pdos.on_remote(cob_id, now_ns)
         answer = None if self.state is NmtState.BOOT_UP else self._life.asked(self.state, now_ns, self.timer_scale)
@@ -237,7 +234,7 @@ class Slave:
         self._schedule()
 
     def run_timers(self, now_ns: int) -> None:
-        """Do what has fallen due by `now_ns`: boot, produce a heartbeat, miss one of others, send what was due."""
+        """Do what has fallen due by `now_ns`: boot, send a heartbeat, miss one of others, send what has waited."""
         if self._boot_due_ns <= now_ns:
             self.boot(self._boot_due_ns, self._boots_everything)
             return
@@ -304,7 +301,7 @@ class Slave:
         return False
 
     def _configure(self, index: int, subindex: int, value: int) -> None:
-        """A client is about to write a communication object: refuse what cannot be, act on what acts at once."""
+        """A client is about to write a communication object: refuse wrong values, and do what takes effect at once."""
         is_operational = self.state is NmtState.OPERATIONAL
         check_pdo_write(self._store, self.pdos.can_map, is_operational, index, subindex, value)
         if index == PRODUCER_HEARTBEAT:

@@ -1,6 +1,6 @@
 """The objects of one node and their rules: existence, access, size, limits.
 
-The node itself and its SDO servers read and write here. What a value means is the node's business.
+The node and its SDO servers read and write here; the node knows what a value means.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ WriteHook = Callable[[int, int, bytes], bool]
 
 
 class SdoRefused(EmulatorError):
-    """A client's access to an object is refused, with an abort code of CiA 301."""
+    """A client's access to an object is refused with an abort code of CiA 301."""
 
     def __init__(self, code: AbortCode) -> None:
         super().__init__(f"0x{code:08X}")
@@ -29,7 +29,7 @@ class ObjectStore:
     """Values of a node's objects, on top of the defaults of its dictionary.
 
     `on_read(index, subindex)` may supply a live value. `on_write(index, subindex, data)` sees every permitted write
-    first and returns True when it has taken the value away to its owner; it refuses with `SdoRefused`.
+    first, and returns True if it has passed the value on to its owner; it refuses by raising `SdoRefused`.
     """
 
     def __init__(self, dictionary: Dictionary, on_read: ReadHook, on_write: WriteHook) -> None:
@@ -76,11 +76,11 @@ class ObjectStore:
         return default if variable_at(self.dictionary, index, subindex) is None else self.number(index, subindex)
 
     def put(self, index: int, subindex: int, value: int) -> None:
-        """Set an object from inside the node, past access rights and hooks."""
+        """Set an object from inside the node, bypassing access rights and hooks."""
         self._values[index, subindex] = bytes(self.variable(index, subindex).encode_raw(value))
 
     def reset(self, keep: Callable[[int], bool] = lambda index: False) -> None:
-        """Back to the saved values and the defaults, but for the objects whose index is to `keep`."""
+        """Restore saved values and defaults, except for objects whose index `keep` accepts."""
         kept = {key: value for key, value in self._values.items() if keep(key[0])}
         self._values = {key: value for key, value in self._saved.items() if not keep(key[0])} | kept
 

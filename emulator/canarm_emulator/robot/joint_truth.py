@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class JointTruth:
-    """True parameters of one joint. Those with a default are no keys of `--truth`: faults alone set them."""
+    """True parameters of one joint. Only faults set those with a default; they are no keys of `--truth`."""
 
     mass_kg: float
     viscous_friction_nm_s: float
@@ -17,7 +17,7 @@ class JointTruth:
     has_elastic_wire: bool
     wire_stiffness_nm_rad: float
     sensors: Mapping[str, float]
-    """What differs from nominal in the sensors, by the names that their kinds declare."""
+    """True values of the sensors, by the names that their kinds declare."""
     supply_v: float
     initial_deg: float
     payload_kg: float = 0.0

@@ -1,6 +1,6 @@
 """The arms of a cell as MJCF, the text that MuJoCo compiles: bodies, hinges, stops, friction, drive wires.
 
-Built from cell and truth alone. State and integration belong to `plant.py`.
+Made from cell and truth only. State and integration are in `plant.py`.
 """
 
 import math
@@ -20,20 +20,20 @@ from .truth import JointTruth, Truth
 WIRE_LOSS_TIME_S = 0.5e-3
 """Damping of the elastic wire over its stiffness. Assumed: 2 to 3 % of critical at the konkuk1's wire modes."""
 BEARING_SHARE = 0.1
-"""Share of a joint's friction that is in the link's own bearing, which is all that a link on a broken wire has left.
-Assumed; with a whole wire all friction is on the motor's side.
+"""Share of a joint's friction in the link's own bearing, which is what a link on a broken wire is left with. Assumed;
+with a whole wire all friction is on the motor's side.
 """
 
 _OPTION = {
-    "integrator": "Euler",  # with an elastic wire half as far off as implicitfast; without, the same
+    "integrator": "Euler",  # half the error of implicitfast with an elastic wire, the same without
     "solver": "Newton",
     "jacobian": "dense",
     "tolerance": "1e-12",
 }
 _DISABLED = ("contact", "sensor", "actuation", "autoreset", "island")
 _FRICTION = {
-    # MuJoCo raises the time constant to two steps (refsafe), which stops a sliding joint within one step; the
-    # largest impedance that it takes, 0.9999, leaves the least creep at rest.
+    # MuJoCo raises the time constant to two steps (refsafe), which stops a sliding joint within one step; 0.9999 is the
+    # largest impedance that it accepts, and leaves the least creep at rest.
     "solreffriction": "1e-6 1",
     "solimpfriction": "0.9999 0.9999 0.001 0.5 2",
 }
@@ -152,9 +152,9 @@ def world_gravity(cell: Cell) -> Point:
 
 
 def own_gravity(cell: Cell, model: mujoco.MjModel) -> NDArray[np.float64] | None:
-    """Forces for `MjData.xfrc_applied`, shape (bodies, 6), that give each robot its own gravity; None for no need.
+    """Forces for `MjData.xfrc_applied`, shape (bodies, 6), that give each robot its own gravity; None if not needed.
 
-    A robot's gravity is the cell's business: one on a wall or a ceiling, or one that is balanced by springs.
+    The cell sets a robot's gravity: it may hang on a wall or a ceiling, or be balanced by springs.
     """
     world = np.array(world_gravity(cell))
     forces = np.zeros((model.nbody, 6))

@@ -1,4 +1,4 @@
-"""Which robots still rest on their supports: each until the first of its own bridges is on while time passes."""
+"""Which robots still rest on their supports: each does until the first of its own bridges is on while time passes."""
 
 from collections.abc import Sequence
 

@@ -1,7 +1,6 @@
 """The mechanical arms: every robot of a cell in one MuJoCo model, and its integration.
 
-What the model is, `model_xml.py` says. Torque comes in, angles and speeds go out; no electrics, no sensors, no
-commands.
+`model_xml.py` writes the model. Torques go in, angles and speeds come out; drives, sensors and commands never enter.
 """
 
 import itertools
@@ -35,7 +34,7 @@ _mechanics = attrgetter(
 )
 
 
-# A diverging integration is an error of `World`; the engine's own way is a line in a log file wherever one stands.
+# `World` reports a diverging integration; the engine would write a log file into the working directory.
 mujoco.set_mju_user_warning(lambda text: None)
 
 
@@ -53,8 +52,8 @@ class _SlackWire:
 class Plant:
     """State and integration of all arms of a cell; angles in rad, speeds in rad/s, in the order of `Cell.joints`.
 
-    A joint with an elastic wire has a motor coordinate of its own, scaled to the joint by the gear; the others share
-    one.
+    A joint with an elastic wire has a second coordinate for its motor, scaled to the joint by the gear; otherwise joint
+    and motor share one.
     """
 
     __slots__ = (
@@ -85,7 +84,7 @@ class Plant:
         self._data = mujoco.MjData(self._model)
         self._option = self._model.opt
         self._step_s = self._option.timestep
-        # Elements of a memoryview are set in a third of the time of an array's.
+        # Setting elements of a memoryview takes a third of the time of an array's.
         self._position = self._data.qpos
         self._set_position, self._velocity = _elements(self._data.qpos), _elements(self._data.qvel)
         self._applied = _elements(self._data.qfrc_applied)
@@ -96,7 +95,7 @@ class Plant:
         self.motor_dof = tuple(
             next(rotors) if joint.has_elastic_wire else index for index, joint in enumerate(truth.joints)
         )
-        """For each joint the index into `angle` and `speed` of its motor: its own index where the wire is rigid."""
+        """For each joint the index of its motor in `angle` and `speed`: the joint's own index if the wire is rigid."""
         self._tendon_damping = self._model.tendon_damping
         tendons = itertools.count()
         self._slack_wires = tuple(
@@ -119,7 +118,7 @@ class Plant:
         self.fastest_rad_s = max(rings, rings**2 * WIRE_LOSS_TIME_S)
         """The highest natural frequency of arms and wires where the arms are parked, or the rate of its damping."""
         self.compliance = [float(inverse[motor, motor]) for motor in self.motor_dof]
-        """For each motor the acceleration that a torque gives it there, rad/s² per N·m."""
+        """Acceleration of each motor per torque in that pose, rad/s² per N·m."""
         self._friction_nm: list[float] = self._model.dof_frictionloss.tolist()
         """Without brakes."""
         self._brake_nm = [0.0] * len(self.motor_dof)
@@ -130,12 +129,12 @@ class Plant:
         self._data.qvel[:] = speed
 
     def changed(self, truth: Truth) -> Self:
-        """The same arms with another truth, in motion as they are now. Itself if nothing mechanical is different.
+        """The same arms with another truth, in their present motion; the same object if no mechanics have changed.
 
-        Joints keep their angles and speeds, except where a wire turns rigid: there motor and joint go on with the
-        common speed that conserves the momentum of motor and arm. A wire that turns elastic starts without tension,
-        and no wire gains tension by the change: a broken one that is tied again, or one whose slack or softness
-        ends, is tied as short as that takes, at the motor's end.
+        Joints keep their angles and speeds, except if a wire becomes rigid: motor and joint then continue with the
+        common speed that conserves the momentum of motor and arm. A wire that becomes elastic starts without tension,
+        and no wire gains tension by the change: when a broken wire is tied again, or slack or softness ends, the
+        motor's end is tied accordingly.
         """
         if list(map(_mechanics, truth.joints)) == list(map(_mechanics, self._truth.joints)):
             return self
@@ -144,7 +143,7 @@ class Plant:
         return plant
 
     def strike(self, impulse_nm_s: Sequence[float]) -> None:
-        """Let impulses act on the joints' links, one per joint: the speeds jump by M⁻¹ times the impulse."""
+        """Apply impulses to the links, one per joint: the speeds jump by M⁻¹ times the impulses."""
         self._position[:] = self.angle
         mujoco.mj_fwdPosition(self._model, self._data)
         impulse, jump = np.zeros((1, len(self.speed))), np.zeros((1, len(self.speed)))
@@ -155,9 +154,9 @@ class Plant:
     def step(self, torque_nm: Sequence[float], step_s: float) -> None:
         """Advance by `step_s` under constant motor torques, one per joint. `angle` and `speed` become new lists.
 
-        MuJoCo's semi-implicit Euler (v += h·a(q), q += h·v) with half a drift before and half a drift less after is
-        position Verlet: second order, no energy drift of an undamped wire, and one force evaluation a step. The
-        lists of the state before the step stay as they were.
+        MuJoCo's semi-implicit Euler (v += h·a(q), q += h·v) with half a drift before it and half a drift taken back
+        after it is position Verlet: second order, no energy drift of an undamped wire, and one force evaluation per
+        step. The lists of the state before the step are left unchanged.
         """
         half_s = 0.5 * step_s
         position, applied, motor_dof, speed = self._set_position, self._applied, self.motor_dof, self.speed
@@ -181,7 +180,7 @@ class Plant:
             self._model.dof_frictionloss[dof] = self._friction_nm[dof] + friction_nm
 
     def hold(self, angle: Sequence[float], dofs: Iterable[int]) -> None:
-        """Put these of the joints and motors back to `angle`, at rest: a support carries them."""
+        """Put these joints and motors back to `angle`, at rest: a support carries them."""
         for dof in dofs:
             self.angle[dof], self.speed[dof], self._velocity[dof] = angle[dof], 0.0, 0.0
 
@@ -198,14 +197,14 @@ class Plant:
                 speed.append(before.speed[old])
                 sources.append(old)
             elif old != joint:
-                # The rotor, part of the joint's inertia from now on, brings in what it has more of momentum.
+                # The rotor becomes part of the joint's inertia and brings in its excess momentum.
                 gear_ratio = self._cell.joints[joint].motor.gear_ratio
                 inertia_kg_m2 = self._truth.joints[joint].rotor_inertia_kg_m2 * gear_ratio**2
                 impulse_nm_s[joint] = inertia_kg_m2 * (before.speed[old] - before.speed[joint])
         self.set_state(angle, speed)
         for joint, friction_nm in enumerate(before._brake_nm):
             self.brake(joint, friction_nm)
-        # The solver starts from the last accelerations, and where it starts decides the last bits.
+        # The solver's starting point, the last accelerations, decides the last bits.
         self._data.qacc_warmstart[:] = before._data.qacc_warmstart[sources]
         if any(impulse_nm_s):
             self.strike(impulse_nm_s)
@@ -216,7 +215,7 @@ def _elements(values: NDArray[np.float64]) -> "memoryview[float]":
 
 
 def _kept_twist(twist_rad: float, old: JointTruth, new: JointTruth) -> float | None:
-    """The twist, motor minus joint, with which an elastic wire goes on that has changed; None if it stays as it is."""
+    """The twist (motor minus joint) of an elastic wire after it has changed; None if it does not change."""
     old_wire = old.wire_is_broken, old.wire_dead_band_rad, old.wire_stiffness_nm_rad
     if new.wire_is_broken or old_wire == (False, new.wire_dead_band_rad, new.wire_stiffness_nm_rad):
         return None

@@ -15,18 +15,18 @@ ORIGIN: Point = (0.0, 0.0, 0.0)
 
 
 class Pose(NamedTuple):
-    """Where a frame stands in another one."""
+    """The pose of a frame in another one."""
 
     position_m: Point = ORIGIN
     quaternion: Quaternion = UNTURNED
 
     def then(self, after: "Pose") -> "Pose":
-        """`after`, which is given in this frame, in the frame that this one is given in."""
+        """The pose `after`, given in this frame, seen from the outer frame."""
         moved = self.position_m if after.position_m == ORIGIN else self.at(after.position_m)
         return Pose(moved, product(self.quaternion, after.quaternion))
 
     def at(self, point_m: Sequence[float]) -> Point:
-        """A point of this frame in the other one."""
+        """A point of this frame, seen from the outer one."""
         x, y, z = (p + c for p, c in zip(self.position_m, rotated(self.quaternion, point_m), strict=True))
         return x, y, z
 
@@ -68,7 +68,7 @@ def rotated(quaternion: Quaternion, vector: Sequence[float]) -> list[float]:
 
 
 def quaternion_of(rotation: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> Quaternion:
-    """Of a rotation matrix, shape (3, 3)."""
+    """The quaternion of a rotation matrix, shape (3, 3)."""
     result = np.zeros(4)
     mujoco.mju_mat2Quat(result, np.ascontiguousarray(rotation).reshape(9))
     w, x, y, z = result.tolist()

@@ -1,7 +1,4 @@
-"""When the sensors of a cell are sampled after a SYNC: the sequences of all its converters, merged in order of time.
-
-Which channels a converter has, and what becomes of the samples, belongs to the cards.
-"""
+"""When the sensors of a cell are sampled after a SYNC: the sequences of all its converters, merged in order of time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,21 +11,20 @@ from .sensors import Source
 class ScanSchedule:
     """`sources` in the order of `offsets_ns`, the times after the start of the scan, which lasts `duration_ns`.
 
-    Made once and used in every cycle; it is told apart by identity.
+    Made once and used in every cycle; two schedules are compared by identity.
     """
 
     sources: tuple[Source, ...]
     offsets_ns: tuple[int, ...]
     places: tuple[tuple[int, int], ...]
-    """Of each sample: the sequence that it belongs to, and which one of it."""
+    """The sequence of each sample, and its index there."""
     duration_ns: int
 
     @classmethod
     def merged(cls, sequences: Sequence[tuple[Sequence[Source], int]]) -> Self:
-        """Of converters that begin together: the sources of each, one after the other, and the ns that each takes.
+        """The schedule of converters that begin together; each has its sources in order, and the ns that each takes.
 
-        Of samples at the same time the one of the earlier sequence comes first. Raises `ValueError` where a conversion
-        takes less than no time.
+        At equal times, the sample of the earlier sequence comes first. Raises `ValueError` for a negative duration.
         """
         samples: list[tuple[int, Source, tuple[int, int]]] = []
         for number, (sources, conversion_ns) in enumerate(sequences):

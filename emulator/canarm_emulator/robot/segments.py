@@ -1,6 +1,6 @@
-"""One joint with what moves with it, whether the cell describes it by a Denavit-Hartenberg link or by a body.
+"""A joint with what moves with it, whether the cell describes it by a Denavit-Hartenberg link or by a body.
 
-Geometry and inertia alone; friction, drives and the XML do not enter.
+Geometry and inertia only; friction, drives and the XML never enter.
 """
 
 import math
@@ -18,7 +18,7 @@ from .poses import ORIGIN, Point, Pose, about_x, about_z, from_rpy_deg, quaterni
 class Segment:
     """A joint and its moving body. `origin` places the body's frame at angle 0 in the end frame of the one before.
 
-    All else is in the body's frame, which turns about `axis` through its origin: where the end frame is, centre of mass
+    Everything else is in the body's frame, which turns about `axis` through its origin: the end frame, centre of mass
     and principal axes (`inertial`), and the far end of the link (`tip_m`), where a payload hangs.
     """
 
@@ -32,9 +32,9 @@ class Segment:
 
 
 def segments_of(joints: Sequence[Joint]) -> list[Segment]:
-    """The segments of an arm, base to tip. A link's far end is its end frame; a body's where the next joint sits.
+    """The segments of an arm, base to tip. The far end of a link is its end frame, that of a body the next joint.
 
-    The last body has no next joint: its far end is twice as far as its centre of mass, as that of a uniform rod.
+    The last body's far end is twice as far away as its centre of mass, as in a uniform rod.
     """
     following = [*(joint.body for joint in joints[1:]), None]
     return [_segment(joint.solid, after) for joint, after in zip(joints, following, strict=True)]
@@ -59,7 +59,7 @@ def _of_link(link: Link) -> Segment:
 
 
 def _possible(moments: Sequence[float]) -> tuple[float, float, float]:
-    """None negative, none greater than the two others together: what rounding has left, MuJoCo would refuse."""
+    """Moments made possible: MuJoCo refuses a negative one, or one above the sum of the others, from rounding."""
     a, b, c = (max(moment, 0.0) for moment in moments)
     return min(a, b + c), min(b, a + c), min(c, a + b)
 

@@ -1,4 +1,4 @@
-"""Where in a drive or at a sensor faults can act: what a kind says of it. The taps themselves belong to the faults."""
+"""Stages of drives and sensors at which faults can act, as their kinds declare them; the faults make taps of them."""
 
 from dataclasses import dataclass
 

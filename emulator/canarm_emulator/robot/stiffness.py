@@ -1,4 +1,4 @@
-"""How fast the arms of a model can ring and give way: what bounds the step of an integration that stays stable."""
+"""How fast the arms of a model can oscillate and react, which bounds the step of a stable integration."""
 
 import math
 from collections.abc import Sequence
@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 STEP_SHARE = 0.5
-"""Of 1/ω: position Verlet is stable up to 2/ω, and at half of 1/ω the frequency of a wire is 1 % off, (ωh)²/24."""
+"""Step as a share of 1/ω: position Verlet is stable up to 2/ω; at 0.5/ω a wire's frequency is 1 % off, (ωh)²/24."""
 SHORTEST_STEP_S = 10e-6
-"""Nothing is cut finer; what still diverges there is said."""
+"""Shortest step; an integration that diverges all the same is reported."""
 
 
 def inverse_inertia(model: mujoco.MjModel, angle: Sequence[float]) -> NDArray[np.float64]:

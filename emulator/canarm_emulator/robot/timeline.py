@@ -1,13 +1,10 @@
-"""Virtual time of a bench: the present, the world that follows it, and the cycle of the run that is on.
-
-What happens at a time, and why time passes, never enters.
-"""
+"""Virtual time of a bench: the present, the world that follows it, and the cycle of the present run."""
 
 from .world import World
 
 
 class Timeline:
-    """Time in ns since the bench was switched on. Whoever carries something out at a time says so here first."""
+    """Time in ns since the bench was switched on. Whoever acts at a time calls `reach` first."""
 
     __slots__ = ("begin_ns", "cycle", "run", "time_ns", "world")
 
@@ -19,18 +16,18 @@ class Timeline:
         self.run = 0
         """How many runs NMT start has begun so far."""
         self.begin_ns: int | None = None
-        """When cycle 0 was; None before."""
+        """Time of cycle 0; None before."""
 
     def reach(self, time_ns: int) -> None:
-        """The present is `time_ns`, if that is not past already."""
+        """Make `time_ns` the present, unless it is in the past."""
         if time_ns > self.time_ns:
             self.time_ns = time_ns
 
     def catch_up(self) -> None:
-        """The world moves on to the present."""
+        """Move the world on to the present."""
         self.move_world(self.time_ns)
 
     def move_world(self, until_ns: int) -> None:
-        """The world moves on to `until_ns`, if it is not there already; it may run ahead of the present."""
+        """Move the world on to `until_ns`, if it is not there yet; it may run ahead of the present."""
         if until_ns > self.world.time_ns:
             self.world.advance(until_ns)

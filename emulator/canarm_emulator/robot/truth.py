@@ -1,6 +1,6 @@
-"""What is true of this robot and its converters, where it differs from the cell: the values of `--truth`.
+"""The true parameters of the robot and its converters: those of the cell, changed by `--truth`.
 
-The controller never sees any of this. Nominal values come from the cell; geometry and limits always do.
+The controller never sees any of this. Geometry and limits are always those of the cell.
 """
 
 from collections.abc import Mapping
@@ -68,7 +68,7 @@ class Truth:
     def from_settings(cls, cell: Cell, settings: Mapping[str, str] | None = None) -> Self:
         """Nominal values of `cell`, with `settings` ("joint3.mass" → "0.9") laid over them.
 
-        Raises `TruthError`, one line a problem: key, value, and what would be right.
+        Raises `TruthError` with one line per problem: key, value, and what would be right.
         """
         keys = {key.name: key for key in truth_keys(cell)}
         problems: list[str] = []

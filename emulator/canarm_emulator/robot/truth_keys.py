@@ -1,4 +1,4 @@
-"""What a key of `--truth` is, and how its value is read. Which keys there are, the kinds and `truth.py` say."""
+"""What a key of `--truth` is, and how its value is read. Kinds of sensor and `truth.py` define the keys."""
 
 import difflib
 import math
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ..errors import TruthError
 
 SWITCH = {"false": 0.0, "true": 1.0}
-"""Words for a switch, beside 0 and 1."""
+"""Words for a switch, besides 0 and 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class TruthKey:
 class Parameter:
     """A true value that the command line can set: a key's last part, and its name where the truth is kept.
 
-    Bounds keep the integrator stable and catch a slipped unit; they are not limits of any part.
+    Bounds keep the integrator stable and catch a wrong unit; they are not limits of any part.
     """
 
     leaf: str
@@ -40,7 +40,7 @@ class Parameter:
     is_switch: bool = False
 
     def key(self, owner: str, nominal: float, limits: tuple[float, float] | None = None) -> TruthKey:
-        """The key of one owner, with bounds of its own where `limits` are given."""
+        """The key of one owner, with its own bounds if `limits` are given."""
         low, high = limits or (self.minimum, self.maximum)
         return TruthKey(f"{owner}.{self.leaf}", self.unit, nominal, self.description, low, high, self.is_switch)
 

@@ -1,7 +1,7 @@
 """The physical world of a cell: drives, arms and sensors under one clock.
 
-Owns virtual time and the order of things inside a step. Knows voltages and latch bits; codes, registers and CAN
-belong to the cards.
+Owns virtual time and the order of events within a step. Knows voltages and latch bits; codes, registers and CAN belong
+to the cards.
 """
 
 import functools
@@ -25,7 +25,7 @@ from .truth import Truth
 
 __all__ = ["DirectionBits", "JointState", "Quantity", "SaturatedSteps", "Source", "World"]
 
-_new = tuple.__new__  # a third of the time of a named tuple's own
+_new = tuple.__new__  # takes a third of the time of a named tuple's own
 _LARGEST_SPEED_RAD_S = 1e3  # no arm gets there: the integration has diverged
 
 
@@ -41,7 +41,7 @@ class JointState(NamedTuple):
 
 
 class SaturatedSteps(NamedTuple):
-    """For how many steps of integration a drive's own limit, or its supply, held a joint's current down."""
+    """Steps of integration in which a drive's own limit, or its supply, bounded a joint's current."""
 
     own: int
     supply: int
@@ -57,9 +57,9 @@ class _Grid:
 
 
 def _samples(schedule: ScanSchedule, step_count: int) -> list[list[tuple[int, float]]]:
-    """For every step of a scan, its samples: the number of each, and where in the step it lies, from 0 to 1.
+    """For every step of a scan, its samples: the number of each, and its time within the step, from 0 to 1.
 
-    A sample lies offset·step_count/duration steps after the start of the scan; integers keep it in the right step.
+    A sample is offset·step_count/duration steps after the start of the scan; integers keep it in the right step.
     """
     steps: list[list[tuple[int, float]]] = [[] for _ in range(step_count)]
     duration_ns = schedule.duration_ns
@@ -79,14 +79,14 @@ class World:
         self._torque_nm = [0.0] * len(cell.joints)
         self._grid = functools.lru_cache(maxsize=256)(self._cut)
         self._schedule: ScanSchedule | None = None
-        """That of the last scan: nearly always the next one's too."""
+        """Schedule of the last scan, nearly always the next one's too."""
         self._schedule_samples: list[list[tuple[int, float]]] = []
         self._held: list[int] = []
-        """Indices into the plant's angles and speeds of what a support carries."""
+        """Indices into the plant's angles and speeds of the joints and motors on supports."""
         self.power_on()
 
     def power_on(self) -> None:
-        """As at the beginning, but for the time: parked, at rest, without current, the noise from its start."""
+        """Everything but the time as at the beginning: parked, at rest, without current, the noise from its start."""
         cell, truth = self._cell, self._truth
         self._plant = Plant(cell, truth)
         self._drives = [make_drive(joint, true) for joint, true in zip(cell.joints, truth.joints, strict=True)]
@@ -117,7 +117,7 @@ class World:
         self._drives[joint_index].set_supply(is_on)
 
     def distort_drive(self, joint_index: int, stage: str, distortion: Distortion | None) -> None:
-        """Change what flows at a stage of the joint's drive, or no longer (None), from the next refresh on."""
+        """Distort the signal at a stage of the joint's drive, or no longer (None), from the next refresh on."""
         self._drives[joint_index].distort(stage, distortion)
 
     def refresh_command(self, joint_index: int) -> None:
@@ -132,7 +132,7 @@ class World:
     def change(self, truth: Truth) -> None:
         """The true robot changes while it moves: a payload is taken up or dropped, friction rises, a winding burns.
 
-        Sensors and converters keep the truth they began with. `Plant.changed` says how the motion goes on.
+        Sensors and converters keep their first truth. `Plant.changed` says how the motion continues.
         """
         self._plant = self._plant.changed(truth)
         self._truth = truth
@@ -146,7 +146,7 @@ class World:
         self._schedule = None
 
     def strike(self, joint_index: int, impulse_nm_s: float) -> None:
-        """Something hits the joint's link, counter-clockwise if positive. An arm at rest on its support stays there."""
+        """Hit the joint's link, counter-clockwise if positive. An arm on its support stays there."""
         if self._rests() or joint_index in self._held:
             return
         impulses_nm_s = [0.0] * len(self._drives)
@@ -155,12 +155,12 @@ class World:
 
     @property
     def saturated_steps(self) -> list[SaturatedSteps]:
-        """For each joint, how many steps its drive's own and the supply's limit held the current down."""
+        """For each joint, the steps in which its drive's own limit and its supply bounded the current."""
         return [SaturatedSteps(drive.own_limited_steps, drive.supply_limited_steps) for drive in self._drives]
 
     @property
     def supply_limited_steps(self) -> list[int]:
-        """For each joint, how many steps the supply held the current down."""
+        """For each joint, the steps in which its supply bounded the current."""
         return [drive.supply_limited_steps for drive in self._drives]
 
     @property
@@ -194,8 +194,8 @@ class World:
         return states
 
     def advance(self, until_ns: int) -> None:
-        """Let time pass until `until_ns`, in equal steps of at most `physics.max_step_us`,
-        and shorter ones where what is true of the robot needs them.
+        """Let time pass until `until_ns`, in equal steps of at most `physics.max_step_us`, or shorter ones if the true
+        robot needs them.
 
         Raises `ValueError` if that time has passed, `EmulatorError` if the integration diverges.
         """
@@ -211,10 +211,9 @@ class World:
         self.time_ns = until_ns
 
     def scan(self, schedule: ScanSchedule) -> list[float]:
-        """What the sensors give, each source sampled at its own time after `time_ns`; time passes until the end.
+        """Sample each source at its own time after `time_ns`, and let time pass until the end of the scan.
 
-        Returns one value a source, 0 to its `highest`.
-        Raises `EmulatorError` if the integration diverges.
+        Returns one value per source, 0 to its `highest`. Raises `EmulatorError` if the integration diverges.
         """
         sources, duration_ns = schedule.sources, schedule.duration_ns
         values: list[float] = []
@@ -238,7 +237,7 @@ class World:
         return values
 
     def sample(self, source: Source) -> float:
-        """What one sensor gives now; no time passes."""
+        """The present output of one sensor; no time passes."""
         plant, moment = self._plant, self._moment
         moment.step_s = 0.0
         moment.angle = moment.old_angle = plant.angle
@@ -288,7 +287,7 @@ class World:
         return _Grid(step_count, step_s, decays)
 
     def _longest_step_ns(self) -> int:
-        """That of the cell, or less where a wire rings or a motor brakes faster than it can follow."""
+        """The cell's longest step, or less if a wire oscillates or a motor brakes too fast for it."""
         plant, drives = self._plant, self._drives
         rates = [drive.damping_nm_s * ease for drive, ease in zip(drives, plant.compliance, strict=True)]
         rates += [brake.damping_nm_s * plant.compliance[joint] for joint, brake in self._brakes]

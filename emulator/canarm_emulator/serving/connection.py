@@ -1,7 +1,7 @@
 """One client of the virtual bus: its parser, its place in the protocol, its bounded output queue.
 
-Owns no list of clients and forwards nothing. The one clock that it is told is the wall clock, for the pause after a
-handshake and for statistics.
+It has no list of clients and forwards nothing. It is told the wall-clock time, for the pause after a handshake and for
+statistics.
 """
 
 import socket
@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from canarm_protocol.transport.socketcand_server import Mode, ServerParser
 
 HOLD_S = 0.05
-"""Pause between `< rawmode >` and the first frame, ended early by anything the client says.
+"""Pause between `< rawmode >` and the first frame; any input of the client ends it early.
 
 python-can's client breaks when a frame shares a TCP segment with the `< ok >` of its handshake.
 """
 MOST_SUBSCRIPTIONS = 4096
 """IDs that one client can subscribe to."""
 SHORTEST_STATISTICS_S = 0.01
-"""socketcand itself looks this often whether they are due (statistics.c)."""
+"""Shortest interval of statistics; socketcand checks this often whether they are due (statistics.c)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class Connection:
         """Frames that did not fit into its queue."""
         self.garbage_before = 0
         self.is_told = False
-        """Whether it has been said that this client sends what cannot be read."""
+        """Whether unreadable input of this client has been reported."""
         self._queue_bytes = queue_bytes
         self._held_until_s = 0.0
         self._statistics_s: float | None = None
@@ -91,11 +91,11 @@ class Connection:
 
     @property
     def waits_for_time(self) -> bool:
-        """Whether `wait` has something to do sooner or later."""
+        """Whether `wait` will have something to do."""
         return self.held is not None or self._statistics_s is not None
 
     def wait(self, now_s: float, timeout_s: float) -> tuple[float, bool]:
-        """`timeout_s`, shortened to what this client waits for, and whether it is to get statistics now."""
+        """`timeout_s`, shortened to what this client waits for, and whether statistics are due now."""
         if self.held is not None:
             remaining_s = self._held_until_s - now_s
             if remaining_s > 0:
@@ -129,7 +129,7 @@ class Connection:
         self._statistics_due_s = now_s + interval_s
 
     def queue(self, element: bytes) -> bool:
-        """Queue a frame whole, or count it as dropped; whether it fitted."""
+        """Queue a whole frame, or count it as dropped; returns whether it fitted."""
         queue = self.output if self.held is None else self.held
         if len(queue) + len(element) > self._queue_bytes:
             self.dropped += 1
@@ -138,7 +138,7 @@ class Connection:
         return True
 
     def reply(self, element: bytes) -> None:
-        """Queue an answer. A client that asks much and reads nothing gets no further ones."""
+        """Queue an answer, unless the client asks a lot and reads nothing."""
         if len(self.output) + len(element) <= self._queue_bytes:
             self.output += element
 
@@ -149,7 +149,7 @@ class Connection:
             self.held = None
 
     def flush(self) -> bool:
-        """One non-blocking send; what does not go stays queued. False when the client is gone."""
+        """One non-blocking send; the rest stays queued. False when the client is gone."""
         try:
             sent = self.socket.send(self.output)
         except BlockingIOError:

@@ -1,8 +1,8 @@
 """The virtual bus: a socketcand server for several clients on several channels, driven by `poll` from one thread.
 
-Owns the listening socket and who is attached to which channel; one client's state is `connection`'s. It orders nothing
-and forwards nothing by itself: what a client sends is handed to the runner, which decides what the bus makes of it. No
-CANopen and no virtual clock here; the one clock it reads is the wall clock.
+Owns the listening socket, and knows who is attached to which channel; `connection` has the state of one client. It
+forwards nothing by itself: clients' frames go to the runner, which decides what the bus makes of them. CANopen and
+virtual time never enter; it reads only the wall clock.
 """
 
 import contextlib
@@ -35,10 +35,10 @@ from .hub_events import Attached, Detached, Event, HasFileno, Ready, Received, U
 from .listening import Listener
 
 MAX_GARBAGE = 1 << 14
-"""Bytes in a row without one well-formed command, after which a client is no client."""
+"""A client that sends this many bytes without one well-formed command is disconnected."""
 MAX_CLIENTS = 64
 TOO_MANY = b"< error too many clients >"
-"""What one more is told instead of `< hi >`, or the one that has to go for it."""
+"""Sent instead of `< hi >` to one client too many, or to the client that has to make room for it."""
 UNKNOWN = b"< error unknown command >"
 
 _READ_SIZE = 1 << 12  # bounds the time that one client's input can take from a cycle
@@ -47,7 +47,7 @@ _QUICKACK: int | None = getattr(socket, "TCP_QUICKACK", None)
 
 
 class _Traffic:
-    """What a bus has carried so far: all frames, and those that clients of this hub have sent."""
+    """Traffic of a bus so far: all frames, and those that clients of this hub have sent."""
 
     __slots__ = ("frame_bytes", "frames", "sent", "sent_bytes")
 
@@ -91,7 +91,7 @@ class Hub:
         self._update_read_fds()
 
     def poll(self, timeout_s: float) -> list[Event]:
-        """Wait up to `timeout_s` for something to happen, return what did. May return early with nothing."""
+        """Wait up to `timeout_s` for events, and return them. May return early with none."""
         if self._events:
             timeout_s = 0.0
         write_fds = []
@@ -131,7 +131,7 @@ class Hub:
         self._update_read_fds()
 
     def send(self, channel: str, time_ns: int, frame: Frame, exclude: int | None = None) -> None:
-        """Queue `frame`, stamped `time_ns` (>= 0), for the receiving clients of `channel` but for client `exclude`.
+        """Queue `frame` with time stamp `time_ns` (>= 0) for the receiving clients of `channel`, except `exclude`.
 
         Remote frames are left out, as socketcand does. Raises `HubError` for a channel that is not served.
         """
@@ -156,14 +156,14 @@ class Hub:
             self._queue(receivers, format_error(error_class, time_ns), None)
 
     def flush(self) -> None:
-        """One non-blocking send a client; what does not go stays queued and goes in the next `poll` or `flush`."""
+        """One non-blocking send per client; the rest stays queued for the next `poll` or `flush`."""
         for client in tuple(self._clients.values()):
             if client.output:
                 self._flush_client(client)
 
     @property
     def dropped(self) -> dict[int, int]:
-        """Frames dropped by client, among them clients that are gone, since they were too slow."""
+        """Frames dropped for slow clients, by client, including those that are gone."""
         counts = {client.client_id: client.dropped for client in self._clients.values() if client.dropped}
         return self._dropped_before | counts
 
@@ -219,7 +219,7 @@ class Hub:
         self._read_fds = [self._listener.fileno(), *self._clients, *self._watched]
 
     def _unwatch_broken(self) -> None:
-        """Find the file objects that were closed while watched, which `select` answers for all together."""
+        """Find the file objects that were closed while watched: `select` only says that there are some."""
         for fd, fileobj in tuple(self._watched.items()):
             try:
                 select.select((fd,), (), (), 0)
@@ -237,7 +237,7 @@ class Hub:
             connection.close()
             return
         if len(self._clients) >= MAX_CLIENTS:
-            # Room is made by one that connected and never said what it wants.
+            # A client that has connected and sent nothing makes room.
             silent = next((client for client in self._clients.values() if client.channel is None), None)
             refused = connection if silent is None else silent.socket
             with contextlib.suppress(OSError):
@@ -248,7 +248,7 @@ class Hub:
                 return
             self._drop(silent)
         connection.setblocking(False)
-        with contextlib.suppress(OSError):  # one that has gone meanwhile is found out by the first read
+        with contextlib.suppress(OSError):  # the first read finds a client that has gone meanwhile
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         self._last_client_id += 1
@@ -336,7 +336,7 @@ class Hub:
                 client.release()
                 client.reply(b"< echo >")
             case Bad(text):
-                # As state_raw.c does: a syntax error is no news to its sender.
+                # As in state_raw.c, the sender of a syntax error is not told.
                 if not client.is_told:
                     client.is_told = True
                     self._events.append(Unreadable(client.channel, client.client_id, text))

@@ -36,13 +36,13 @@ class Detached(NamedTuple):
 
 
 class Ready(NamedTuple):
-    """A file object given to `watch` is readable, or broken, in which case it is watched no longer."""
+    """A watched file object is readable, or broken, in which case it is no longer watched."""
 
     fileobj: HasFileno
 
 
 class Unreadable(NamedTuple):
-    """A client said something that cannot be read, for the first time. It is dropped, as what follows of the kind."""
+    """A client has sent unreadable input for the first time; this and all further such input is dropped."""
 
     channel: str | None
     client_id: int

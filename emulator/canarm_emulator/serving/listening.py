@@ -1,7 +1,6 @@
-"""Opening a listening TCP socket, with refusals in words: for the virtual bus and the serial adapter over TCP.
+"""Listening TCP sockets, for the virtual bus and the serial adapter over TCP, with refusals in words.
 
-Owns the rule that nothing but loopback is served unless the user says so, and what becomes of a client for whom this
-process has no file descriptor left.
+Only loopback is served unless the user says otherwise. Handles clients for which no file descriptor is left.
 """
 
 import contextlib
@@ -18,10 +17,10 @@ BACKLOG = 64
 
 
 class Listener:
-    """A listening socket. `address` is the (host, port) it listens on; `option` is what the user changes if it fails.
+    """A listening socket at `address`, a (host, port); errors name `option`, which the user can change.
 
-    One descriptor is kept in reserve: at the limit of open files a connection could neither be accepted nor refused,
-    and its socket would be readable for ever.
+    One descriptor is kept in reserve: at the limit of open files a connection could otherwise neither be accepted nor
+    refused, and the socket would be readable for ever.
     """
 
     def __init__(self, host: str, port: int, allow_remote: bool, option: str = "--serve HOST:PORT") -> None:
@@ -38,13 +37,13 @@ class Listener:
         return self._socket.fileno()
 
     def accept(self, refusal: bytes = b"") -> Iterator[tuple[socket.socket, str]]:
-        """Connections that wait, with their addresses. Where there is no room, `refusal` is said instead."""
+        """Waiting connections with their addresses. Those for which there is no room are sent `refusal`."""
         while True:
             try:
                 connection, address = self._socket.accept()
             except OSError as error:
                 if error.errno not in (errno.EMFILE, errno.ENFILE) or not self._refuse(refusal):
-                    return  # nobody waits any more; or one was gone before it was accepted
+                    return  # nobody waits any more, or a client has gone before it was accepted
                 continue
             yield connection, f"{address[0]}:{address[1]}"
 
@@ -56,7 +55,7 @@ class Listener:
             self._reserve = -1
 
     def _refuse(self, refusal: bytes) -> bool:
-        """Send one away by means of the descriptor in reserve; whether there was one to send away."""
+        """Refuse one connection with the reserve descriptor; returns whether there was one."""
         if self._reserve < 0:
             return False
         os.close(self._reserve)

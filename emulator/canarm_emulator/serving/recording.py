@@ -1,6 +1,6 @@
-"""What an emulator leaves in a run folder: every frame of the robot's bus in its order, the true signals, events.
+"""An emulator's files in a run folder: every frame of the robot's bus in order, the true signals, events.
 
-Times are virtual, since power-on; the cycle beside them counts from the first SYNC after NMT start.
+Times are virtual, since power-on; cycles count from the first SYNC after NMT start.
 """
 
 import contextlib
@@ -41,10 +41,10 @@ class Recorder:
         self._cycle = -1
 
     def frame(self, record: Record) -> None:
-        """Append a frame of the robot's bus; an emergency of a node is an event as well, and so is an error frame.
+        """Append a frame of the robot's bus; EMCY messages and error frames are also events.
 
-        The log has those error frames only that have an error on the bus as their cause (BUSERROR): python-can's reader
-        takes the others, which tell of a better state, for frames with data.
+        The log has only error frames that are caused by an error on the bus (BUSERROR): python-can's reader takes the
+        others, which report a better state, for data frames.
         """
         if record.frame.can_id >= ERROR_FLAG:
             if record.frame.can_id & ErrorClass.BUSERROR:
@@ -87,7 +87,7 @@ class Recorder:
 
 
 def _party(name: Hashable) -> dict[str, object]:
-    """Who it is on the wire: a card by its node-ID, a client of the virtual bus by its number."""
+    """A participant of the wire: a card by its node-ID, a client of the virtual bus by its number."""
     if isinstance(name, int):
         return {"node": name}
     client = origin_of(name)

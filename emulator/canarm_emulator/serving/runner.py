@@ -27,16 +27,16 @@ ROBOT_BUS, BENCH_BUS = "can0", "bench"
 LISTENER_NS = 1_500_000_000
 """Telemetry goes on this long after a listener's last heartbeat."""
 IDLE_TELEMETRY_NS = 100_000_000
-"""Period of telemetry while nobody sends SYNC."""
+"""Period of telemetry without SYNC."""
 IDLE_S = 0.05
 PORT_POLL_S = 0.001
-"""How often a port is looked at that offers nothing to wait for."""
+"""Polling interval of a port without a file descriptor."""
 STALL_NS = 10_000_000
-"""A wait that lasts so much longer than asked for is the machine's fault, not the robot's."""
+"""A wait that lasts this much longer than asked for is a stall of the machine, and not the robot's fault."""
 LONGEST_REPLAY_NS = 1_000_000_000
-"""Of a stall, so much is caught up; what goes beyond it virtual time leaves out."""
+"""Longest part of a stall that is caught up; virtual time skips the rest."""
 SHORTEST_FRAME_BITS = 47
-"""Of a frame without data, intermission included (ISO 11898-1): nothing carries more frames than that in a time."""
+"""Bits of a frame without data, with intermission (ISO 11898-1), which bounds the frames that a bus can carry."""
 
 
 class _Arrived(NamedTuple):
@@ -50,9 +50,9 @@ class _Arrived(NamedTuple):
 class EmulatorRunner:
     """Ties a bench to its buses.
 
-    `ports` are further buses beside the hub, by bus name ("can0", "bench"). `sync_timeout_s` bounds a silent controller
-    in lockstep; infinity waits for it. `should_stop` is asked in every round. `faults` are injected as soon as the
-    bench has started.
+    `ports` are further buses besides the hub, by bus name ("can0", "bench"). In lockstep a controller counts as lost
+    after `sync_timeout_s` of silence, which may be infinite. `should_stop` is called in every round. `faults` are
+    injected as soon as the bench has started.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class EmulatorRunner:
         self._last_look_ns = time.monotonic_ns()
         self._start_ns = self._last_look_ns
         self.sync_intervals = SyncIntervals(bench.cell.bus.cycle_ns)
-        """How regularly SYNC comes on the wall clock."""
+        """How regularly SYNC arrives on the wall clock."""
         self.stalls = 0
         """How often the machine kept the emulator from running for longer than `STALL_NS`."""
         self.run_ons = 0
@@ -138,7 +138,7 @@ class EmulatorRunner:
         self._deliver()
 
     def _arrivals(self, events: Sequence[Event]) -> Iterator[Event | _Arrived]:
-        """What has come, in order: events of clients, frames of clients and ports. A port is read when it is due."""
+        """Input in order: events of clients, frames of clients and ports. A port is read when it is due."""
         for event in events:
             if type(event) is Received:
                 yield _Arrived(event.channel, event.frame, event.client_id)
@@ -179,9 +179,9 @@ class EmulatorRunner:
             self._bench.advance(now_ns - self._start_ns)
 
     def _catch_up(self, events: Sequence[Event], now_ns: int) -> None:
-        """After a stall: what has come meanwhile is taken at the times at which it must have come, then time goes on.
+        """After a stall: take the input at the times at which it must have arrived, then let time go on.
 
-        That is no more than a bus could have carried; who sends faster must not keep the emulator from its work.
+        Takes no more than a bus could have carried: a faster sender must not keep the emulator busy.
         """
         most = self._gap_ns * self._bench.cell.bus.bitrate // (SHORTEST_FRAME_BITS * 1_000_000_000)
         arrivals = list(self._arrivals(events))
@@ -213,9 +213,9 @@ class EmulatorRunner:
             self._bench.receive_bench(frame, origin)
 
     def _advance_to_sync(self, now_ns: int) -> None:
-        """SYNCs that queued up during a stall came one cycle apart.
+        """Assume that SYNCs which have queued up during a stall came one cycle apart.
 
-        If there are fewer than the stall had cycles, their sender has stalled as well, and they came after that.
+        If there are fewer than the stall had cycles, their sender has stalled too, and they came after that.
         """
         cycle_ns, left = self._bench.cell.bus.cycle_ns, self._queued_syncs
         came_ns = self._last_sync_time_ns + cycle_ns
@@ -243,7 +243,7 @@ class EmulatorRunner:
                 self._sync_sender = None
 
     def _run_on(self, why: str) -> None:
-        """Lockstep without SYNC: time runs on, so that the cards protect themselves; then it stands still again."""
+        """In lockstep without SYNC, let time run on until the cards have protected themselves."""
         self._sync_sender = None
         if self._bench.is_operational:
             self.run_ons += 1
@@ -262,7 +262,7 @@ class EmulatorRunner:
             self._bench.send_telemetry()
 
     def _deliver(self) -> None:
-        """Hand out what the bench sent, each bus in its own order, to everybody but the sender; then to the log."""
+        """Send the bench's frames, in the order of each bus, to everybody but their senders, then to the log."""
         bench, hub = self._bench, self._hub
         if bench.records:
             records, bench.records = bench.records, []
@@ -284,7 +284,7 @@ class EmulatorRunner:
             self._send_to_ports(BENCH_BUS, records)
 
     def _send_to_ports(self, bus: str, records: Sequence[Record]) -> None:
-        """Error frames stay away from other buses, which have their own."""
+        """Send frames to the ports, except error frames: other buses have their own."""
         for port in self._ports[bus]:
             frames = [
                 (time_ns, frame)

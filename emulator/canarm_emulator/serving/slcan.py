@@ -1,20 +1,20 @@
-"""The adapter's side of slcan, the ASCII protocol of serial CAN adapters, as pure bytes in and values out.
+"""The adapter's side of slcan, the ASCII protocol of serial CAN adapters: bytes in, values out.
 
-Source: LAWICEL CAN232 manual, version 3, and python-can's `slcan` driver. A line ends with CR; it is answered with CR,
-or BEL where it is refused. No terminals, sockets, clocks or waiting enter here. Nothing that a client says is raised.
+Source: LAWICEL CAN232 manual, version 3, and python-can's `slcan` driver. A line ends with CR; the answer is CR, or BEL
+if it is refused. No terminals, sockets, clocks or waiting enter here. No input raises an error.
 """
 
 from canarm_protocol.canopen.frames import Frame
 
 MAX_LINE = 64
-"""Longest line in bytes. The longest that means something, an extended frame with a time stamp, has 30."""
+"""Longest line in bytes. The longest valid line, an extended frame with a time stamp, has 30."""
 
 OK, REFUSED = b"\r", b"\a"
 VERSION = b"V1013\r"
 """Hardware 1.0, software 1.3."""
 SERIAL_NUMBER = b"NCARM\r"
 STATUS_FLAGS = b"F00\r"
-"""No error: neither bus-off nor a full queue ever shows here; what a slow reader loses is counted outside."""
+"""No error: bus-off and full queues are never reported here; frames lost by a slow reader are counted elsewhere."""
 STAMP_RANGE_MS = 60_000
 """Time stamps count from 0 to 0xEA5F ms and start again."""
 
@@ -30,10 +30,9 @@ _SETTINGS = {
 
 
 class SlcanAdapter:
-    """One emulated adapter. It starts closed; closed, it neither takes frames nor passes any on.
+    """One emulated adapter. It starts closed, and neither accepts nor passes on frames until it is opened.
 
-    The bit rate is accepted as it comes: the emulated bus has the one of its cell. `refused` counts the lines that were
-    answered with BEL.
+    Any bit rate is accepted: the emulated bus has that of its cell. `refused` counts the lines answered with BEL.
     """
 
     def __init__(self) -> None:
@@ -98,7 +97,7 @@ class SlcanAdapter:
         """Act on a line that is answered with CR or BEL only. False when it is refused."""
         match line:
             case b"":
-                pass  # clients send empty lines to end whatever was begun before them
+                pass  # clients send empty lines to end anything that was begun before
             # Opening twice and closing twice are no errors here, as they are at LAWICEL's: a client that vanished may
             # have left the channel open.
             case b"O" | b"L" | b"l":
@@ -120,7 +119,7 @@ class SlcanAdapter:
 
 
 def _is_hex(text: bytes, size: int) -> bool:
-    """`size` hex digits; `int` alone would also take signs, underscores and blanks."""
+    """`size` hex digits; `int` would also accept signs, underscores and blanks."""
     return len(text) == size and _HEX_DIGITS.issuperset(text)
 
 

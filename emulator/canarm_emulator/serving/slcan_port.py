@@ -1,7 +1,7 @@
 """slcan adapters as attachments of a bus: what they have in common, and the one on a TCP port for pyserial's `socket://`.
 
-Owns sockets and one bounded output queue; the adapter on a pseudo-terminal is `slcan_terminal`'s. It knows no CANopen,
-and the one clock it reads tells when a frame came. Whatever a client does costs nobody but itself.
+Owns sockets and one bounded output queue; `slcan_terminal` has the adapter on a pseudo-terminal. CANopen never enters,
+and it reads the clock only for the arrival of frames. A misbehaving client harms nobody but itself.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ SOCKET_URL = "socket://"
 """pyserial's scheme for a serial line over TCP."""
 QUEUE_BYTES = 1 << 18
 READ_SIZE = 1 << 12
-"""Bounds the time that a client's input can take from a cycle."""
+"""Bytes per read: bounds the time that a client's input can take from a cycle."""
 
 _QUICKACK: int | None = getattr(socket, "TCP_QUICKACK", None)
 
@@ -36,7 +36,7 @@ class SlcanError(EmulatorError):
 
 
 class SlcanRefusedError(SlcanError):
-    """The machine refuses it: a name that is taken, for example."""
+    """The machine refuses it, for example because a name is taken."""
 
     exit_status = ExitStatus.FAILED
 
@@ -60,7 +60,7 @@ class Line(Protocol):
 class SlcanPort(BusPort):
     """An slcan adapter, used by one client at a time and by many one after the other.
 
-    `dropped` counts the frames that clients lost since they read too slowly: the queue holds `queue_bytes`.
+    `dropped` counts the frames that slow clients have lost: the queue holds `queue_bytes`.
     """
 
     def __init__(self, queue_bytes: int = QUEUE_BYTES) -> None:
@@ -81,7 +81,7 @@ class SlcanPort(BusPort):
 
     @property
     def refused(self) -> int:
-        """Lines so far that made no sense, or none in the adapter's state."""
+        """Lines so far that were invalid, or invalid in the adapter's state."""
         return self._adapter.refused
 
     def send(self, frames: Sequence[Frame]) -> None:
@@ -114,7 +114,7 @@ class SlcanPort(BusPort):
         return [(now_ns, frame) for frame in frames]
 
     def fileno(self) -> int | None:
-        """One descriptor for everything that is waited for, where the system has such a thing (epoll, kqueue)."""
+        """One descriptor for all input, if the system has such a thing (epoll, kqueue)."""
         fileno: Callable[[], int] | None = getattr(self._selector, "fileno", None)
         return None if fileno is None else fileno()
 
@@ -160,13 +160,13 @@ class SlcanPort(BusPort):
             return []
         self._hear()
         frames, answers = self._adapter.feed(data)
-        # A client that asks much and reads nothing gets no further answers.
+        # A client that asks a lot and reads nothing gets no further answers.
         if len(self._output) + len(answers) <= self._queue_bytes:
             self._output += answers
         return frames
 
     def _flush(self) -> None:
-        """One write; what does not go stays queued, and goes when there is room again."""
+        """One write; the rest stays queued until there is room again."""
         if self._line is None:
             return
         if self._output:
@@ -186,7 +186,7 @@ class SlcanPort(BusPort):
 class SlcanSocket(SlcanPort):
     """An slcan adapter behind a TCP port. `address` is the (host, port) it listens on.
 
-    A second client is sent away as long as the first has its channel open; one that never opens it makes room.
+    A second client is refused while the first has its channel open; a client that has not opened it makes room.
     """
 
     def __init__(
@@ -218,7 +218,7 @@ class SlcanSocket(SlcanPort):
                 continue
             self._detach()
             connection.setblocking(False)
-            # A client that has gone meanwhile is found out by the first read.
+            # The first read finds a client that has gone meanwhile.
             with contextlib.suppress(OSError):
                 connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)

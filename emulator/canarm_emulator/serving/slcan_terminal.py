@@ -1,7 +1,7 @@
 """An slcan adapter on a pseudo-terminal, for programs that want a serial port.
 
-Owns the terminal and the link that names it. A client may do to a terminal what it likes, its line discipline, modes
-and locks included: it is put right when the client has gone, or a new terminal takes its place.
+Owns the terminal and the link that names it. A client may change its line discipline, modes and locks: they are reset
+when the client has gone, or a new terminal takes its place.
 """
 
 import contextlib
@@ -19,10 +19,10 @@ _log = logging.getLogger(__name__)
 
 
 class SlcanTerminal(SlcanPort):
-    """An slcan adapter on a pseudo-terminal, which a symbolic link gives a name that stays.
+    """An slcan adapter on a pseudo-terminal with a fixed name, a symbolic link.
 
-    While nobody has the terminal open, this side holds it open itself: a pseudo-terminal without a user reports its
-    end for ever. With the first word of a client it lets go, so that the end of that client is seen.
+    While no client has the terminal open, this side holds it open: a pseudo-terminal without a user reports end of file
+    all the time. At a client's first input this side closes it, so that it sees when the client has gone.
     """
 
     def __init__(self, link: Path | None = None, *, queue_bytes: int = QUEUE_BYTES) -> None:
@@ -39,7 +39,7 @@ class SlcanTerminal(SlcanPort):
         super().__init__(queue_bytes)
         self._held, self._name, self._terminal = -1, "", _TerminalLine(-1)
         self.replaced = 0
-        """How often a client left its terminal so that nobody could use it again, and a new one took its place."""
+        """How often a client has left its terminal unusable, so that a new one had to take its place."""
         self._link = (default_link() if link is None else link).absolute()
         try:
             self._make(pty.openpty)
@@ -70,7 +70,7 @@ class SlcanTerminal(SlcanPort):
         self._prepare()
 
     def _prepare(self) -> None:
-        """Raw, and without what the last client left unread, half a line perhaps. Raises `OSError`, `termios.error`."""
+        """Set raw mode and discard what the last client has left unread. Raises `OSError`, `termios.error`."""
         import fcntl
         import termios
         import tty
@@ -98,7 +98,7 @@ class SlcanTerminal(SlcanPort):
             self._attach(self._terminal)
 
     def _replace(self) -> None:
-        """A client has left its terminal so that it cannot be used: a new one gets its name."""
+        """Give the name to a new terminal: a client has left the old one unusable."""
         import pty
 
         self._hear()
@@ -115,14 +115,14 @@ class SlcanTerminal(SlcanPort):
             _log.error("--slcan %s: a client has broken the terminal, and there is no other: %s", self._link, error)
 
     def _remove_link(self) -> None:
-        """Unless it leads elsewhere by now."""
+        """Remove the link, unless it leads elsewhere by now."""
         with contextlib.suppress(OSError):
             if self._name and str(self._link.readlink()) == self._name:
                 self._link.unlink()
 
 
 def termios_error() -> type[Exception]:
-    """What functions on terminals raise beside `OSError`, of which it is no kind; `OSError` where there are none."""
+    """`termios.error`, which functions on terminals raise besides `OSError`; `OSError` on systems without terminals."""
     try:
         import termios
     except ImportError:
@@ -131,7 +131,7 @@ def termios_error() -> type[Exception]:
 
 
 def default_link() -> Path:
-    """The name of a terminal unless another is wanted: in the user's runtime folder, or the one for temporary files."""
+    """The default name of the terminal: in the user's runtime folder, or in that for temporary files."""
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     if runtime and Path(runtime).is_dir():
         return Path(runtime, "canarm-can0")

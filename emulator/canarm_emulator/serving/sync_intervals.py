@@ -1,6 +1,6 @@
 """How regularly SYNC arrives, as the emulator sees it on the wall clock.
 
-Owns the counts. It reads no clock and knows no bus: whoever receives a SYNC hands in the time at which it did.
+It reads no clock and knows no bus: whoever receives a SYNC hands in its time.
 """
 
 from typing import Any
@@ -8,7 +8,7 @@ from typing import Any
 from canarm_protocol.runs.histogram import Histogram
 
 PAUSE_NS = 1_000_000_000
-"""Silence after which SYNC has paused rather than come late: ten times the cards' limit for the controller's
+"""After this much silence SYNC counts as paused, not late: ten times the cards' time-out for the controller's
 heartbeat."""
 
 
@@ -40,7 +40,7 @@ class SyncIntervals:
         self.gaps += max((2 * interval_ns + self._period_ns) // (2 * self._period_ns) - 1, 0)
 
     def begin(self) -> None:
-        """Another sender, or another run: the interval to its first SYNC counts as nothing."""
+        """Another sender or another run begins: the interval to its first SYNC does not count."""
         self._last_ns = None
 
     def summary(self) -> dict[str, Any]:

@@ -1,6 +1,6 @@
-"""Who is in trouble on the wire: error states as they were last, nodes in bus-off, counts of errors and lost frames.
+"""Trouble on the wire: last error states, nodes in bus-off, counts of errors and lost frames.
 
-Keeps books on the wire's events. What a card or a client makes of them belongs to the bus.
+Keeps records of the wire's events; the bus decides what they mean for a card or a client.
 """
 
 from collections.abc import Hashable
@@ -13,7 +13,7 @@ from .wire_events import ErrorFrame, StateChange
 
 
 class ClientNode(NamedTuple):
-    """A client of the virtual bus as a node of the wire: its number there is no node-ID."""
+    """A client of the virtual bus as a node on the wire; its number is no node-ID."""
 
     client_id: int
 
@@ -22,7 +22,7 @@ _client_node = lru_cache(ClientNode)
 
 
 def wire_name(origin: object) -> Hashable:
-    """The name on the wire of a client, apart from the cards, whose names are their node-IDs."""
+    """The name of a client on the wire, distinct from those of cards, which are node-IDs."""
     return _client_node(origin) if isinstance(origin, int) else origin
 
 
@@ -48,12 +48,12 @@ class BusTrouble:
 
     @property
     def lost_frames(self) -> int:
-        """Frames thrown away by nodes in bus-off or with a full queue, those of nodes that have left included."""
+        """Frames discarded by nodes in bus-off or with a full queue, including nodes that have left."""
         nodes = () if self._wire is None else self._wire.nodes.values()
         return self._lost_before + sum(node.discarded for node in nodes)
 
     def note(self, event: ErrorFrame | StateChange) -> ErrorState:
-        """Take down an event; returns the state that its node was in before. In bus-off, recovery begins."""
+        """Record an event; returns the node's state before it. At bus-off, recovery begins."""
         if isinstance(event, ErrorFrame):
             self.error_frames += 1
             return self._states.get(event.sender, ErrorState.ACTIVE)
@@ -69,7 +69,7 @@ class BusTrouble:
         return was
 
     def state_of(self, name: Hashable) -> ErrorState:
-        """A node's error state as it was last told."""
+        """A node's last reported error state."""
         return self._states.get(name, ErrorState.ACTIVE)
 
     def unplug(self, name: Hashable) -> None:

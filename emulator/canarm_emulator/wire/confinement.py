@@ -1,6 +1,6 @@
 """Fault confinement of CAN nodes: error counters and states, and how errors are signalled on the bus (ISO 11898-1).
 
-Rules on counts of bits and on nodes that are error-active or not. Time, queues and arbitration never enter.
+Only rules about counts of bits and error states. Time, queues and arbitration never enter.
 
 The letters a) to l) are those of the counting rules of ISO 11898-1:2015, 12.1.4.2 (rules 1 to 12 of CAN 2.0, section
 8). Not modelled: overload frames, an error flag that is itself disturbed (rules d, e), a bus that stays dominant
@@ -18,7 +18,7 @@ DELIMITER_BITS = 8
 SUSPEND_BITS = 8
 """Recessive bits after intermission that an error-passive node waits before it transmits again."""
 RECOVERY_SEQUENCES, RECESSIVE_SEQUENCE_BITS = 128, 11
-"""What a node in bus-off has to monitor before it takes part again (rule l)."""
+"""Recessive sequences that a node in bus-off must monitor before it takes part again (rule l)."""
 STUFF_ERROR_RUN = 6
 ERROR_STEP = 8
 PASSIVE_LIMIT, BUS_OFF_LIMIT = 127, 255
@@ -37,7 +37,7 @@ class ErrorState(Enum):
 
 
 class ErrorKind(Enum):
-    """Which error ended a transmission, as its transmitter's neighbours would name it."""
+    """The error that ended a transmission."""
 
     CRC = "CRC error"
     ACK = "ACK error"
@@ -98,7 +98,7 @@ class Counters:
 
 
 class Signal(NamedTuple):
-    """How an error shows on the bus, in bits from SOF, and whose counters it moves."""
+    """How an error appears on the bus, in bits from SOF, and whose counters it changes."""
 
     flag_from: int
     """First bit of the superposed error flags."""
@@ -107,14 +107,15 @@ class Signal(NamedTuple):
     counts_for_transmitter: bool
     """False for an error-passive node alone on the bus (rule c, exception 1)."""
     first_to_see_suffer: bool
-    """Whether the receivers that saw the error first see their flag followed by others' (rule b)."""
+    """Whether the receivers that detect the error first see others' flags after their own (rule b)."""
 
 
 def no_acknowledge(frame_bits: int, transmitter_is_active: bool, any_receiver_is_active: bool) -> Signal:
-    """Nobody acknowledges, for want of receivers or because all of them found a CRC error.
+    """Nobody acknowledges: there are no receivers, or all of them have found a CRC error.
 
-    An active transmitter flags from the ACK delimiter on. Receivers with a CRC error flag from the bit after it, so
-    that flags superpose to seven bits; a passive transmitter's recessive flag ends with theirs.
+    An error-active transmitter sends its flag from the ACK delimiter on. Receivers with a CRC error send theirs from
+    the next bit on, so that the flags superpose to seven bits; an error-passive transmitter's recessive flag ends with
+    theirs.
     """
     end_of_frame = frame_bits - END_OF_FRAME_BITS
     ack_delimiter = end_of_frame - ACK_DELIMITER_BITS
@@ -127,16 +128,17 @@ def no_acknowledge(frame_bits: int, transmitter_is_active: bool, any_receiver_is
 def local_crc_error(frame_bits: int, any_other_is_active: bool) -> Signal:
     """Some receivers, at least one of them error-active, find a CRC error in a frame that others acknowledge.
 
-    They flag from the bit after the ACK delimiter; everybody else sees that bit dominant and flags from the next one.
+    They send their flags from the bit after the ACK delimiter on; all others see a dominant bit and send theirs from
+    the next one on.
     """
     end_of_frame = frame_bits - END_OF_FRAME_BITS
     return Signal(end_of_frame, end_of_frame + FLAG_BITS + any_other_is_active, True, any_other_is_active)
 
 
 def bit_error(bits: str, transmitter_is_active: bool, any_receiver_is_active: bool) -> Signal:
-    """The transmitter finds that the last of the monitored `bits` is not what it sent, and flags from the next one on.
+    """The transmitter monitors another value than it sent in the last of `bits`, and sends its flag from the next on.
 
-    The receivers find out by the sixth equal bit in a row and answer with their own flags: 6 to 12 bits superposed.
+    The receivers detect the error at the sixth equal bit and answer with their own flags: 6 to 12 bits superposed.
     """
     flag_from = len(bits)
     length = FLAG_BITS
@@ -147,12 +149,12 @@ def bit_error(bits: str, transmitter_is_active: bool, any_receiver_is_active: bo
 
 
 def is_stuff_error(bits: str) -> bool:
-    """Whether the last six of `bits` are equal: every receiver sees the error at once."""
+    """Whether the last six of `bits` are equal: every receiver detects the error at once."""
     return bits[-STUFF_ERROR_RUN:] in ("0" * STUFF_ERROR_RUN, "1" * STUFF_ERROR_RUN)
 
 
 def collision(streams: Collection[str]) -> int | None:
-    """Index of the bit in which frames that won arbitration together first differ; None when they are all the same."""
+    """Index of the first bit in which frames that won arbitration together differ; None if they are equal."""
     for index, bits in enumerate(zip(*streams, strict=False)):
         if len(set(bits)) > 1:
             return index

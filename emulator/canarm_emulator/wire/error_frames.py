@@ -1,6 +1,6 @@
-"""What goes wrong on the wire, in the words of SocketCAN: events of the wire model become error frames.
+"""Events of the wire model as error frames of SocketCAN.
 
-Classes and details as in linux/can/error.h, combined as Linux drivers do. Who is told of them never enters.
+Classes and details are those of linux/can/error.h, combined as Linux drivers do.
 """
 
 from enum import IntFlag
@@ -39,9 +39,9 @@ _PROTOCOL_ERRORS = {
 
 
 def error_frame(event: ErrorFrame | StateChange, was: ErrorState, node: WireNode | None) -> Frame:
-    """The error frame for an event at `node`, whose state `was` that before; None for one that has left the bus.
+    """The error frame for an event at `node`, which `was` in that state before; `node` is None if it has left the bus.
 
-    BUSERROR is set where an error on the bus is the cause: not when a node becomes error-active again.
+    BUSERROR is set if an error on the bus is the cause, not when a node becomes error-active again.
     """
     error_class, control, kind, location = ErrorClass.CNT if node else ErrorClass(0), 0, 0, 0
     tec, rec = (node.tec, node.rec) if node else (0, 0)

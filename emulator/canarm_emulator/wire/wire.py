@@ -1,7 +1,7 @@
 """A CAN bus as its nodes see it: arbitration by identifier, exact frame times, acknowledgement, error confinement.
 
-Frames go in with the time at which a node's controller has them, and come out with the time of their last bit. Nothing
-here knows what a frame means, or a clock. Bit timing, resynchronisation and propagation delay never enter.
+Frames go in with the time at which a node's CAN controller has them, and come out with the time of their last bit. The
+meaning of frames, clocks, bit timing, resynchronisation and propagation delay never enter.
 """
 
 from collections.abc import Hashable, Iterable, Mapping
@@ -30,10 +30,10 @@ class Wire:
     """A bus of `bitrate` bit/s with its `nodes`; every node acknowledges what it receives.
 
     `advance` decides nothing that begins at its own time or later, so frames may still be offered from that time on.
-    `events` gathers error frames and changes of error state in order; whoever drives the wire empties it. Loads look
-    back `history_ns` at most.
+    `events` collects error frames and changes of error state in order; the caller empties it. Loads look back
+    `history_ns` at most.
 
-    Raises `ValueError` for a bit rate whose bit is no whole number of ns.
+    Raises `ValueError` for a bit rate whose bit is not a whole number of ns.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Wire:
         self._attempt: Attempt | None = None
         """The transmission on the wire."""
         self._plan: Attempt | None = None
-        """The next one, if nothing more is offered; None when that has to be worked out again."""
+        """The next one, if nothing more is offered; None if it has to be planned again."""
         self._idle_ns = self._recessive_from_ns = start_ns
         self._worst_ns: dict[int, int] = {}
         self._load = BusLoad(start_ns, history_ns)
@@ -139,10 +139,10 @@ class Wire:
         self._plan = None
 
     def offer(self, time_ns: int, frame: Frame, sender: Hashable) -> bool:
-        """`sender` has `frame` to send from `time_ns` on; False when it is off the bus, or its queue is full: the frame
-        is lost.
+        """`sender` has `frame` to send from `time_ns` on. False if the frame is lost: it is off the bus, or its queue
+        is full.
 
-        Raises `ValueError` for a time gone by or an unknown sender, `FrameError` for what is no classical frame.
+        Raises `ValueError` for a time in the past or an unknown sender, `FrameError` for what is no classical frame.
         """
         node = self._nodes.get(sender) or self._node(sender)
         if time_ns < self.time_ns:
@@ -160,7 +160,7 @@ class Wire:
         return True
 
     def advance(self, until_ns: int) -> list[Delivery]:
-        """Let time pass up to `until_ns`; the frames whose last bit lies before or at that time, in order."""
+        """Let time pass up to `until_ns`; returns the frames whose last bit is not after that time, in order."""
         deliveries: list[Delivery] = []
         while True:
             attempt = self._attempt
@@ -194,14 +194,13 @@ class Wire:
         bit: int | None = None,
         is_unacknowledged: bool = False,
     ) -> Disturbance:
-        """The `nth` transmission of an identifier from now (1: the next), and `times` in a row, end in an error.
+        """Let `times` transmissions of an identifier, from the `nth` on (1: the next), end in an error.
 
-        A CRC error at the `receivers` (None: at all of them, so that nobody acknowledges), or with `bit` a bit error
-        that the transmitter sees, so many bits after the arbitration field, or with `is_unacknowledged` an ACK error. A
-        retransmission is a transmission; a row ends with the bus-off that it brings about. Returns what `withdraw`
-        takes.
+        It is a CRC error at the `receivers` (None: at all, so that nobody acknowledges), or with `bit` a bit error of
+        the transmitter, this many bits after the arbitration field, or with `is_unacknowledged` an ACK error.
+        Retransmissions count; bus-off ends the row. Returns what `withdraw` takes.
 
-        Raises `ValueError` for numbers that count nothing.
+        Raises `ValueError` for impossible numbers.
         """
         if nth < 1 or times < 1 or (bit is not None and bit < 0):
             raise ValueError(f"nth = {nth} and times = {times} must be at least 1, bit = {bit} at least 0")
@@ -212,7 +211,7 @@ class Wire:
         return disturbance
 
     def withdraw(self, disturbance: Disturbance) -> None:
-        """What is left of a disturbance does not happen; a transmission that it has hit already still fails."""
+        """Cancel the rest of a disturbance; a transmission that it has hit already still fails."""
         self._disturbances.withdraw(disturbance)
         self._plan = None
 
@@ -232,7 +231,7 @@ class Wire:
 
     @property
     def peak_load(self) -> float:
-        """Load of the busiest stretch of `history_ns` so far, wherever it began; of all the time while that is less."""
+        """Load of the busiest `history_ns` so far, or of all the time if that is shorter."""
         return self._load.peak(self.time_ns)
 
     def _node(self, name: Hashable) -> WireNode:
@@ -243,7 +242,7 @@ class Wire:
             raise ValueError(f"node {name!r} is not on the bus; attached: {known}") from None
 
     def _make_plan(self) -> Attempt:
-        """Plan the next transmission if nothing more is offered: when, by whom, how it goes. Somebody must wait."""
+        """Plan the next transmission, if nothing more is offered: time, sender and outcome. Some frame must wait."""
         node = self._waiting[0]
         if len(self._waiting) == 1 and node.queueing is Queueing.FIFO:
             waiting = node.queue[0]
@@ -268,7 +267,7 @@ class Wire:
         return start_ns if start_ns > self._idle_ns else self._idle_ns
 
     def _arbitrate(self, start_ns: int) -> Attempt:
-        """Every node that has something to send at `start_ns` sends; the least arbitration field stays."""
+        """Every node with a frame at `start_ns` sends; the lowest arbitration field wins."""
         candidates = [(node, node.candidate(start_ns)) for node in self._waiting]
         contenders = [(node, waiting) for node, waiting in candidates if waiting is not None]
         least = min([waiting.key for _, waiting in contenders])
@@ -323,7 +322,7 @@ class Wire:
         self._conclude(attempt, before)
 
     def _fail(self, attempt: Attempt) -> None:
-        """An error frame: it costs time and counts, and what was not sent is sent again."""
+        """An error frame: it takes time, changes counters, and the frame is sent again."""
         signal, kind = attempt.signal, attempt.kind
         assert signal is not None
         assert kind is not None
@@ -365,7 +364,7 @@ class Wire:
         node.put_back(waiting)
 
     def _conclude(self, attempt: Attempt, before: Mapping[WireNode, ErrorState]) -> None:
-        """Tell of changed states; keep passive senders off the bus for the time of suspend transmission."""
+        """Report changed states, and suspend the transmission of error-passive senders."""
         for node, state in before.items():
             if node.state is not state:
                 self.events.append(StateChange(attempt.end_ns, node.name, node.state))
@@ -377,7 +376,7 @@ class Wire:
         self._plan = None
 
     def _recover_until(self, until_ns: int) -> bool:
-        """Nodes that have seen enough recessive bits by `until_ns` are back: whether there was one."""
+        """Let nodes that have seen enough recessive bits by `until_ns` recover; returns whether there was one."""
         due = {node: node.recovered_ns(self._recessive_from_ns, self.bit_ns) for node in self._recovering}
         back = sorted((node for node in due if due[node] <= until_ns), key=lambda node: due[node])
         for node in back:

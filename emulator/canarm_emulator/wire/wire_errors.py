@@ -1,7 +1,7 @@
-"""What goes wrong in a transmission: collisions, disturbances put in on purpose, nobody there to acknowledge.
+"""What can go wrong in a transmission: collisions, injected disturbances, missing acknowledgement.
 
-Says how a transmission will go, from who sends and who listens. Counters, queues and the order of transmissions
-belong to `wire`; how long flags are and who is to blame to `confinement`.
+Predicts a transmission from its senders and receivers. Counters, queues and the order of transmissions are in `wire`,
+lengths of flags and the rules of counting in `confinement`.
 """
 
 from collections.abc import Hashable, Iterable, Sequence
@@ -20,10 +20,10 @@ Sender = tuple[WireNode, Waiting]
 
 @dataclass(slots=True)
 class Disturbance:
-    """Coming transmissions of an identifier that shall fail: after `spare` good ones, `times` of them.
+    """Future transmissions of an identifier that fail: `times` of them, after `spare` good ones.
 
-    With `bit` the transmitter itself finds that bit inverted (counted from the end of the arbitration field, stuff bits
-    included, the last bit of the CRC at most). Without, the `receivers` named (None: all) find a CRC error, or nobody
+    With `bit` the transmitter itself finds that bit inverted (counted from the end of the arbitration field with stuff
+    bits, the last bit of the CRC at most). Otherwise the named `receivers` (None: all) find a CRC error, or nobody
     acknowledges.
     """
 
@@ -36,7 +36,7 @@ class Disturbance:
 
 @dataclass(slots=True)
 class Attempt:
-    """One transmission, from SOF to the end of the frame or of the error delimiter, as it will go."""
+    """One planned transmission, from SOF to the end of the frame or of the error delimiter."""
 
     start_ns: int
     end_ns: int
@@ -49,11 +49,11 @@ class Attempt:
     beaten: Sequence[Sender] = ()
     """Error-passive transmitters of another frame with the same identifier: their bit error disturbs nobody."""
     disturbance: Disturbance | None = None
-    """What was put in on purpose to hit it."""
+    """The injected disturbance that hits it."""
 
     @property
     def senders(self) -> list[Sender]:
-        """All that sent to the end or to an error of their own."""
+        """All nodes that send until the end, or until an error of their own."""
         return [*self.transmitters, *self.beaten]
 
     def spoil(self, kind: ErrorKind, signal: Signal, bit_ns: int) -> None:
@@ -63,7 +63,7 @@ class Attempt:
 
 
 class Disturbances:
-    """The disturbances that still wait for their transmission."""
+    """Disturbances that wait for their transmission."""
 
     def __init__(self) -> None:
         self._pending: dict[Identifier, list[Disturbance]] = {}
@@ -137,7 +137,7 @@ def foresee(attempt: Attempt, nodes: Iterable[WireNode], disturbance: Disturbanc
 
 
 def _collide(attempt: Attempt, bit_ns: int) -> bool:
-    """Several nodes send frames with one identifier: whether they destroy each other's.
+    """Whether frames of several nodes with the same identifier destroy each other.
 
     A node that sends recessive where another sends dominant finds a bit error. If it is error-passive, its recessive
     flag leaves the other's frame intact.

@@ -1,20 +1,17 @@
-"""How busy a bus was: since start and over a window.
-
-Intervals of time only; frames never enter.
-"""
+"""How busy a bus was, since start and over a window, computed from intervals of time."""
 
 from collections import deque
 
 
 class BusLoad:
-    """Adds up disjoint intervals in the order of time; a window reaches back `history_ns` at most."""
+    """Adds up disjoint intervals in order of time; a window reaches back `history_ns` at most."""
 
     def __init__(self, start_ns: int, history_ns: int) -> None:
         self._start_ns, self._history_ns = start_ns, history_ns
         self._busy_ns = 0
         self._intervals: deque[tuple[int, int]] = deque()
         self._recent_ns = 0
-        """Busy time of the intervals that are remembered."""
+        """Busy time of the intervals in memory."""
         self._peak_ns = 0
 
     def add(self, begun_ns: int, ended_ns: int) -> None:

@@ -1,7 +1,4 @@
-"""The CAN controller of one node: error counters, queue of frames to send, counts of what became of them.
-
-What the bus does, and when, never enters.
-"""
+"""The CAN controller of one node: error counters, queue of frames to send, and counts of their fate."""
 
 from bisect import insort
 from collections.abc import Hashable
@@ -14,13 +11,13 @@ from canarm_protocol.canopen.frames import Frame
 from .confinement import RECESSIVE_SEQUENCE_BITS, RECOVERY_SEQUENCES, Counters, ErrorState
 
 LONGEST_QUEUE = 256
-"""Frames that a controller and its driver hold; what is offered beyond them is lost. SocketCAN's default is 10."""
+"""Most frames that a CAN controller and its driver queue; further ones are lost. SocketCAN's default is 10."""
 
 _OFFERED, _KEY = attrgetter("offered_ns"), attrgetter("key")
 
 
 class Queueing(Enum):
-    """Which of its waiting frames a controller puts forward: the oldest, or that with the lowest identifier."""
+    """Which waiting frame a CAN controller sends first: the oldest, or the one with the lowest identifier."""
 
     FIFO = "fifo"
     PRIORITY = "priority"
@@ -36,7 +33,7 @@ class Waiting(NamedTuple):
 
 
 class WireNode(Counters):
-    """One node's CAN controller. To be read; `Wire` alone changes it."""
+    """One node's CAN controller. Only `Wire` changes it."""
 
     __slots__ = (
         "discarded",
@@ -62,14 +59,14 @@ class WireNode(Counters):
         self.ready_ns = 0
         """When suspend transmission ends."""
         self.recovering_from_ns: int | None = None
-        """Since when a node in bus-off waits for recessive bits; None while it does not."""
+        """Since when a node in bus-off has waited for recessive bits; None if it does not."""
         self.recessive_sequences = 0
         self.sent = 0
         self.errors = 0
         """Own transmissions that ended in an error."""
         self.lost_arbitrations = 0
         self.discarded = 0
-        """Frames thrown away in bus-off, or since the queue was full."""
+        """Frames discarded in bus-off or because the queue was full."""
 
     @property
     def is_on_bus(self) -> bool:
@@ -89,7 +86,7 @@ class WireNode(Counters):
         self.queue.insert(sum(each.offered_ns < waiting.offered_ns for each in self.queue), waiting)
 
     def candidate(self, now_ns: int) -> Waiting | None:
-        """The frame that the controller puts forward at `now_ns`."""
+        """The frame that the CAN controller would send at `now_ns`."""
         first = self.queue[0]
         if first.offered_ns > now_ns or self.ready_ns > now_ns:
             return None
@@ -98,7 +95,7 @@ class WireNode(Counters):
         return min((each for each in self.queue if each.offered_ns <= now_ns), key=_KEY)
 
     def recovered_ns(self, recessive_from_ns: int, bit_ns: int) -> int:
-        """When a recovering node is back, if the bus stays recessive as it is since `recessive_from_ns`."""
+        """When a recovering node is back, if the bus stays recessive from `recessive_from_ns` on."""
         assert self.recovering_from_ns is not None
         missing = RECOVERY_SEQUENCES - self.recessive_sequences
         return max(recessive_from_ns, self.recovering_from_ns) + missing * RECESSIVE_SEQUENCE_BITS * bit_ns

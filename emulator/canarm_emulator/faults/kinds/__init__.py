@@ -1,1 +1,1 @@
-"""The faults, a file a family. A file put here is found by itself; `declaration.py` says what a fault is."""
+"""The faults, one file per family. A file in this folder is found by itself; `declaration.py` says what a fault is."""

@@ -13,9 +13,9 @@ from .wiring import OPEN_OHM, with_resistance
 
 CURRENT, LATCH, MOTOR = (frozenset({kind}) for kind in (TapKind.CURRENT, TapKind.LATCH, TapKind.MOTOR))
 IDLE_CYCLES = 4
-"""The bridge has been off when no current was asked for in this many cycles."""
+"""The bridge counts as off after this many cycles without a current command."""
 COOLED = 0.5
-"""A thermal switch closes again at this share of the current at which it opens."""
+"""A thermal switch closes again at this share of its tripping current."""
 
 
 @dataclass
@@ -38,7 +38,7 @@ class CurrentLimit(SignalFault, name="current-limit", family=Family.ACTUATOR, ac
 
 @dataclass
 class ThermalTrip(SignalFault, name="thermal-trip", family=Family.ACTUATOR, acts_on=CURRENT):
-    """A thermal switch: off when the heat of the current passes a limit, on again at half that current's."""
+    """A thermal switch: it opens when the current has heated it to its limit, and closes when it has cooled."""
 
     limit: float = of_tap("root-mean-square current at which it trips", 0.05, 0.0, 1.0)
     time_constant: float = parameter("of heating and cooling", "s", 0.5, 1e-3, 1e4)

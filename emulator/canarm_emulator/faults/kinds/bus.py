@@ -18,7 +18,7 @@ BIT = 8
 
 @dataclass
 class _Disturbing(BusFault):
-    """A fault on the transmissions of an identifier. What of it has not happened when it ends never does."""
+    """A fault on the transmissions of an identifier; its end withdraws what has not happened yet."""
 
     cob_id: int = parameter("which identifier", "", 0x294, 1, 0x7FF, is_whole=True)
     _pending: Disturbance | None = None
@@ -32,7 +32,7 @@ class _Disturbing(BusFault):
 
 @dataclass
 class _EveryCycle(_Disturbing):
-    """So many transmissions fail in every cycle. Those of a cycle without any do not add up."""
+    """A number of transmissions fail in every cycle; it is not carried over from cycles without any."""
 
     hits_the_ack_slot: ClassVar[bool]
     count: int = parameter("how many transmissions in a row, every cycle", "", 1, 1, 15, is_whole=True)

@@ -29,7 +29,7 @@ class StuckBit(SignalFault, name="stuck-bit", family=Family.CONVERTER, acts_on=C
 
 @dataclass
 class MissingCode(SignalFault, name="missing-code", family=Family.CONVERTER, acts_on=CODES):
-    """Codes that the converter never gives: the one below them stands in their place.
+    """Codes that the converter never gives: the one below takes their place.
 
     That is what a differential nonlinearity of -1 LSB looks like: the code has no width, and its neighbour is wider.
     The codes further up stay where they are, as they do in a converter whose end points are trimmed. The middle is

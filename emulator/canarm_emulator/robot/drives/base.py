@@ -16,20 +16,20 @@ class DriveModel(Protocol):
     """Amplifier, bridge and motor winding of one joint. Currents are signed as the joint torque that they make."""
 
     command_a: float
-    """What the drive is asked for."""
+    """Current that the drive is asked for."""
     current_a: float
     """The motor's current now."""
     time_constant_s: float
-    """With which the current follows."""
+    """Time constant with which the current follows."""
 
     @property
     def is_on(self) -> bool:
         """Whether the motor is connected."""
 
     own_limited_steps: int
-    """Steps so far in which the drive's own limit held the current down, the D669's for one."""
+    """Steps so far in which the drive's own limit bounded the current."""
     supply_limited_steps: int
-    """Steps so far in which the supply held it down."""
+    """Steps so far in which the supply bounded it."""
 
     @property
     def damping_nm_s(self) -> float:
@@ -37,10 +37,10 @@ class DriveModel(Protocol):
 
     @property
     def refused_commands(self) -> int:
-        """How often it was asked for what it never does."""
+        """How many impossible commands it has had."""
 
     def change(self, truth: JointTruth) -> None:
-        """Motor and supply are others from now on; the current goes on from where it is."""
+        """Change motor and supply from now on; the current continues from its present value."""
 
     def take(self, command: Command, value: float) -> None:
         """A card's output has changed. Raises `ValueError` for a value that no card gives."""
@@ -49,7 +49,7 @@ class DriveModel(Protocol):
         """Close or open the supply; open, the current decays."""
 
     def distort(self, stage: str, distortion: Distortion | None) -> None:
-        """Change what flows at one of its stages, or no longer (None), from the next refresh on."""
+        """Distort the signal at one of its stages, or no longer (None), from the next refresh on."""
 
     def refresh_command(self) -> None:
         """Follow the inputs once more."""
@@ -67,10 +67,10 @@ class DriveKind:
 
     make: Callable[[Joint, JointTruth], DriveModel]
     stages: Callable[[Joint], tuple[Stage, ...]]
-    """Those of a joint's drive, along the signal path."""
+    """Stages of a joint's drive along the signal path."""
 
 
 def decay_over(step_s: float, time_constant_s: float) -> tuple[float, float]:
-    """What is left of a deviation after `step_s`, and its mean over the step: e^{−h/τ} and (1 − e^{−h/τ})·τ/h."""
+    """Remainder of a deviation after `step_s`, and its mean over the step: e^{−h/τ} and (1 − e^{−h/τ})·τ/h."""
     ratio = step_s / time_constant_s
     return math.exp(-ratio), -math.expm1(-ratio) / ratio

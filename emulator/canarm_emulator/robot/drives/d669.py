@@ -33,8 +33,8 @@ class D669Drive:
 
     The D669 stage is one NPN transistor in series with the motor, so along the bridge's direction it regulates
     0 ≤ i ≤ (V_supply − e)/R, with e the back-EMF counted positive along that direction. Motoring (e > 0) lowers the
-    limit, braking (e < 0) raises it, and beyond no-load speed (e > V_supply) nothing flows. The current follows with
-    the winding's time constant L/R. Current is signed as the joint torque it makes.
+    limit, braking (e < 0) raises it, and beyond no-load speed (e > V_supply) no current flows. The current follows with
+    the winding's time constant L/R. It has the sign of the joint torque that it makes.
     """
 
     __slots__ = (
@@ -69,17 +69,17 @@ class D669Drive:
         self._distort_current: Distortion | None = None
         self.change(truth)
         self.command_a = 0.0
-        """Signed current that amplifier and bridge ask for."""
+        """Signed current that amplifier and bridge command."""
         self.current_a = 0.0
         """Signed motor current now."""
         self.target_a = 0.0
-        """Signed current towards which the winding's current went during the last step."""
+        """Signed current that the winding's current approached in the last step."""
         self.own_limited_steps = 0
         self.supply_limited_steps = 0
         self.illegal_directions = 0
 
     def change(self, truth: JointTruth) -> None:
-        """Motor and supply are others from now on; the current goes on from where it is."""
+        """Change motor and supply from now on; the current continues from its present value."""
         motor, turns = self._joint.motor, 1.0 - truth.shorted_turns
         self._torque_nm_a = truth.torque_constant_nm_a * motor.gear_ratio * motor.gear_efficiency
         self._back_emf_v_s_rad = truth.torque_constant_nm_a * motor.gear_ratio  # K_e = K_t in SI units

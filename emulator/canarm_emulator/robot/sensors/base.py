@@ -1,6 +1,6 @@
-"""What all true sensors have in common: where in a step of integration they are sampled, and what they give.
+"""What all true sensors have in common: sampling within a step of integration, and their output.
 
-Conversion to a code, and its errors, belong to the cards. No kind of sensor enters.
+Conversion to a code, and its errors, belong to the cards. Particular kinds of sensor never enter.
 """
 
 from abc import ABC, abstractmethod
@@ -29,9 +29,9 @@ class Winding(Protocol):
 class Moment:
     """One step of integration as sensors see it: motion and current at its beginning and at its end.
 
-    Angles and speeds are those of the joints, then of the motors on elastic wires; `motor_dof` has each joint's motor
-    among them. Inside the step they run linearly (at 650 µs and 50 rad/s² off by 3e-6 rad) and the current
-    exponentially, as the integration has it.
+    Angles and speeds are those of the joints, then of the motors on elastic wires; `motor_dof` is the index of each
+    joint's motor. Within the step they are interpolated linearly (an error of 3e-6 rad at 650 µs and 50 rad/s²), the
+    current exponentially, as it is integrated.
     """
 
     __slots__ = ("angle", "drives", "motor_dof", "old_angle", "old_current", "old_speed", "speed", "step_s")
@@ -48,7 +48,7 @@ class Moment:
 
 @dataclass(frozen=True, slots=True)
 class Source(ABC):
-    """The true sensor of a joint at the wire to its card. It gives 0 to `highest`: volts, or counts."""
+    """The true sensor of a joint. On the wire to its card it gives 0 to `highest`, in volts or counts."""
 
     joint_index: int
     quantity: Quantity
@@ -56,7 +56,7 @@ class Source(ABC):
 
     @abstractmethod
     def read(self, moment: Moment, within: float, deviate: float) -> float:
-        """What it gives `within` (0 to 1) the step, with a standard normal `deviate` as noise."""
+        """Its output at `within` (0 to 1) of the step, with a standard normal `deviate` as noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ class AnalogueSource(Source):
 
 @dataclass(frozen=True, slots=True)
 class DistortedSource(Source):
-    """A wire on which something is broken: what the sensor gives is changed on its way."""
+    """A faulty wire: the sensor's output is distorted on its way."""
 
     source: Source
     distortion: Distortion
@@ -88,7 +88,7 @@ class DistortedSource(Source):
         return cls(source.joint_index, source.quantity, source.highest, source, distortion)
 
     def read(self, moment: Moment, within: float, deviate: float) -> float:
-        """What arrives, within what can arrive."""
+        """The distorted output, limited to its range."""
         return min(max(self.distortion(self.source.read(moment, within, deviate)), 0.0), self.highest)
 
 
@@ -99,12 +99,12 @@ class SensorKind:
     make: Callable[[WiredSensor, Mapping[str, float]], Source]
     """The sensor at a channel, from the joint's true values by the `field` of each parameter."""
     truth: tuple[Parameter, ...] = ()
-    """0 nominally."""
+    """Keys whose nominal value is 0."""
     noise: Parameter | None = None
-    """Nominally the sensor's `noise_lsb`."""
+    """Key whose nominal value is the sensor's `noise_lsb`."""
 
     stage: Callable[[Sensor], Stage | None] = lambda sensor: None
-    """Where faults act on what it gives; None where they act on its card's code alone."""
+    """Where faults act on its output; None if they act on its card's code only."""
 
     def nominal(self, sensor: Sensor) -> dict[str, float]:
         """The true values of a sound `sensor`, by field."""
@@ -122,9 +122,9 @@ class SensorKind:
 def analogue_kind(
     name: str, of: Callable[..., AnalogueSource], offset: Parameter | None = None, per_unit: float = 1.0
 ) -> SensorKind:
-    """A kind that gives volts with the nominal gain, noise, and where it has one an `offset`, in its `per_unit`s.
+    """A kind that gives volts with the nominal gain, noise and, if it has one, an `offset` in units of `per_unit`.
 
-    The noise is counted in steps of the sensor's converter.
+    The noise is in steps of the sensor's converter.
     """
     noise = f"{name}_noise_lsb"
 

@@ -7,7 +7,7 @@ from .base import AnalogueSource, Moment, analogue_kind
 
 @dataclass(frozen=True, slots=True)
 class CurrentSenseSource(AnalogueSource):
-    """Volts of the motor's current, without sign."""
+    """A voltage proportional to the magnitude of the motor's current."""
 
     def read(self, moment: Moment, within: float, deviate: float) -> float:
         """The voltage at the pin."""

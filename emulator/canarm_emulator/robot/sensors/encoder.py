@@ -12,7 +12,7 @@ from .base import Moment, SensorKind, Source
 
 @dataclass(frozen=True, slots=True)
 class EncoderSource(Source):
-    """The angle of the shaft, rad, unwrapped: `turns` of it for one of the joint, negative where it is mounted so."""
+    """The unwrapped angle of the shaft, rad: `turns` per turn of the joint, negative if it is mounted in reverse."""
 
     turns: float
     is_on_motor: bool
