@@ -10,7 +10,7 @@ import sys
 import time
 from pathlib import Path
 
-SUITES = ("lockstep", "dynamics", "slave", "wall_clock")
+SUITES = ("lockstep", "dynamics", "cooperation", "slave", "wall_clock")
 RESULTS = Path(__file__).parent / "results"
 
 

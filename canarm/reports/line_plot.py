@@ -68,6 +68,18 @@ class Panel:
     marks: tuple[Mark, ...] = ()
 
 
+def fitting(values: Sequence[float]) -> Axis:
+    """An axis that holds all `values`, with ticks at round numbers."""
+    low, high = (min(values), max(values)) if values else (0.0, 1.0)
+    if high - low < 1e-6:
+        low, high = low - 0.5, high + 0.5
+    rough = (high - low) / 5
+    decade = 10.0 ** math.floor(math.log10(rough))
+    step = next(factor * decade for factor in (1, 2, 5, 10) if factor * decade >= rough)
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return Axis(low, high, tuple(min(max(number * step, low), high) for number in range(first, last + 1)))
+
+
 def draw(title: str, x_label: str, x: Axis, panels: Sequence[Panel]) -> str:
     """The picture. All panels share the x axis; a legend stands beside every panel whose curves are other ones.
 

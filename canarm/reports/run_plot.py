@@ -11,7 +11,7 @@ import numpy as np
 
 from ..rig.findings import HALF_NS, Begun, Noticed
 from ..rig.rig_joint import Floats, RigJoint
-from .line_plot import Axis, Curve, Mark, Panel, draw
+from .line_plot import Curve, Mark, Panel, draw, fitting
 
 COLUMNS = 600
 """A longer curve is drawn by this many pairs of least and greatest value, more than the picture has pixels."""
@@ -52,10 +52,10 @@ def plot_run(
         for what, signals in _PANELS:
             curves = [_curve(joint, low_s, high_s, *signal) for signal in signals]
             curves = [curve for curve in curves if curve.points]
-            axis = _fitting(_values(curves, 1))
+            axis = fitting(_values(curves, 1))
             panels.append(Panel(f"{name}: {what}", axis, PANEL_HEIGHT, tuple(curves), shown))
             times_s += _values(curves, 0)
-    return draw(title, "time, s", _fitting(times_s), panels)
+    return draw(title, "time, s", fitting(times_s), panels)
 
 
 def _window(begun: Sequence[Begun], noticed: Sequence[Noticed]) -> tuple[float, float]:
@@ -98,15 +98,3 @@ def _thinned(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
 
 def _values(curves: Iterable[Curve], place: int) -> list[float]:
     return [point[place] for curve in curves for point in curve.points if math.isfinite(point[1])]
-
-
-def _fitting(values: Sequence[float]) -> Axis:
-    """An axis that holds all `values`, with ticks at round numbers."""
-    low, high = (min(values), max(values)) if values else (0.0, 1.0)
-    if high - low < 1e-6:
-        low, high = low - 0.5, high + 0.5
-    rough = (high - low) / 5
-    decade = 10.0 ** math.floor(math.log10(rough))
-    step = next(factor * decade for factor in (1, 2, 5, 10) if factor * decade >= rough)
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    return Axis(low, high, tuple(min(max(number * step, low), high) for number in range(first, last + 1)))

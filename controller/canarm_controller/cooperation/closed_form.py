@@ -147,6 +147,8 @@ def _wrapped(angle: Floats) -> Floats:
 
 
 def _within_limits(arm: FiveAxisArm, found: Solutions) -> Solutions:
+    if not arm.limits_deg:
+        return found
     q_rad, is_within = into_limits(arm, found.q_rad, found.q_rad)
     reason = np.where(found.found & ~is_within.all(axis=-1), Reason.JOINT_LIMIT, found.reason).astype(np.int8)
     return Solutions(np.where((reason == Reason.NONE)[..., None], q_rad, np.nan), reason, found.elbow_cosine)
@@ -156,6 +158,8 @@ def into_limits(arm: FiveAxisArm, lowest_rad: Floats, highest_rad: Floats) -> tu
     """`lowest_rad` (..., 5), moved by the fewest full turns that bring the whole way up to `highest_rad` into the
     limits, and for each joint whether there are such turns; if not, by those that bring it nearest to them.
     """
+    if not arm.limits_deg:
+        return lowest_rad, np.ones(lowest_rad.shape, dtype=np.bool_)
     low, high = np.array(arm.limits_rad).T
     with np.errstate(invalid="ignore"):
         fewest = np.ceil((low - lowest_rad) / (2 * np.pi))

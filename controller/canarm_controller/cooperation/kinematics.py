@@ -16,6 +16,10 @@ from .arms import DhChain, FiveAxisArm, exact_twists
 Floats = NDArray[np.float64]
 
 
+BLOCK = 4096
+"""Poses that go through a chain together, so that what is computed on the way stays near the processor."""
+
+
 class _Frame(NamedTuple):
     """Axes and origin of a link's frame in the base, each (3, poses)."""
 
@@ -28,18 +32,20 @@ class _Frame(NamedTuple):
 def forward(chain: DhChain, q_rad: ArrayLike) -> Floats:
     """The tip's pose T, (..., 4, 4), of joint angles (..., joints) in rad; `CooperationError` for another shape."""
     q = checked_angles(chain, q_rad)
-    *_, tip = _frames(chain, q)
-    pose = np.zeros((*q.shape[:-1], 4, 4))
-    for column, values in enumerate(tip):
-        pose[..., :3, column] = values.T.reshape(*q.shape[:-1], 3)
-    pose[..., 3, 3] = 1.0
-    return pose
+    flat = q.reshape(-1, chain.joint_count)
+    pose = np.zeros((len(flat), 4, 4))
+    pose[:, 3, 3] = 1.0
+    for start in range(0, len(flat), BLOCK):
+        *_, tip = _frames(chain, flat[start : start + BLOCK])
+        for column, values in enumerate(tip):
+            pose[start : start + BLOCK, :3, column] = values.T
+    return pose.reshape(*q.shape[:-1], 4, 4)
 
 
 def position_jacobian(chain: DhChain, q_rad: ArrayLike) -> Floats:
     """∂p/∂q of the tip, (..., 3, joints), in m/rad: column i is z_{i−1} × (p − p_{i−1})."""
     q = checked_angles(chain, q_rad)
-    *axes, tip = _frames(chain, q)
+    *axes, tip = _frames(chain, q.reshape(-1, chain.joint_count))
     columns = [np.cross(frame.z, tip.origin - frame.origin, axis=0).T for frame in axes]
     return np.stack(columns, axis=-1).reshape(*q.shape[:-1], 3, chain.joint_count)
 
@@ -94,9 +100,11 @@ def checked_pose(chain: DhChain, q_rad: ArrayLike) -> Floats:
 
 
 def _frames(chain: DhChain, q: Floats) -> Iterator[_Frame]:
-    """The base's frame and that of every link after it. Poses are last in memory, so that each product is one loop."""
-    angles = np.ascontiguousarray(q.reshape(-1, chain.joint_count).T)
-    angles = angles + np.array(chain.offsets_rad)[:, None]
+    """The base's frame and that of every link after it, for q (poses, joints).
+
+    Poses are last in memory, so that each product is one loop.
+    """
+    angles = np.ascontiguousarray(q.T) + np.array(chain.offsets_rad)[:, None]
     x, y, z = (np.repeat(axis[:, None], angles.shape[1], axis=1) for axis in np.eye(3))
     frame = _Frame(x, y, z, np.zeros_like(x))
     yield frame
