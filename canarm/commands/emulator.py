@@ -260,4 +260,5 @@ def _figures(bench: FaultBench, runner: EmulatorRunner) -> dict[str, Any]:
             name: {"drive": limited.own, "supply": limited.supply}
             for name, limited in zip(bench.cell.joint_names, steps, strict=True)
         },
+        "refused_directions": dict(zip(bench.cell.joint_names, bench.world.illegal_directions, strict=True)),
     }

@@ -194,7 +194,7 @@ def test_dac_as_cia_401_takes_the_upper_eight_of_fifteen_bits_and_no_negative_va
 def test_each_device_has_its_objects_and_no_other() -> None:
     dac, latch, adc = (
         DacDevice(Dac0808Card(Outputs()), 8, 4, PowerOn()),
-        LatchDevice(Sc300Card(Outputs()), PowerOn()),
+        LatchDevice(Sc300Card(Outputs()), (0, 1), PowerOn()),
         adc_device(float),
     )
     assert [sub for sub in range(6) if dac.setter(0x6411, sub)] == [1, 2, 3, 4]
@@ -209,7 +209,7 @@ def test_each_device_has_its_objects_and_no_other() -> None:
 def test_latch_error_values_replace_the_bits_that_the_error_mode_selects() -> None:
     """CiA 401: a bit of 0x6206 that is 1 takes the bit of 0x6207; one that is 0 keeps its output."""
     card = Sc300Card(Outputs())
-    device = LatchDevice(card, PowerOn())
+    device = LatchDevice(card, (0, 1), PowerOn())
     device.setter(0x6200, 1)(0b1010_1010)
     objects = {(0x6206, 1): 0b0000_1111, (0x6207, 1): 0b0101_0101}
     device.take_error_values(lambda index, subindex: objects[index, subindex])

@@ -48,6 +48,7 @@ class Verdict:
 BUSY_MACHINE = "a busy machine, or a broken line? In lockstep (--clock sync) a busy machine does no harm"
 EMERGENCIES: dict[int, str] = {
     ErrorCode.LIFE_GUARD_OR_HEARTBEAT: f", it missed this controller's heartbeat: {BUSY_MACHINE}",
+    ErrorCode.OUTPUT_REFUSED: ", it was told to turn a joint both ways at once (direction bits 11)",
 }
 """What an emergency code means for whoever reads why the robot was stopped."""
 

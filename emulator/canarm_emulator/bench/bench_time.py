@@ -80,6 +80,7 @@ class BenchTime(ABC):
             cell, self.assessor, figures, faults, self._set_emergency_stop, lambda: self.power_cycle()
         )
         self.device.truth = self.world.state()
+        self.device.refused_directions = lambda: self.world.illegal_directions
         self.node = BenchNode(cell, clock, self._time, self.device, with_wire)
         self._node_slave = self.node.slave
 

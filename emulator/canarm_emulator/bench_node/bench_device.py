@@ -3,12 +3,12 @@
 Passes on what clients write; faults and the ownership of channels are handled elsewhere.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from canarm_protocol.cell import bench_objects as objects
 from canarm_protocol.cell.model import Cell
 
-from ..node.io_device import Getter, ReadObject, Setter
+from ..node.io_device import Getter, ReadObject, Refusal, Setter
 from ..robot.world import JointState
 from .assessor import Assessor
 from .bus_figures import BusFigures
@@ -43,6 +43,8 @@ class BenchDevice:
         """Called at every change."""
         self.on_power_cycle: Callable[[], None] | None = None
         """Called after each."""
+        self.refused_directions: Callable[[], Sequence[int]] = tuple
+        """Whoever has the drives says so here: for each joint, how often its bridge was asked for both directions."""
         self._set_emergency_stop, self._power_cycle = set_emergency_stop, power_cycle
         self.cycle = 0
         self.truth: list[JointState] = []
@@ -93,6 +95,10 @@ class BenchDevice:
 
         return store
 
+    def refusal(self, index: int, subindex: int) -> Refusal | None:
+        """What cannot be done, its setter refuses."""
+        return None
+
     def getter(self, index: int, subindex: int) -> Getter | None:
         """Truth, assessment, figures of the buses, faults, or what the controller reported last."""
         if (index, subindex) in self.report:
@@ -115,6 +121,8 @@ class BenchDevice:
         joint = subindex - 1
         if not 0 <= joint < len(self.truth):
             return None
+        if index == objects.REFUSED_DIRECTIONS:
+            return lambda: self.refused_directions()[joint]
         truth = _TRUTH.get(index)
         if truth is not None:
             return lambda: truth(self.truth[joint])

@@ -5,7 +5,7 @@ would make them. Frames, states and time-outs are in `slave.py`; `IoDevice` docu
 own registers.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Protocol
 
 from canarm_protocol.canopen.dictionary import (
@@ -22,8 +22,9 @@ from canarm_protocol.canopen.dictionary import (
     DIGITAL_FILTER_MASK,
     DIGITAL_OUTPUT,
 )
+from canarm_protocol.cards.sc300 import BITS_PER_JOINT
 
-from ..node.io_device import Getter, ReadObject, Setter
+from ..node.io_device import Getter, ReadObject, Refusal, Setter
 from ..signals import Distortion
 from .plugged import Samples
 from .registers import Clock, RegisterCard
@@ -79,6 +80,10 @@ class DacDevice:
             return lambda value: load(channel, value << -shift if value > 0 else 0, clock.time_ns)
         return lambda value: load(channel, value >> shift if value > 0 else 0, clock.time_ns)
 
+    def refusal(self, index: int, subindex: int) -> Refusal | None:
+        """Every value can be converted."""
+        return None
+
     def getter(self, index: int, subindex: int) -> Getter | None:
         """How to read a value."""
         if index not in OUTPUT_BITS or not 1 <= subindex <= self._channels:
@@ -107,10 +112,14 @@ class DacDevice:
 
 
 class LatchDevice:
-    """0x6200: eight latch bits as one byte; writing changes the bits that are 1 in 0x6208."""
+    """0x6200: eight latch bits as one byte; writing changes the bits that are 1 in 0x6208.
 
-    def __init__(self, card: LatchRegister, clock: Clock) -> None:
+    `channels` (from 0) are those with a joint: both bits of one at once are a direction that its bridge never takes.
+    """
+
+    def __init__(self, card: LatchRegister, channels: Iterable[int], clock: Clock) -> None:
         self._card, self._clock = card, clock
+        self._clockwise = sum(1 << BITS_PER_JOINT * channel for channel in channels)
         self._mask = ALL_BITS
 
     def setter(self, index: int, subindex: int) -> Setter | None:
@@ -120,8 +129,20 @@ class LatchDevice:
         return self._write
 
     def _write(self, value: int) -> None:
-        card, mask = self._card, self._mask
-        card.write(0, value if mask == ALL_BITS else card.value & ~mask | value & mask, self._clock.time_ns)
+        self._card.write(0, self._masked(value), self._clock.time_ns)
+
+    def _masked(self, value: int) -> int:
+        mask = self._mask
+        return value if mask == ALL_BITS else self._card.value & ~mask | value & mask
+
+    def refusal(self, index: int, subindex: int) -> Refusal | None:
+        """Both directions of a joint at once are refused, also for the time when nobody drives it."""
+        if (index, subindex) == (DIGITAL_OUTPUT, 1):
+            return lambda value: self._is_illegal(self._masked(value))
+        return self._is_illegal if (index, subindex) == (DIGITAL_ERROR_VALUE, 1) else None
+
+    def _is_illegal(self, bits: int) -> bool:
+        return bool(bits & bits >> 1 & self._clockwise)
 
     def getter(self, index: int, subindex: int) -> Getter | None:
         """How to read a value."""
@@ -177,6 +198,10 @@ class AdcDevice:
             self._distortions[channel] = distortion
 
     def setter(self, index: int, subindex: int) -> Setter | None:
+        """Inputs are not written."""
+        return None
+
+    def refusal(self, index: int, subindex: int) -> Refusal | None:
         """Inputs are not written."""
         return None
 

@@ -18,7 +18,7 @@ from canarm_protocol.cards.encoder_counter import (
 )
 from canarm_protocol.cell.model import Card
 
-from ..node.io_device import Getter, ReadObject, Setter
+from ..node.io_device import Getter, ReadObject, Refusal, Setter
 from ..signals import Distortion
 from .plugged import Connections, Plugged, Samples
 from .registers import Clock
@@ -124,6 +124,10 @@ class CounterDevice:
         if index != PRESET_VALUES or not 1 <= subindex <= CHANNELS:
             return None
         return lambda count: self._preset(subindex - 1, count)
+
+    def refusal(self, index: int, subindex: int) -> Refusal | None:
+        """Every value can be counted from."""
+        return None
 
     def getter(self, index: int, subindex: int) -> Getter | None:
         """How to read a count, and what goes with it."""

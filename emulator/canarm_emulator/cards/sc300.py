@@ -58,5 +58,5 @@ class Sc300Card:
 def plug_in(card: Card, connections: Connections) -> Plugged:
     """The card in its slot."""
     registers = Sc300Card(connections.set_output)
-    device = LatchDevice(registers, connections.clock)
+    device = LatchDevice(registers, [channel.number - 1 for channel in card.channel], connections.clock)
     return Plugged(registers, device, registers.distort, registers.refresh)

@@ -14,8 +14,10 @@ from ..timing import INHIBIT_UNIT, NEVER
 from ..wire.confinement import ErrorState
 from .store import ObjectStore
 
-GENERIC_ERROR, COMMUNICATION_ERROR = 0x01, 0x10
+GENERIC_ERROR, COMMUNICATION_ERROR, MANUFACTURER_ERROR = 0x01, 0x10, 0x80
 """Bits of the error register (CiA 301, 7.5.2.2)."""
+DEVICE_SPECIFIC = 0xFF00
+"""The first of the error codes that a device gives a meaning."""
 HISTORY_LENGTH = 4
 LONGEST_QUEUE = 16
 """Most messages that wait for the inhibit time to end; register and history show the others."""
@@ -111,7 +113,9 @@ class EmergencyProducer:
                 self.due_ns = max(self._free_ns, due_ns)
 
     def _report(self, code: ErrorCode, now_ns: int) -> None:
-        register = GENERIC_ERROR | COMMUNICATION_ERROR if self.present else 0
+        register = GENERIC_ERROR if self.present else 0
+        for each in self.present:
+            register |= MANUFACTURER_ERROR if each >= DEVICE_SPECIFIC else COMMUNICATION_ERROR
         self._store.put(ERROR_REGISTER, 0, register)
         message = Emergency(code, register)
         if now_ns >= self._free_ns and not self._waiting:

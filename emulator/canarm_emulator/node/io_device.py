@@ -10,6 +10,8 @@ Setter = Callable[[Any], None]
 """Writes an object's value: an int, a float, a text or bytes, as its data type says."""
 Getter = Callable[[], float | str | bytes]
 """Reads an object's value."""
+Refusal = Callable[[Any], bool]
+"""Whether a value of an output object asks for what the outputs never give."""
 ReadObject = Callable[[int, int], int]
 """Gives the value of the integer object with an index and a sub-index."""
 
@@ -19,6 +21,13 @@ class IoDevice(Protocol):
 
     def setter(self, index: int, subindex: int) -> Setter | None:
         """How to write an output object, or None where there is none."""
+        ...
+
+    def refusal(self, index: int, subindex: int) -> Refusal | None:
+        """How to tell which values of an output object a client may not write; None where it may write all.
+
+        One that comes in an RPDO acts as far as it can, and is reported.
+        """
         ...
 
     def getter(self, index: int, subindex: int) -> Getter | None:

@@ -4,7 +4,7 @@ Owns what a SYNC, a remote frame and a received PDO do to the card's inputs and 
 their parameters; NMT states, EMCY and time-outs belong to the node.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from canarm_protocol.canopen.dictionary import ERROR_REGISTER, SYNC_OVERFLOW, SYNC_WINDOW
 from canarm_protocol.canopen.frames import Frame, data_frame
@@ -14,7 +14,7 @@ from canarm_protocol.errors import DictionaryError
 from ..timing import MICROSECOND, NEVER
 from .analogue_events import AnalogueEvents
 from .event_pdos import EventPdos
-from .io_device import Getter, IoDevice, Setter
+from .io_device import Getter, IoDevice, Refusal, Setter
 from .pdo_rules import (
     EVENT_DRIVEN_TYPES,
     NO_REMOTE,
@@ -48,8 +48,12 @@ class Pdos:
         self.window_ns = 0
         """The synchronous window (0x1007); 0 is none."""
         self._name, self._store, self._device, self._emit = name, store, device, emit
+        self.refused: set[int] = set()
+        """The RPDOs whose last values ask for what the device never does."""
         self._scanned: set[tuple[int, int]] = set()
         self._setters: dict[int, list[Setter]] = {}
+        self._refusals: dict[int, list[tuple[int, Refusal]]] = {}
+        """Of an RPDO's values, the places of those that can be refused."""
         self._getters: dict[int, list[Getter]] = {}
         self._received: dict[int, bytes] = {}
         self._last_sent: dict[int, bytes] = {}
@@ -76,6 +80,7 @@ class Pdos:
         self.tpdos = [layout for layout in read_layouts(dictionary, "tpdo", number) if layout.objects]
         self._setters = {layout.number: [self._setter(m) for m in layout.objects] for layout in self.rpdos}
         self._getters = {layout.number: [self._getter(m) for m in layout.objects] for layout in self.tpdos}
+        self._refusals = {layout.number: found for layout in self.rpdos if (found := self._refusals_of(layout))}
         self._scanned = {(m.index, m.subindex) for layout in self.tpdos for m in layout.objects}
         self._syncs_until_due = {layout.number: layout.transmission_type for layout in self.tpdos}
         starts = {p.number: optional(COMMUNICATION["tpdo"] + p.number - 1, SYNC_START_VALUE) for p in self.tpdos}
@@ -90,6 +95,7 @@ class Pdos:
         self._scanned.clear()
         self._received.clear()
         self._last_sent.clear()
+        self.refused.clear()
         self.events.clear()
         self._last_sync_ns = NEVER
 
@@ -199,8 +205,21 @@ class Pdos:
     def _apply(self, layout: PdoLayout, data: bytes) -> None:
         if len(data) != layout.size:
             data = data[: layout.size]
-        for setter, value in zip(self._setters[layout.number], layout.unpack(data), strict=True):
+        values = layout.unpack(data)
+        if layout.number in self._refusals:
+            self._look_for_refused(layout.number, values)
+        for setter, value in zip(self._setters[layout.number], values, strict=True):
             setter(value)
+
+    def _look_for_refused(self, number: int, values: Sequence[int]) -> None:
+        if any(is_refused(values[place]) for place, is_refused in self._refusals[number]):
+            self.refused.add(number)
+        else:
+            self.refused.discard(number)
+
+    def _refusals_of(self, layout: PdoLayout) -> list[tuple[int, Refusal]]:
+        found = ((place, self._device.refusal(m.index, m.subindex)) for place, m in enumerate(layout.objects))
+        return [(place, refusal) for place, refusal in found if refusal is not None]
 
     def _setter(self, mapped: MappedObject) -> Setter:
         setter = self._device.setter(mapped.index, mapped.subindex)

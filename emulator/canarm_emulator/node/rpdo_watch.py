@@ -1,9 +1,9 @@
-"""What can be wrong with the RPDOs of one node: too short, or later than their event timer allows.
+"""What can be wrong with the RPDOs of one node: too short, later than their event timer allows, or refused.
 
 From its first frame on, an RPDO with an event timer is due in time (CiA 301, 7.5.2.35, sub-index 05h).
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from canarm_protocol.canopen.frames import ErrorCode
 from canarm_protocol.canopen.pdo import COMMUNICATION, DISABLED, PdoLayout
@@ -47,6 +47,13 @@ class RpdoWatch:
         """An RPDO came with fewer bytes than it maps: EMCY 0x8210."""
         self._too_short.add(number)
         self._emergency.begin(ErrorCode.PDO_LENGTH, now_ns)
+
+    def refused(self, numbers: Collection[int], now_ns: int) -> None:
+        """The outputs have been told what to do; these RPDOs ask for what they never do: EMCY 0xFF00."""
+        if numbers:
+            self._emergency.begin(ErrorCode.OUTPUT_REFUSED, now_ns)
+        else:
+            self._emergency.end(ErrorCode.OUTPUT_REFUSED, now_ns)
 
     def received(self, number: int, now_ns: int) -> bool:
         """A valid RPDO came; returns whether any due time may have changed."""

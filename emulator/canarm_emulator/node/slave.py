@@ -192,6 +192,8 @@ class Slave:
         if self._rpdo_watch.received(layout.number, now_ns):
             self._schedule()
         self.ignored_frames += not self.pdos.take(layout, data, now_ns)
+        if self.pdos.refused or self._emergency.present:
+            self._tell_refused(now_ns)
 
     def on_sync(self, data: bytes, now_ns: int) -> list[PdoLayout]:
         """SYNC: outputs act; returns the TPDOs to be sent once their inputs are converted.
@@ -207,7 +209,10 @@ class Slave:
         elif self._emergency.present:
             self._emergency.end(ErrorCode.SYNC_LENGTH, now_ns)
             self._schedule()
-        return self.pdos.on_sync(data, now_ns)
+        due = self.pdos.on_sync(data, now_ns)
+        if self.pdos.refused or self._emergency.present:
+            self._tell_refused(now_ns)
+        return due
 
     def on_remote(self, cob_id: int, now_ns: int) -> bool:
         """Answer a remote frame: for a TPDO or, with the COB-ID of the heartbeat, node guarding. Whether it does."""
@@ -248,6 +253,10 @@ class Slave:
             self.pdos.events.run(now_ns)
         self._schedule()
 
+    def _tell_refused(self, now_ns: int) -> None:
+        self._rpdo_watch.refused(self.pdos.refused, now_ns)
+        self._schedule()
+
     def _communication_lost(self) -> None:
         self.device.take_error_values(self._store.number)
         behaviour = self._store.number(ERROR_BEHAVIOUR, 1)
@@ -284,10 +293,13 @@ class Slave:
         return self._live.read(self._store, index, subindex)
 
     def _write_object(self, index: int, subindex: int, data: bytes) -> bool:
-        setter = self.device.setter(index, subindex) if index >= APPLICATION_OBJECTS else None
-        if setter is not None:
-            setter(self._store.variable(index, subindex).decode_raw(data))
-            return True
+        if index >= APPLICATION_OBJECTS:
+            setter, is_refused = self.device.setter(index, subindex), self.device.refusal(index, subindex)
+            if is_refused is not None and is_refused(self._store.variable(index, subindex).decode_raw(data)):
+                raise SdoRefused(AbortCode.INVALID_VALUE)
+            if setter is not None:
+                setter(self._store.variable(index, subindex).decode_raw(data))
+                return True
         value = int.from_bytes(data, "little")
         if index in save_and_restore.SIGNATURES:
             save_and_restore.obey(self._store, index, subindex, value)

@@ -87,6 +87,8 @@ class ErrorCode(IntEnum):
     PDO_LENGTH = 0x8210
     SYNC_LENGTH = 0x8240
     RPDO_TIMEOUT = 0x8250
+    OUTPUT_REFUSED = 0xFF00
+    """Device-specific: an RPDO asks for outputs that the device never gives."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ TICK, LATE, CONTROLLER_STATE = 0x2110, 0x2111, 0x2112
 REFERENCE, MEASURED_ANGLE, MEASURED_SPEED, CURRENT_COMMAND, FEED_FORWARD = 0x2120, 0x2121, 0x2122, 0x2123, 0x2124
 INTERNAL_NAME, INTERNAL = 0x2130, 0x2131
 RMS_ERROR, MAX_ERROR, PEAK_CURRENT, SATURATED_CYCLES, SPEED_RIPPLE = 0x2200, 0x2201, 0x2202, 0x2203, 0x2204
+REFUSED_DIRECTIONS = 0x2205
 ASSESSED_CYCLES = 0x2210
 BUS_LOAD, TOTAL_BUS_LOAD, WORST_RESPONSE, WORST_COB_ID, ERROR_FRAMES, LOST_FRAMES = range(0x2300, 0x2306)
 TRANSMIT_ERRORS, RECEIVE_ERRORS, ERROR_STATE = 0x2310, 0x2311, 0x2312
@@ -69,6 +70,7 @@ _JOINT_OBJECTS = (
     (MAX_ERROR, "Greatest true minus reference, LSB", "ro", _F32),
     (PEAK_CURRENT, "Peak of motor current, A", "ro", _F32),
     (SATURATED_CYCLES, "Cycles in which the amplifier was at its limit", "ro", _U32),
+    (REFUSED_DIRECTIONS, "How often the bridge was asked for both directions at once", "ro", _U32),
     (SPEED_RIPPLE, "Speed ripple on stretches of constant reference speed, standard deviation over mean", "ro", _F32),
 )
 _BUS_OBJECTS = (
