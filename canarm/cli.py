@@ -17,6 +17,7 @@ from cyclopts import App, CycloptsError
 from cyclopts.config import Env
 
 from canarm_protocol.errors import CanarmError, ExitStatus
+from canarm_protocol.shown import first_line, named_error
 
 from .stopping import interrupt_on_terminate
 from .usage import UsageError
@@ -101,11 +102,11 @@ def run(arguments: Sequence[str]) -> int:
         return _lose_stdout(error)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        return _complain(f"{where}{error.strerror or error}", FAILED)
+        return _complain(f"{where}{error.strerror or first_line(error)}", FAILED)
     except Exception as error:
         logging.getLogger(__name__).debug("", exc_info=True)
         where = f"; {LOG_LEVEL}=debug shows where"
-        return _complain(f"this should not happen: {type(error).__name__}: {error}{where}", FAILED)
+        return _complain(f"this should not happen: {named_error(error)}{where}", FAILED)
     return result if isinstance(result, int) else 0
 
 

@@ -1,31 +1,39 @@
 """A cell is tried out before it is called right: bench and controller are built of it, and run for a moment.
 
-Whatever passes runs; rules that can be told from the file alone belong to the schema and its checks.
+Whatever passes runs, and detects nothing where nothing is wrong; rules that can be told from the file alone belong to
+the schema and its checks, those that take the arm's model to `soundness.py`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
-from canarm_controller.errors import ControllerError, TrajectoryError
+from canarm_controller.errors import ControllerError, LawError, TrajectoryError
 from canarm_controller.laws.loading import LAWS
 from canarm_controller.reference.trajectory import BUILT_IN, make_trajectory
 from canarm_controller.run.state import State
 from canarm_emulator.errors import EmulatorError
 from canarm_protocol.cell.model import Cell
-from canarm_protocol.clock import Clock
+from canarm_protocol.shown import first_line
 
 from .rig.rig import Rig
-from .session import make_controller
+from .soundness import unsound
 from .usage import DEFAULT_LAW, UsageError
 
-REHEARSED_S = 2.0
-"""The entry into the motion: what the robot cannot follow at all has shown by then."""
+REHEARSED_S = 3.0
+"""The entry into the motion, and a second of it: what the robot cannot follow at all has shown by then."""
 
 
-def rehearse(cell: Cell) -> Iterator[str]:
-    """Try `cell` with each law, and run it; a line for each thing that works, or that one motion alone does not.
+def rehearse(cell: Cell, laws: Iterable[str] = tuple(LAWS)) -> Iterator[str]:
+    """Try `cell` by arithmetic, then with each of `laws`; a line for each thing that works, or that one motion or law
+    lacks.
 
-    Raises `UsageError` with the reason where it cannot run.
+    Raises `UsageError` with the reasons, a line each, where it cannot run, or would raise alarms without a fault.
     """
+    try:
+        problems = list(unsound(cell))
+    except ControllerError as error:
+        raise UsageError(f"no model of the arm: {error}") from None
+    if problems:
+        raise UsageError("\n".join(problems))
     fitting = []
     for motion in BUILT_IN:
         try:
@@ -33,23 +41,35 @@ def rehearse(cell: Cell) -> Iterator[str]:
         except TrajectoryError as error:
             refusal = str(error)
             yield f"motion {refusal}"
-        except ControllerError as error:
-            raise UsageError(f"no model of the arm: {error}") from None
         else:
             fitting.append(motion)
     if not fitting:
         raise UsageError(f"no built-in motion fits: {refusal}")
-    for law in LAWS:
-        try:
-            make_controller(cell, law, fitting[0], None, Clock.SYNC)
-        except ControllerError as error:
-            yield f"law {law}: cannot be used: {error}"
+    for law in laws:
+        is_default = law == DEFAULT_LAW
+        for motion in fitting if is_default else fitting[:1]:
+            problem = _trouble(cell, law, motion)
+            if problem is None:
+                continue
+            if is_default:
+                raise UsageError(problem)
+            yield f"law {law}: {problem}"
+    yield f"ran for {REHEARSED_S:g} s with {DEFAULT_LAW} on {' and '.join(fitting)}"
+
+
+def _trouble(cell: Cell, law: str, motion: str) -> str | None:
+    """What goes wrong with a law on a motion, without any fault; None where nothing does."""
     try:
-        with Rig(cell, DEFAULT_LAW, fitting[0]) as rig:
+        with Rig(cell, law, motion) as rig:
             rig.run(REHEARSED_S)
             stopped = rig.reason if rig.state is not State.RUNNING else None
+            found = ", ".join(dict.fromkeys(each.text for each in rig.noticed))
+    except LawError as error:
+        return f"cannot be used: {error}"
     except (ControllerError, EmulatorError, ArithmeticError, ValueError) as error:
-        raise UsageError(f"cannot run: {error}") from None
+        return f"cannot run: {first_line(error)}"
     if stopped is not None:
-        raise UsageError(f"was stopped within {REHEARSED_S:g} s: {stopped}")
-    yield f"ran for {REHEARSED_S:g} s with {DEFAULT_LAW} on {fitting[0]}"
+        return f"was stopped within {REHEARSED_S:g} s on {motion}: {stopped}"
+    if found:
+        return f"on {motion}, without any fault, it raised: {found}; canarm check --detectors has the limits"
+    return None

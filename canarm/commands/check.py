@@ -42,7 +42,7 @@ def check(
         for line in rehearse(nominal):
             print(line)
     except UsageError as error:
-        raise UsageError(f"{cell.cell}: {error}") from None
+        raise UsageError("\n".join(f"{cell.cell}: {line}" for line in str(error).splitlines())) from None
     print("ok")
     return 0
 

@@ -1,6 +1,7 @@
 """`canarm new-cell`: a cell for an arm of one's own, from its URDF file or from a number of joints."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -9,15 +10,18 @@ from cyclopts import Parameter
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.schedulability import cell_verdict
 from canarm_protocol.cell.wiring import card_nodes
+from canarm_protocol.errors import CanarmError
 from canarm_protocol.runs.own_file import create_file, replace_file
 
-from ..new_cell import Request, write_cell
+from ..new_cell import NewCellError, Request, Sensing, write_cell
 from ..new_cell.arms import SEGMENTS, arm_of_urdf, made_up_arm
-from ..new_cell.request import DEFAULT_BITRATE, DEFAULT_BITS, DEFAULT_SENSING, Arm
+from ..new_cell.request import DEFAULT_BITRATE, DEFAULT_BITS, DEFAULT_SENSING, POSITION_KINDS, Arm
 from ..options import Flag, named_file
-from ..usage import UsageError
+from ..rehearsal import rehearse
+from ..usage import DEFAULT_LAW, UsageError
 
-Kinds = Literal["potentiometer", "tachometer", "current_sense"]
+Kinds = Literal["potentiometer", "encoder", "tachometer", "current_sense"]
+PositionKinds = Literal["potentiometer", "encoder"]
 
 
 def new_cell(
@@ -29,7 +33,9 @@ def new_cell(
     joints: Annotated[
         int | None, Parameter(metavar="N", help="Or a made-up arm of 1 to 7 joints, for a laboratory bench.")
     ] = None,
-    out: Annotated[Path, Parameter(metavar="FILE", converter=named_file, help="The cell to write, such as my.toml.")],
+    out: Annotated[
+        Path | None, Parameter(metavar="FILE", converter=named_file, help="The cell to write, such as my.toml.")
+    ] = None,
     cycle_us: Annotated[
         int | None,
         Parameter(metavar="US", help="Period of SYNC in us; unless given 2500, or the next that the bus can carry."),
@@ -38,24 +44,55 @@ def new_cell(
     bits: Annotated[int, Parameter(help="Of the converters, 8 to 16.")] = DEFAULT_BITS,
     sensors: Annotated[
         tuple[Kinds, ...],
-        Parameter(negative=(), consume_multiple=True, metavar="KIND", help="What measures each joint."),
+        Parameter(
+            negative=(),
+            consume_multiple=True,
+            metavar="KIND",
+            show_default=" ".join,
+            help="What measures each joint.",
+        ),
     ] = DEFAULT_SENSING,  # type: ignore[assignment]
+    position_sensor: Annotated[
+        PositionKinds | None, Parameter(help="What measures each joint's angle; else as --sensors has it.")
+    ] = None,
     force: Annotated[Flag, Parameter(help="Overwrite the file if it is there.")] = False,
 ) -> int:
     """Write a cell that runs at once: cards, wiring and gains, and motors that are strong enough, by arithmetic.
 
     What the arm does not say is assumed, and marked so in the file.
     """
-    if out.exists() and not force:
-        raise UsageError(f"--out {out}: is there already; take another name, or --force to overwrite it")
+    if out is None:
+        raise UsageError("new-cell: into which file? name it with --out my.toml")
+    if not force:
+        _check_free(out)
     folder = out.parent
     if not folder.is_dir():
         raise UsageError(f"--out {out}: there is no folder {folder}")
-    request = Request(cycle_us, bitrate, bits, tuple(dict.fromkeys(sensors)))
-    text, cell = write_cell(_arm(urdf, joints, folder), request, folder)
+    request = Request(cycle_us, bitrate, bits, _sensing(sensors, position_sensor))
+    try:
+        text, cell = write_cell(_arm(urdf, joints, folder), request, folder)
+        notes = list(rehearse(cell, [DEFAULT_LAW]))
+    except CanarmError as error:
+        raise NewCellError(str(error).replace(":\n", ": ").replace("\n", "; ")) from None
     _write(out, text, force)
-    _print(cell, out)
+    _print(cell, out, notes[:-1])
     return 0
+
+
+def _check_free(out: Path) -> None:
+    if out.is_symlink():
+        raise UsageError(
+            f"--out {out}: is a symbolic link; take another name, or --force to put the cell in the link's place"
+        )
+    if out.exists():
+        raise UsageError(f"--out {out}: is there already; take another name, or --force to overwrite it")
+
+
+def _sensing(sensors: Sequence[str], position_sensor: str | None) -> Sensing:
+    """The kinds of sensor, the one that measures the angle first where one is named."""
+    if position_sensor is not None:
+        sensors = [position_sensor, *(kind for kind in sensors if kind not in POSITION_KINDS)]
+    return tuple(dict.fromkeys(sensors))
 
 
 def _arm(urdf: Path | None, joints: int | None, folder: Path) -> Arm:
@@ -76,7 +113,7 @@ def _write(out: Path, text: str, force: bool) -> None:
         raise UsageError(f"--out {out}: cannot be written: {error.strerror}") from None
 
 
-def _print(cell: Cell, out: Path) -> None:
+def _print(cell: Cell, out: Path, notes: Sequence[str]) -> None:
     for joint in cell.joints:
         torque_nm = joint.motor.torque_per_ampere * joint.drive.max_current_a
         low, high = joint.limits_deg
@@ -90,4 +127,6 @@ def _print(cell: Cell, out: Path) -> None:
         )
     bus = cell.bus
     print(f"bus: {bus.bitrate} bit/s, cycle {bus.cycle_us} us, load {100 * cell_verdict(cell).load:.0f} %")
+    for note in notes:
+        print(note)
     print(f"{out}: ready; try: canarm demo --cell {out}")

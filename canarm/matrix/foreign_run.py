@@ -23,6 +23,7 @@ from canarm_protocol.errors import BusError
 from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.faults.script import FaultScript, FaultSet, FaultSpec, Trigger
 from canarm_protocol.runs.run_folder import CAN_LOG_FILE, LOG_START_S, SIGNALS_FOLDER
+from canarm_protocol.shown import first_line
 
 from ..child import END_S, Child, offered_port
 from ..options import DEFAULT_HOST
@@ -75,7 +76,7 @@ def words_of(command: str) -> list[str]:
     try:
         words = shlex.split(command)
     except ValueError as error:
-        raise UsageError(f"--controller {command}: cannot be read as a shell does: {error}") from None
+        raise UsageError(f"--controller {command}: cannot be read as a shell does: {first_line(error)}") from None
     if not words:
         raise UsageError(f"--controller {shlex.quote(command)}: is empty; write a command")
     return words
@@ -135,7 +136,7 @@ def _started(command: str, port: str, said: Path) -> Iterator[subprocess.Popen[b
                 env=environment,
             )
         except OSError as error:
-            raise UsageError(f"--controller {command}: cannot be started: {error}") from None
+            raise UsageError(f"--controller {command}: cannot be started: {first_line(error)}") from None
     try:
         yield process
     finally:

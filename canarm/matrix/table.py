@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
+from canarm_protocol.shown import named_error
+
 from .judgement import Findings, Verdict
 from .plan import MatrixCell
 from .reasons import why
@@ -77,7 +79,7 @@ class Row:
     @classmethod
     def broken(cls, cell: MatrixCell, error: BaseException) -> Self:
         """The run broke off with `error`."""
-        note = " ".join(f"{type(error).__name__}: {error}".split())
+        note = named_error(error)
         verdict = Verdict.BROKEN
         return cls(cell.tap, cell.fault, cell.family, cell.is_dangerous, verdict, is_safe=False, note=note)
 

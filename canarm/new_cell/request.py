@@ -10,6 +10,7 @@ DEFAULT_CYCLE_US = 2500
 DEFAULT_BITRATE = 1_000_000
 DEFAULT_BITS = 8
 DEFAULT_SENSING = ("potentiometer", "tachometer", "current_sense")
+POSITION_KINDS = ("potentiometer", "encoder")
 Sensing = tuple[str, ...]
 """Kinds of sensor, in the order in which a card samples them."""
 

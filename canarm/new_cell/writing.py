@@ -27,6 +27,9 @@ FULL_SCALE_V = 5.0
 NOISE_LSB = 0.3
 FASTEST_RAD_S = 2.5
 """Where nobody says how fast a joint is to move: konkuk1's."""
+ENCODER_LINES = 2048
+COUNTER_BITS = 16
+MOST_TURNS = 2 ** (COUNTER_BITS - 1) / (4 * ENCODER_LINES)
 SPARE_DEG = 5.0
 """What a position sensor sees beyond the limits, at either end."""
 MOST_STEP_US = 650
@@ -160,6 +163,13 @@ def _potentiometer(joint: ArmJoint, size: DriveSize) -> list[str]:
     ]
 
 
+def _encoder(joint: ArmJoint, size: DriveSize) -> list[str]:
+    return [
+        _value("lines", ENCODER_LINES, "a turn of the joint, assumed; the counter counts four edges of each"),
+        _value("shaft", "joint", "its count is 0 at home_deg, where the arm stands at power-on"),
+    ]
+
+
 def _tachometer(joint: ArmJoint, size: DriveSize) -> list[str]:
     note = "of joint speed, either way; " + ("assumed" if joint.speed_rad_s is None else "the joint's greatest")
     return [_value("full_scale_rad_s", _fastest(joint), note), _value("zero_v", 0.5 * FULL_SCALE_V), *_analogue()]
@@ -173,7 +183,12 @@ def _analogue() -> list[str]:
     return [_value("full_scale_v", FULL_SCALE_V), _value("noise_lsb", NOISE_LSB, "assumed")]
 
 
-SENSOR_LINES = {"potentiometer": _potentiometer, "tachometer": _tachometer, "current_sense": _current_sense}
+SENSOR_LINES = {
+    "potentiometer": _potentiometer,
+    "encoder": _encoder,
+    "tachometer": _tachometer,
+    "current_sense": _current_sense,
+}
 """What is written of each kind of sensor."""
 
 
@@ -189,6 +204,8 @@ def _card(card: PlannedCard, robot: str, request: Request) -> list[str]:
     ]
     if card.model in ("adc", "adc0809"):
         lines.append(_value("conversion_us", CONVERSION_US, "for each channel"))
+    if card.model == "encoder_counter":
+        lines.append(_value("counter_bits", COUNTER_BITS, f"{MOST_TURNS:g} turns either way; four channels in a frame"))
     if card.model in ("dac", "adc"):
         lines.append(_value("bits", request.bits))
     wires = [f'    {{ number = {place}, signal = "{signal}" }},' for place, signal in enumerate(card.signals, 1)]

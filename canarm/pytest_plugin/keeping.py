@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from canarm_protocol.faults.fault_events import FaultEvent
+from canarm_protocol.shown import named_error
 
 PLOT_FILE = "joints.svg"
 LONGEST_NAME = 80
@@ -95,7 +96,7 @@ class Keeper:
                 try:
                     text = self._keep_run(run, f"{self._name}{which}")
                 except Exception as error:
-                    text = f"the run could not be kept: {type(error).__name__}: {error}"
+                    text = f"the run could not be kept: {named_error(error)}"
                 self._kept.append((f"canarm{which}", text))
         return self._kept
 

@@ -9,6 +9,8 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from canarm_protocol.shown import first_line
+
 from ..usage import UsageError
 
 END_S = 5.0
@@ -127,7 +129,7 @@ def _words(command: str | Sequence[str | os.PathLike[str]], replace: Mapping[str
         try:
             words = shlex.split(command)
         except ValueError as error:
-            raise UsageError(f"command {command}: {error}") from None
+            raise UsageError(f"command {command}: {first_line(error)}") from None
     else:
         words = [os.fspath(word) for word in command]
     if not words:

@@ -28,6 +28,7 @@ from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.fault_events import FaultEvent, event_details, event_name
 from canarm_protocol.faults.script import FaultScript
 from canarm_protocol.runs.run_folder import create_run_folder, update_run_file
+from canarm_protocol.shown import named_error
 
 from ..session import make_bench, make_controller, provenance, tick_count
 from ..summary import Summary, detections_as_plain
@@ -234,7 +235,7 @@ class Rig(AnyRig):
         try:
             self._carry()
         except BaseException as error:
-            text = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
+            text = named_error(error)
             self._controller.lose(ControllerError(f"the run was broken off: {text}"))
             raise
 

@@ -11,6 +11,8 @@ LONGEST_LINE = 400
 LONGEST_OF_LINES = 4000
 """Longest line of a message, which may list a lot."""
 MOST_LINES = 200
+LONGEST_REASON = 200
+"""Of what a library says that went wrong."""
 
 
 def printable(text: str, longest: int = LONGEST_LINE) -> str:
@@ -20,6 +22,18 @@ def printable(text: str, longest: int = LONGEST_LINE) -> str:
     if text.isprintable():
         return text
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
+
+
+def first_line(error: object) -> str:
+    """What a library says that went wrong, an exception or its text: the first line that says anything."""
+    lines = (" ".join(line.split()) for line in str(error).splitlines())
+    return printable(next(filter(None, lines), type(error).__name__), LONGEST_REASON)
+
+
+def named_error(error: BaseException) -> str:
+    """An exception that nobody has foreseen, by its type and its `first_line`."""
+    said, name = first_line(error), type(error).__name__
+    return name if said == name else f"{name}: {said}"
 
 
 def printable_lines(text: str) -> str:

@@ -32,7 +32,7 @@ def check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Check:
 
 def test_a_cell_that_ships_is_run_before_it_is_called_right(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["check"]) == 0
-    assert "ran for 2 s with mras on sine\nok\n" in capsys.readouterr().out
+    assert "ran for 3 s with mras on sine and trapezoid\nok\n" in capsys.readouterr().out
 
 
 def test_moments_of_inertia_that_no_body_has_are_refused(check: Check) -> None:
@@ -48,17 +48,85 @@ def test_a_number_whose_square_no_float_holds_is_refused(check: Check) -> None:
     assert "gear_ratio = 1e+308: must be at most 1000000000.0" in said
 
 
-def test_a_gear_that_stops_the_robot_is_found_by_running(check: Check) -> None:
-    # 3600 becomes 3.6e9: the rotor weighs 54 t m2, and no amplifier moves it along the motion.
+def test_a_gear_that_stops_the_robot_is_found_by_running(check: Check, monkeypatch: pytest.MonkeyPatch) -> None:
+    # 3600 becomes 3.6e9: the rotor weighs 54 t m2, and no supply drives it. Arithmetic knows it, and a run shows it.
     status, said = check("gear_ratio = 60.0", "gear_ratio = 60_000.0")
     assert status == 2
-    assert "was stopped within 2 s: current-mismatch: joint2" in said
+    assert "one step of the potentiometer of joint 'joint2', 1.06 deg, moves its command by 35.2 A" in said
+    monkeypatch.setattr("canarm.rehearsal.unsound", lambda cell: ())
+    status, said = check("gear_ratio = 60.0", "gear_ratio = 60_000.0")
+    assert status == 2
+    assert "was stopped within 3 s on sine: " in said
 
 
 def test_an_amplifier_too_weak_to_hold_the_arm_is_found(check: Check) -> None:
     status, said = check("max_current_a = 1.5                  # D669", "max_current_a = 0.3")
     assert status == 2
-    assert "0.3 A, all that the amplifier has" in said
+    # 2.472 N m of weight (0.606 A x 4.08 N m/A) where a pose within the limits has all of it, and 0.15 of friction.
+    assert "joint 'joint2'.drive.max_current_a = 0.3: weight and friction of 2.59 N m over 4.08 N m/A take 0.634 A" in (
+        said
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "arithmetic"),
+    [
+        # 2.59 N m over 4.08 N m/A: 0.634 A, in 2.5 ohm 1.58 V.
+        (
+            "supply_v = 15.0",
+            "supply_v = 1.5e-5",
+            "joint 'joint2'.drive.supply_v = 1.5e-05: the 0.634 A that hold the arm",
+        ),
+        # 2.4 x 12 rad/s x (2 x 2.5 ms + 500 ms) = 14.5 rad.
+        ("winding_mh = 1.25 ", "winding_mh = 1250.0 ", "505 ms, cost 14.5 rad of phase; must be at most 0.975 rad"),
+        # 2.4 x 12e6 rad/s x 5.5 ms = 158 000 rad; 0.975 rad / 2.4 / 5.5 ms = 73.9 rad/s.
+        (
+            "natural_frequency_rad_s = 12.0",
+            "natural_frequency_rad_s = 12e6",
+            "1.58e+05 rad of phase; must be at most 0.975",
+        ),
+        # A step of 1500 A / 255 = 5.88 A; rounding alone is 0.29 of it.
+        (
+            "full_scale_a = 1.5",
+            "full_scale_a = 1500.0",
+            "0.42 steps of 5.88 A) are 19.6 A, of drive.max_current_a = 1.5",
+        ),
+        ("full_scale_a = 1.5", "full_scale_a = 1.0", "full_scale_a = 1: drive.max_current_a = 1.5 is beyond it"),
+        (
+            "speed_jump_lsb = 5.0",
+            "speed_jump_lsb = 5e-6",
+            "speed_jump_lsb = 5e-06: steps and noise of the sensors",
+        ),
+        (
+            "current_mismatch_a = 0.075",
+            "current_mismatch_a = 1e-4",
+            "current_mismatch_a = 0.0001: steps and noise",
+        ),
+    ],
+)
+def test_numbers_that_do_not_go_together_are_refused_with_the_arithmetic(
+    check: Check, old: str, new: str, arithmetic: str
+) -> None:
+    status, said = check(old, new)
+    assert status == 2
+    assert arithmetic in said
+    assert all(line.startswith("canarm: ") and "mine.toml: " in line for line in said.splitlines())
+
+
+def test_a_law_that_loses_the_arm_is_named_and_the_others_are_not_blamed(check: Check) -> None:
+    status, said = check("velocity_noise_rad_s = 0.0082", "velocity_noise_rad_s = 82.0")
+    assert status == 0
+    (line,) = [line for line in said.splitlines() if line.startswith("law ")]
+    assert line.startswith("law slotine-li: ")
+
+
+def test_detectors_that_speak_without_a_fault_are_heard(check: Check, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Beyond the arithmetic: limits that it lets through, and a sound run does not.
+    monkeypatch.setattr("canarm.rehearsal.unsound", lambda cell: ())
+    status, said = check("current_mismatch_a = 0.075", "current_mismatch_a = 1e-3")
+    assert status == 2
+    assert "current" in said
+    assert "without any fault, it raised: " in said or "was stopped within 3 s" in said
 
 
 def test_a_rig_warns_of_a_bit_rate_that_is_too_low() -> None:

@@ -1,5 +1,6 @@
 """New cells: what is written loads, its drives are strong enough, its traffic fits, and what cannot be is refused."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -10,10 +11,15 @@ import pytest
 from canarm.cli import run
 from canarm.new_cell import NewCellError, Request, write_cell
 from canarm.new_cell.arms import arm_of_urdf, made_up_arm
+from canarm.rig.rig import Rig
+from canarm_controller.run.state import State
+from canarm_protocol.cell.arm import LEAST_MASS_KG
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.schedulability import cell_verdict
+from canarm_protocol.cell.sensing import joint_sensors
 
+INERTIA_KEYS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 ARMS = Path(__file__).parents[2] / "examples" / "arms"
 BENCH_ARM = ARMS / "bench_arm.urdf"
 
@@ -74,6 +80,34 @@ def check_hold(cell: Cell) -> None:
     assert np.max(shares) > 0.3
 
 
+@pytest.mark.parametrize("limits_deg", [(30.0, 170.0), (-300.0, -200.0), (0.0, 90.0), (-5.0, 175.0)])
+def test_a_joint_whose_limits_leave_out_zero_is_measured_all_the_same(limits_deg: tuple[float, float]) -> None:
+    arm = made_up_arm(1)
+    joint = replace(arm.joints[0], limits_deg=limits_deg, home_deg=sum(limits_deg) / 2.0)
+    cell = write_cell(replace(arm, joints=[joint]), Request(), Path())[1]
+    with Rig(cell) as rig:
+        rig.run(1.0)
+        assert rig.state is State.RUNNING, rig.reason
+        assert not rig.detections
+    step_rad = joint_sensors(cell)[0].position.scale.lsb
+    assert rig.joints["shoulder"].measured_rad[-1] == pytest.approx(
+        rig.joints["shoulder"].true_angle_rad[-1], abs=3.0 * step_rad
+    )
+
+
+@pytest.mark.parametrize("joint_count", [1, 5])
+def test_encoders_instead_of_potentiometers_are_counted_by_a_card_of_their_own(joint_count: int) -> None:
+    cell = cell_of(joint_count, Request(sensing=("encoder", "tachometer")))
+    counters = [card for card in cell.card if card.model == "encoder_counter"]
+    assert [len(card.channel) for card in counters] == ([1] if joint_count == 1 else [4, 1])
+    assert all(card.node_id == 0x10 + card.slot for card in cell.card)
+    assert len({card.slot for card in cell.card}) == len(cell.card)
+    with Rig(cell) as rig:
+        rig.run(1.0)
+        assert rig.state is State.RUNNING, rig.reason
+        assert not rig.detections
+
+
 @pytest.mark.parametrize("joint_count", range(1, 8))
 def test_every_signal_is_wired_once_and_the_bus_carries_it(joint_count: int) -> None:
     cell = cell_of(joint_count)
@@ -129,6 +163,71 @@ def test_a_full_disk_leaves_no_half_of_a_cell(
     assert [path.read_text() for path in tmp_path.iterdir()] == (["precious"] if words else [])
 
 
+def test_encoders_are_asked_for_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "my.toml"
+    assert run(["new-cell", "--joints", "1", "--position-sensor", "encoder", "--out", str(out)]) == 0
+    assert "card counter: encoder_counter in slot 4, node 0x14, 1 wires" in capsys.readouterr().out
+    sensors = load_cell(str(out)).joints[0].sensors
+    assert sensors.encoder is not None
+    assert sensors.potentiometer is None
+
+
+def test_a_link_that_somebody_has_planted_is_not_followed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "my.toml"
+    out.symlink_to(tmp_path / "precious.toml")
+    assert run(["new-cell", "--joints", "1", "--out", str(out)]) == 2
+    assert "my.toml: is a symbolic link; take another name, or --force" in capsys.readouterr().err
+    assert not (tmp_path / "precious.toml").exists()
+
+
+def test_help_shows_defaults_as_they_are_written(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["new-cell", "--help"]) == 0
+    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "[default: potentiometer tachometer current_sense]" in shown
+
+
+@pytest.mark.parametrize("mass_kg", ["1e-300", "1e-13", "1e-5", "1e-4"])
+def test_an_arm_without_weight_worth_the_name_is_no_ready_cell(
+    mass_kg: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Either it is refused in a line that names the joint, or what was written passes the check.
+    inertia = " ".join(f'{key}="{float(mass_kg) * 1e-2 if key[1] == key[2] else 0:g}"' for key in INERTIA_KEYS)
+    inertial = f'<inertial><mass value="{mass_kg}"/><inertia {inertia}/></inertial>'
+    joint = (
+        '<joint name="j" type="revolute"><parent link="a"/><child link="b"/>'
+        '<limit effort="1" velocity="1" lower="-1" upper="1"/></joint>'
+    )
+    urdf, out = tmp_path / "arm.urdf", tmp_path / "my.toml"
+    urdf.write_text(f'<robot name="r"><link name="a"/><link name="b">{inertial}</link>{joint}</robot>')
+    status = run(["new-cell", "--urdf", str(urdf), "--out", str(out)])
+    complaint = capsys.readouterr().err
+    if status == 0:
+        assert run(["check", "--cell", str(out)]) == 0
+        assert float(mass_kg) >= LEAST_MASS_KG
+        return
+    assert status == 2
+    assert complaint.count("\n") == 1
+    assert "joint 'j'.body.mass_kg = " in complaint
+    assert "must be at least 1e-06" in complaint
+    assert not out.exists()
+
+
+def test_what_does_not_run_is_not_called_ready(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # An amplifier that is sized for a fifth of the weight: no file says so, the rehearsal does.
+    monkeypatch.setattr("canarm.new_cell.sizing.HOLD_SHARE", 5.0)
+    monkeypatch.setattr("canarm.new_cell.sizing.MOTION_SHARE", 5.0)
+    monkeypatch.setattr("canarm.new_cell.sizing.LEAST_RAD_S2", 0.1)
+    out = tmp_path / "my.toml"
+    assert run(["new-cell", "--joints", "1", "--out", str(out)]) == 2
+    said = capsys.readouterr()
+    assert said.err.count("\n") == 1
+    assert "joint 'shoulder'.drive.max_current_a = " in said.err
+    assert "ready" not in said.out
+    assert not out.exists()
+
+
 def test_a_file_that_is_there_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "my.toml"
     out.write_text("mine")
@@ -143,6 +242,8 @@ def test_a_file_that_is_there_is_left_alone(tmp_path: Path, capsys: pytest.Captu
     ("words", "expected"),
     [
         ([], "of which arm?"),
+        (["--joints", "7", "--position-sensor", "encoder"], "2 counter, 2 ADC; a robot has 7 slots; take fewer"),
+        (["--joints", "7", "--cycle-us", "1000"], "--cycle-us 1000 does not fit: 1000000 bit/s x 1000 us = 1000 bits"),
         (["--joints", "3", "--urdf", "arm.urdf"], "of which arm?"),
         (["--joints", "8"], "--joints 8: must be 1 to 7"),
         (["--urdf", "missing.urdf"], "missing.urdf: no such file"),
@@ -154,5 +255,7 @@ def test_what_cannot_be_written_is_refused(
     words: list[str], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["new-cell", *words, "--out", str(tmp_path / "my.toml")]) == 2
-    assert expected in capsys.readouterr().err
+    complaint = capsys.readouterr().err
+    assert expected in complaint
+    assert complaint.count("\n") == 1
     assert not (tmp_path / "my.toml").exists()

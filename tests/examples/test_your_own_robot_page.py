@@ -11,8 +11,10 @@ from canarm.cli import run
 
 @pytest.fixture
 def page(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The page's text, in a folder with the arm that it starts from."""
-    shutil.copy(root / "examples" / "arms" / "bench_arm.urdf", tmp_path)
+    """The page's text, in a folder that has the arm that it starts from where the repository has it."""
+    arms = Path("examples", "arms")
+    (tmp_path / arms).mkdir(parents=True)
+    shutil.copy(root / arms / "bench_arm.urdf", tmp_path / arms)
     monkeypatch.chdir(tmp_path)
     return (root / "docs" / "your-own-robot.md").read_text(encoding="utf-8")
 

@@ -214,7 +214,8 @@ def test_an_unknown_key_comes_with_the_nearest_known_one(old: str, new: str, lin
         (
             "[-130.0, 130.0]",
             "[-130.0, 140.0]",
-            "joint 'joint2'.limits_deg = [-130, 140]: the potentiometer sees -135 to 135 degrees; stay within",
+            "joint 'joint2'.limits_deg = [-130, 140]: the potentiometer with zero_v = 2.5 sees -135 to 135 "
+            "degrees; stay within",
         ),
         (
             "home_deg = 20.0",
@@ -229,7 +230,8 @@ def test_an_unknown_key_comes_with_the_nearest_known_one(old: str, new: str, lin
         (
             "zero_v = 2.5                         # at",
             "zero_v = 5.5                         # at",
-            "joint 'joint2'.sensors.potentiometer.zero_v = 5.5: must be at most full_scale_v = 5",
+            "joint 'joint2'.limits_deg = [-130, 130]: the potentiometer with zero_v = 5.5 sees -297 to -27 degrees; "
+            "stay within",
         ),
         (
             "conversion_us = 100",

@@ -2,7 +2,11 @@
 
 import math
 
+import pytest
+
+from canarm_controller.dynamics import nominal_arm
 from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.inertia import own_inertia_kg_m2
 from canarm_protocol.cell.model import Body, Joint
 from canarm_protocol.cell.robot_checks import joint_problems, robot_problems
 
@@ -19,6 +23,25 @@ def with_body(**changes: object) -> Joint:
         origin_m=(0.0, 0.0, 0.1), mass_kg=1.0, centre_of_mass_m=(0.0, 0.0, 0.1), inertia_kg_m2=(1, 1, 1, 0, 0, 0)
     )
     return JOINT.model_copy(update={"link": None, "body": body.model_copy(update=changes)})
+
+
+def test_what_nothing_resists_is_refused_with_the_arithmetic() -> None:
+    # A rod of 1 mg and 1 mm about its end: m l^2 / 3 = 3.3e-13 kg m2, and a rotor of as much.
+    rod = with_body(
+        mass_kg=1e-6, centre_of_mass_m=(0.5e-3, 0.0, 0.0), inertia_kg_m2=(0.0, 8.333e-14, 8.333e-14, 0.0, 0.0, 0.0)
+    )
+    light = rod.model_copy(update={"motor": rod.motor.model_copy(update={"rotor_inertia_kg_m2": 1e-16})})
+    (line,) = joint_problems("joint2", light)
+    assert "rotor_inertia_kg_m2 = 1e-16: times gear_ratio = 60 squared" in line
+    assert "own inertia about the axis, it is 6.93e-13 kg m2; at least 1e-09" in line
+
+
+def test_own_inertia_is_that_of_the_whole_when_there_is_one_joint() -> None:
+    # The inertia matrix of the last joint, as the arm's model has it, is its own inertia.
+    cell = load_cell("konkuk1")
+    last = cell.joints[-1]
+    arm = nominal_arm(cell.robot[0])
+    assert own_inertia_kg_m2(last.solid) == pytest.approx(arm.inertia([0.3, 0.7])[1][1], rel=1e-12)
 
 
 def test_an_axis_is_a_unit_vector() -> None:

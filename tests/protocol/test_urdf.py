@@ -4,8 +4,12 @@ refused in one line.
 
 import os
 import re
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -13,6 +17,7 @@ import pinocchio
 import pytest
 from numpy.typing import NDArray
 
+from canarm_protocol.cell import urdf
 from canarm_protocol.cell.urdf import LARGEST_BYTES, UrdfJoint, parse_urdf, read_urdf
 from canarm_protocol.errors import CellError
 
@@ -127,7 +132,7 @@ def arm(*joints: str, links: str = "abc") -> str:
     return f'<robot name="r">{"".join(LINK.format(link) for link in links)}{"".join(joints)}</robot>'
 
 
-def joint(name: str = "j", ends: str = "ab", kind: str = "revolute", inside: str = "") -> str:
+def joint(name: str = "j", ends: Sequence[str] = "ab", kind: str = "revolute", inside: str = "") -> str:
     limit = '<limit effort="1" velocity="1" lower="-1" upper="1"/>' if "<limit" not in inside else ""
     parent, child = ends
     return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{limit}{inside}</joint>'
@@ -153,7 +158,10 @@ REFUSED = {
         "link 'b': has a mass and no <inertia>",
     ),
     "negative mass": (arm(joint(), links="ab").replace('mass value="1"', 'mass value="-1"'), "mass -1 kg"),
-    "a number that is none": (arm(joint(), links="ab").replace('ixy="0"', 'ixy="nan"'), "must be three finite numbers"),
+    "a number that is none": (
+        arm(joint(), links="ab").replace('ixy="0"', 'ixy="nan"'),
+        "link 'a': <inertia> ixy = 'nan'; must be a finite",
+    ),
     "an axis of length 0": (arm(joint(inside='<axis xyz="0 0 0"/>'), links="ab"), "has no direction"),
     "no limits": (
         arm(joint(inside='<limit effort="1" velocity="1"/>'), links="ab"),
@@ -181,9 +189,29 @@ REFUSED = {
     "a world": ('<sdf version="1.6"/>', "begins with <sdf>; a URDF file begins with <robot>"),
     "a joint without a child": (
         arm('<joint name="j" type="revolute"><parent link="a"/></joint>', links="a"),
-        "no robot: ",
+        "no robot: ParseError in /robot[@name='r']/joint[@name='j']: Required element not set in XML: child",
     ),
-    "words for numbers": (arm(joint(inside='<origin xyz="a b c"/>'), links="ab"), "no robot: "),
+    "words for numbers": (
+        arm(joint(inside='<origin xyz="a b c"/>'), links="ab"),
+        "joint 'j': <origin> xyz = 'a b c'; must be 3 finite numbers",
+    ),
+    "two numbers of three": (arm(joint(inside='<axis xyz="0 1"/>'), links="ab"), "joint 'j': <axis> xyz = '0 1'; must"),
+    "a mass in words": (
+        arm(joint(), links="ab").replace('mass value="1"', 'mass value="1 kg"', 1),
+        "link 'a': <mass> value = '1 kg'; must be a finite number",
+    ),
+    "a decimal comma": (
+        arm(joint(inside='<limit effort="1" velocity="1" lower="-1,5" upper="1"/>'), links="ab"),
+        "joint 'j': <limit> lower = '-1,5'; must be a finite number",
+    ),
+    "an inertia that lacks a part": (
+        arm(joint(), links="ab").replace(' iyz="0"', ""),
+        "link 'a': <inertia> has no iyz; give it",
+    ),
+    "an escape sequence for a number": (
+        arm(joint(inside='<dynamics damping="&#x9b;31m"/>'), links="ab"),
+        "joint 'j': <dynamics> damping = '\\x9b31m'; must be a finite number",
+    ),
 }
 
 
@@ -208,6 +236,31 @@ def test_only_regular_files_of_bounded_size_are_read(tmp_path: Path) -> None:
     ):
         with pytest.raises(CellError, match=expected):
             read_urdf(tmp_path / name)
+
+
+def test_a_file_of_many_fixed_joints_takes_time_that_grows_with_their_number() -> None:
+    def lines_run(count: int) -> int:
+        links = [f"l{number}" for number in range(count + 1)]
+        text = "".join(LINK.format(link) for link in links)
+        for number, ends in enumerate(pairwise(links)):
+            text += joint(f"j{number}", ends, "fixed" if number else "revolute")
+        run = 0
+
+        def count_lines(frame: FrameType, event: str, _: object) -> Any:
+            nonlocal run
+            is_ours = frame.f_code.co_filename == urdf.__file__
+            run += event == "line" and is_ours
+            return count_lines if is_ours else None
+
+        sys.settrace(count_lines)
+        try:
+            parse_urdf(f'<robot name="r">{text}</robot>', "arm")
+        finally:
+            sys.settrace(None)
+        return run
+
+    short, long = lines_run(100), lines_run(200)
+    assert long < 2.2 * short
 
 
 def test_a_comment_may_contain_what_a_document_may_not() -> None:

@@ -12,6 +12,7 @@ from typing import TypeVar
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import BusError, FaultError
 from canarm_protocol.faults.bench_client import BenchClient
+from canarm_protocol.shown import named_error
 
 from .fault_catalogue import FaultKind, Tap, catalogue_of, injection
 from .faults import Faults, FaultSignal, faults_of
@@ -153,7 +154,7 @@ class FaultDesk:
                 answer.append(Refusal(str(error)))
             # In a thread of its own an unforeseen error would vanish, and the question stay open for ever.
             except Exception as error:
-                answer.append(Refusal(f"{self._link.where}: {type(error).__name__}: {error}"))
+                answer.append(Refusal(f"{self._link.where}: {named_error(error)}"))
             self._is_done = True
 
         question = run, lambda: then(answer[0])

@@ -13,6 +13,7 @@ from enum import Enum
 
 from canarm_protocol.canopen.frames import Frame, NmtState, heartbeat_frame
 from canarm_protocol.errors import BusError
+from canarm_protocol.shown import named_error
 from canarm_protocol.transport.port import BusPort
 
 from .shared_port import SharedPort
@@ -139,7 +140,7 @@ class Link:
             result = str(error)
         # In a thread of its own an unforeseen error would vanish, and the dashboard would wait for ever.
         except Exception as error:
-            result = f"{self.where}: {type(error).__name__}: {error}"
+            result = f"{self.where}: {named_error(error)}"
         with self._lock:
             if not self._is_closed:
                 self._opened = result

@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import get_args, get_type_hints
 
 from canarm_protocol.cell.model import Control
+from canarm_protocol.shown import named_error
 
 from ..cycle import Cycle
 from ..dynamics import Arm
@@ -131,7 +132,7 @@ def _run(path: Path) -> ModuleType:
         frames = traceback.extract_tb(error.__traceback__)
         lines = [frame.lineno for frame in frames if Path(frame.filename) == path.absolute()]
         where = f", line {lines[-1]}" if lines else ""
-        raise LawError(f"law file {path}{where}: {type(error).__name__}: {error}") from error
+        raise LawError(f"law file {path}{where}: {named_error(error)}") from error
     return module
 
 

@@ -8,6 +8,8 @@ from enum import StrEnum
 
 import numpy as np
 
+from canarm_protocol.shown import named_error
+
 from ..errors import TrajectoryError
 from .base import Bools, Trajectory, pose_text, start_pose
 from .limits import Floats, Limits, Reference
@@ -141,7 +143,7 @@ class FunctionTrajectory(OwnBeginning):
         try:
             angles = np.array([self._function(time) for time in time_s.tolist()], dtype=np.float64)
         except Exception as error:
-            raise TrajectoryError(f"trajectory: the function fails: {type(error).__name__}: {error}") from error
+            raise TrajectoryError(f"trajectory: the function fails: {named_error(error)}") from error
         if angles.shape != (len(time_s), len(self.amplitude_rad)) or not np.isfinite(angles).all():
             raise TrajectoryError(
                 f"trajectory: the function must return {len(self.amplitude_rad)} finite angles in rad for a time in s"

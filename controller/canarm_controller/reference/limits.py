@@ -41,7 +41,8 @@ class Sampled(Protocol):
 class Limits:
     """What the joints can do and their sensors can see, one entry per joint, and the cycle at which it is checked.
 
-    `arm` is the nominal model that says which current a motion takes; without one, current is not checked.
+    `arm` is the nominal model that says which current a motion takes; without one, current is not checked. Nor is its
+    voltage without `supply_v`, `winding_ohm` and `back_emf_v_s_rad`.
     """
 
     joint_names: tuple[str, ...]
@@ -51,6 +52,9 @@ class Limits:
     period_s: float
     current_a: tuple[float, ...] = ()
     arm: Arm | None = None
+    supply_v: tuple[float, ...] = ()
+    winding_ohm: tuple[float, ...] = ()
+    back_emf_v_s_rad: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, cell: Cell) -> "Limits":
@@ -65,6 +69,9 @@ class Limits:
             period_s=cell.bus.cycle_s,
             current_a=tuple(joint.drive.max_current_a for joint in cell.joints),
             arm=cell_arm(cell.robot, cell.joint_names),
+            supply_v=tuple(joint.drive.supply_v for joint in cell.joints),
+            winding_ohm=tuple(joint.motor.winding_ohm for joint in cell.joints),
+            back_emf_v_s_rad=tuple(joint.motor.back_emf_v_s_rad for joint in cell.joints),
         )
 
     def check(self, trajectory: Sampled, duration_s: float, source: str) -> None:
@@ -100,11 +107,28 @@ class Limits:
         torque_nm = self.arm.torque_batch_nm(
             reference.position_rad, reference.velocity_rad_s, reference.acceleration_rad_s2
         )
-        current_a = np.abs(torque_nm / np.array(self.arm.torque_per_ampere))
+        signed_a = torque_nm / np.array(self.arm.torque_per_ampere)
+        current_a = np.abs(signed_a)
         for sample, joint in np.argwhere(~(current_a <= np.array(self.current_a)))[:1].tolist():
             number = first + sample
             raise TrajectoryError(
                 f"{source}: {self.joint_names[joint]} at sample {number} ({number * self.period_s:.4g} s): "
                 f"{current_a[sample, joint]:.2f} A by the nominal model; must be at most {self.current_a[joint]:g} A, "
                 "all that the amplifier has"
+            )
+        self._check_voltage(signed_a, reference, first, source)
+
+    def _check_voltage(self, signed_a: Floats, reference: Reference, first: int, source: str) -> None:
+        """The supply must drive that current through the winding, against the back-EMF."""
+        if not self.supply_v:
+            return
+        emf_v = np.sign(signed_a) * reference.velocity_rad_s * np.array(self.back_emf_v_s_rad)
+        needed_v = np.abs(signed_a) * np.array(self.winding_ohm) + emf_v
+        for sample, joint in np.argwhere(~(needed_v <= np.array(self.supply_v)))[:1].tolist():
+            number = first + sample
+            raise TrajectoryError(
+                f"{source}: {self.joint_names[joint]} at sample {number} ({number * self.period_s:.4g} s): "
+                f"{abs(signed_a[sample, joint]):.2f} A at {reference.velocity_rad_s[sample, joint]:.2f} rad/s take "
+                f"{needed_v[sample, joint]:.1f} V, winding and back-EMF; must be at most {self.supply_v[joint]:g} V, "
+                "the supply"
             )

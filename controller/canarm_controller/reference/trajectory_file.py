@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from canarm_protocol.shown import first_line
 from canarm_protocol.text_file import read_text
 
 from ..errors import TrajectoryError
@@ -65,7 +66,7 @@ def read_trajectory_csv(path: Path, joint_names: Sequence[str]) -> tuple[Floats,
     except TrajectoryError:
         raise
     except (OSError, ValueError, csv.Error) as error:
-        raise TrajectoryError(f"{path}: cannot be read as a CSV file: {error}") from None
+        raise TrajectoryError(f"{path}: cannot be read as a CSV file: {first_line(error)}") from None
     if len(found) < 2:
         raise TrajectoryError(f"{path}: {len(found)} rows of values; a trajectory needs at least 2")
     table = np.array([values for _, values in found])
@@ -79,7 +80,9 @@ def read_trajectory_columns(table: Mapping[str, Any], joint_names: Sequence[str]
     try:
         values = np.column_stack([np.asarray(table[header[place]], dtype=np.float64) for place in columns.places])
     except (TypeError, ValueError) as error:
-        raise TrajectoryError(f"trajectory: its columns must be numbers, one for each row: {error}") from None
+        raise TrajectoryError(
+            f"trajectory: its columns must be numbers, one for each row: {first_line(error)}"
+        ) from None
     if len(values) < 2:
         raise TrajectoryError(f"trajectory: {len(values)} rows of values; a trajectory needs at least 2")
     bad = np.argwhere(~(np.abs(values) <= LARGEST_DEG)).tolist()

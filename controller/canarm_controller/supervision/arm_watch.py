@@ -19,6 +19,7 @@ from .hold import SafeHold
 from .joint_state import Mode
 from .limits import Report
 from .nominal import joint_nominals
+from .support import Support
 from .surprise import ArmReport, SurpriseWatch, Witness
 from .tachless import TachlessWitness
 from .thresholds import Thresholds, cell_thresholds
@@ -71,8 +72,7 @@ class ArmWatch:
         self._decays = decays if max(decays) > FORGOTTEN else None
         self._refresh_at = 0
         self._cycle = 0
-        self._resting: list[int] = []
-        """Joints that have not moved yet: until its drive takes it up, the arm lies on its support."""
+        self._support = Support(cell, self.standing_rad_s, timing.calm)
         self._last_nm: Sequence[float] = (0.0,) * len(self.joints)
         self._flowing_nm: Sequence[float] = self._last_nm
         """What the currents that flowed at the last SYNC make."""
@@ -81,7 +81,7 @@ class ArmWatch:
         """The arm rests at this pose; no torque acts yet."""
         for joint, position in zip(self.joints, position_rad, strict=True):
             joint.start(position)
-        self._resting = list(range(len(self.joints)))
+        self._support.start()
         self._refresh(position_rad, (0.0,) * len(self.joints))
 
     def step(
@@ -93,8 +93,8 @@ class ArmWatch:
         flowing_nm = last_nm if self._decays is None else self._flow(last_nm, self._decays)
         measured_rad_s = cycle.velocity_rad_s
         accelerations = self._accelerate(last_nm)
-        if self._resting:
-            accelerations = self._from_rest(accelerations, measured_rad_s)
+        if self._support.joints:
+            accelerations = self._from_rest(accelerations, measured_rad_s, last_nm)
         if self._pair is not None:  # two joints without a loop: a fifth of the time of `step`
             first, second = self._pair
             (x1, x2), (v1, v2), (a1, a2) = cycle.position_rad, measured_rad_s, accelerations
@@ -183,14 +183,15 @@ class ArmWatch:
         fastest = [nominal.fastest_rad_s for nominal in self._nominals]
         return SafeHold(self._arm, cycle, [joint.bias for joint in self.joints], fastest, self._timing.period_s)
 
-    def _from_rest(self, accelerations: Sequence[float], speed_rad_s: Sequence[float]) -> Sequence[float]:
+    def _from_rest(
+        self, accelerations: Sequence[float], speed_rad_s: Sequence[float], acted_nm: Sequence[float]
+    ) -> Sequence[float]:
         """What the model expects, less what a support holds that the model does not know."""
-        standing_rad_s = self.standing_rad_s
-        if self._cycle >= self._timing.calm:
-            self._resting = []
-        self._resting = [index for index in self._resting if abs(speed_rad_s[index]) < standing_rad_s[index]]
+        for index in self._support.leave(self._cycle, acted_nm, speed_rad_s):
+            self.joints[index].take_load()
+            self._robot_of[index].surprise.calm_until = self._cycle + self._timing.calm
         expected = list(accelerations)
-        for index in self._resting:
+        for index in self._support.joints:
             expected[index] = 0.0
         return expected
 

@@ -104,6 +104,10 @@ class JointState:
         self.position_rad, self.velocity_rad_s = position_rad, 0.0
         """What to believe where `step` says so."""
 
+    def take_load(self) -> None:
+        """The arm leaves its support: what it carries is not known yet."""
+        self._calm_at = self.cycles + self._timing.calm
+
     @property
     def is_upset(self) -> bool:
         """Whether its speed has surprised within the last second, the start apart."""

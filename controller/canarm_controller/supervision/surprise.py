@@ -41,6 +41,8 @@ class SurpriseWatch:
         self._at = self._left = 0
         self._applied_nm = [0.0] * len(joints)
         self._against = [0] * len(joints)
+        self.calm_until = timing.calm
+        """Until this cycle the weight that the arm carries is not known."""
         self._calm_bias = [0.0] * len(joints)
         self._lasting_at = [0] * len(joints)
         self.is_open = False
@@ -79,7 +81,7 @@ class SurpriseWatch:
 
     def _assess(self, count: int, speed_rad_s: Sequence[float], may_stop: bool) -> None:
         """Which torques are missing or too much: what the arm did in the last cycles, less what the model says."""
-        is_start = count <= self._timing.calm
+        is_start = count <= self.calm_until
         is_unexpected = False
         elapsed_s = self._timing.assessed_s
         extra = []

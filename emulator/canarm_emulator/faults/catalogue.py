@@ -7,6 +7,7 @@ from canarm_protocol.cell.cell_messages import nearest
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.script import FaultSpec, ParameterValue, limits_text
+from canarm_protocol.shown import named_error
 
 from .declaration import Fault, Tap, declared_faults
 from .parameters import Parameter, parameters_at
@@ -80,7 +81,7 @@ class PlannedFault:
         try:
             return self._type(**self._values)
         except Exception as error:
-            text = " ".join(f"{type(error).__name__}: {error}".split())
+            text = named_error(error)
             raise FaultError(
                 f"{self._type.name} at {self.tap.name}: cannot be made: {text} ({self._type.declared_at})"
             ) from None

@@ -10,7 +10,13 @@ from pydantic import Field
 from .brakes import FittedBrake
 from .drives import Drive
 from .sensors import Quantity, Sensor, Sensors
-from .table import Finite, Name, NonNegative, Positive, Table, Vector
+from .table import LARGEST, Finite, Name, NonNegative, Positive, Table, Vector, at_least
+
+LEAST_MASS_KG = 1e-6
+"""MuJoCo takes no moving body below 1e-15 kg, and raises moments of inertia to 1e-12 kg m2; those of a milligram of
+some centimetres are a thousand times that, so that its arm still is the one of the cell."""
+
+Mass = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False), at_least(LEAST_MASS_KG)]
 
 
 class Link(Table):
@@ -23,7 +29,7 @@ class Link(Table):
     alpha_deg: Finite
     d_m: Finite
     theta_offset_deg: Finite = 0.0
-    mass_kg: Positive
+    mass_kg: Mass
     centre_of_mass_m: Vector
     inertia_kg_m2: tuple[NonNegative, NonNegative, NonNegative]
 
@@ -39,7 +45,7 @@ class Body(Table):
     origin_m: Vector
     origin_rpy_deg: Vector = (0.0, 0.0, 0.0)
     axis: Vector = (0.0, 0.0, 1.0)
-    mass_kg: Positive
+    mass_kg: Mass
     centre_of_mass_m: Vector
     inertia_kg_m2: tuple[NonNegative, NonNegative, NonNegative, Finite, Finite, Finite]
 

@@ -20,6 +20,7 @@ _SIGNAL = 'must be "<joint>.<command or sensor>", such as "joint2.potentiometer"
 _RULES: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "greater_than": lambda limits: f"must be greater than {limits['gt']:g}",
     "greater_than_equal": lambda limits: f"must be at least {limits['ge']}",
+    "too_small": lambda limits: f"must be at least {limits['least']:g}",
     "less_than": lambda limits: f"must be less than {limits['lt']:g}",
     "less_than_equal": lambda limits: f"must be at most {limits['le']}",
     "finite_number": lambda _: "must be a finite number",

@@ -3,7 +3,10 @@
 Numbers only; the caller knows the joint and words the message.
 """
 
+import math
 from collections.abc import Sequence
+
+from .arm import Body, Link
 
 TOLERANCE = 1e-9
 """Allowed excess as a share of the largest moment: thin plates have A + B = C, and rotated tensors are rounded."""
@@ -32,3 +35,23 @@ def is_possible(moments: Sequence[float], products: Sequence[float] = (0.0, 0.0,
         xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz),
     )
     return all(minor >= -TOLERANCE for minor in minors)
+
+
+def own_inertia_kg_m2(solid: Link | Body) -> float:
+    """Moment of inertia of what one joint moves about the joint's axis, links beyond left out.
+
+    By the parallel-axis theorem; in a Denavit-Hartenberg link's frame the axis has the direction (0, sin α, cos α) and
+    passes at a distance of a.
+    """
+    if isinstance(solid, Link):
+        angle = math.radians(solid.alpha_deg)
+        axis, moments = (0.0, math.sin(angle), math.cos(angle)), (*solid.inertia_kg_m2, 0.0, 0.0, 0.0)
+        x, y, z = solid.centre_of_mass_m
+        arm = (x + solid.a_m, y, z)
+    else:
+        axis, moments, arm = solid.axis, solid.inertia_kg_m2, solid.centre_of_mass_m
+    xx, yy, zz, xy, xz, yz = moments
+    x, y, z = axis
+    about_centre = xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
+    along = sum(a * b for a, b in zip(axis, arm, strict=True))
+    return about_centre + solid.mass_kg * max(sum(each * each for each in arm) - along * along, 0.0)

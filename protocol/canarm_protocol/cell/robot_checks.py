@@ -5,14 +5,16 @@ from collections import Counter
 from collections.abc import Iterator
 
 from .arm import Body, Joint, Robot
-from .inertia import is_possible
-from .sensors import Quantity
+from .inertia import is_possible, own_inertia_kg_m2
+from .sensors import AnalogueSensor, Quantity
 
 _SMALL = 1e-6
 """A unit vector's length may be off by this much, from rounding in a file."""
 
 _MOST_INERTIA_KG_M2 = 1e6
 """Largest inertia of a rotor, seen at the joint: a thousand times that of the largest robots. More is a wrong unit."""
+_LEAST_INERTIA_KG_M2 = 1e-9
+"""Smallest inertia of a joint with its rotor: a thousand times what MuJoCo raises moments of inertia to."""
 _MOST_GRAVITY_M_S2 = 100.0
 _SHORTEST_S, _LONGEST_S = 1e-7, 1.0
 """Time constant of a winding; beyond this a unit is wrong."""
@@ -57,6 +59,14 @@ def _motor_problems(where: str, joint: Joint) -> Iterator[str]:
             f"{where}.gear_ratio = {motor.gear_ratio:g}: rotor_inertia_kg_m2 = {motor.rotor_inertia_kg_m2:g} times its "
             f"square is {inertia_kg_m2:g} kg m2 at the joint; at most {_MOST_INERTIA_KG_M2:g}"
         )
+    elif joint.body is not None or joint.link is not None:
+        own_kg_m2 = inertia_kg_m2 + own_inertia_kg_m2(joint.solid)
+        if own_kg_m2 < _LEAST_INERTIA_KG_M2:
+            yield (
+                f"{where}.rotor_inertia_kg_m2 = {motor.rotor_inertia_kg_m2:g}: times gear_ratio = {motor.gear_ratio:g} "
+                f"squared, with the link's own inertia about the axis, it is {own_kg_m2:.3g} kg m2; "
+                f"at least {_LEAST_INERTIA_KG_M2:g}"
+            )
     still_s = motor.winding_mh * 1e-3 / motor.winding_ohm
     if not _SHORTEST_S <= still_s <= _LONGEST_S:
         yield (
@@ -88,7 +98,8 @@ def _sensor_problems(where: str, joint: Joint) -> Iterator[str]:
     elif is_sound:
         lowest, highest = map(math.degrees, position.seen())
         if low < lowest - _SMALL or high > highest + _SMALL:
+            zero = f" with zero_v = {position.nominal_zero_v:g}" if isinstance(position, AnalogueSensor) else ""
             yield (
-                f"{where}.limits_deg = [{low:g}, {high:g}]: the {position.title} sees {lowest:g} to {highest:g} "
-                "degrees; stay within"
+                f"{where}.limits_deg = [{low:g}, {high:g}]: the {position.title}{zero} sees {lowest:g} to "
+                f"{highest:g} degrees; stay within"
             )

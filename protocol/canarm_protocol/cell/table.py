@@ -2,7 +2,8 @@
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic_core import PydanticCustomError
 
 DEGREE = 0.017453292519943295
 """One degree in rad."""
@@ -10,7 +11,22 @@ DEGREE = 0.017453292519943295
 LARGEST = 1e9
 """Largest number in a cell, in its own unit: squares and products of it stay within the range of floats."""
 
-Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
+SMALLEST = 1e-12
+"""In its unit, no quantity that must be there is smaller, likewise."""
+
+
+def at_least(least: float) -> AfterValidator:
+    """A quantity that may not be smaller, for what the arithmetic or the physics engine need."""
+
+    def check(value: float) -> float:
+        if value < least:
+            raise PydanticCustomError("too_small", "too small", {"least": least})
+        return value
+
+    return AfterValidator(check)
+
+
+Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False), at_least(SMALLEST)]
 NonNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
 Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]*$", max_length=32)]

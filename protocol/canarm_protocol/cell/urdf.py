@@ -13,8 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import CellError
+from ..shown import first_line, printable
 from ..text_file import read_text
 from .rigid import IDENTITY, Inertial, Pose, Triple, from_rpy, to_rpy
+from .urdf_numbers import number_problem
 
 LARGEST_BYTES = 2_000_000
 """Largest URDF file; that of a humanoid with 60 links has about 100 kB."""
@@ -65,15 +67,16 @@ def read_urdf(path: Path) -> tuple[UrdfJoint, ...]:
 
     Raises `CellError`, one line: the file, the joint or link, what is wrong with it and what would be right.
     """
+    source = printable(str(path))
     try:
         text = read_text(path, LARGEST_BYTES, "an arm", "URDF")
     except FileNotFoundError:
-        raise CellError(f"{path}: no such file; name a URDF file, relative to the cell's folder") from None
+        raise CellError(f"{source}: no such file; name a URDF file, relative to the cell's folder") from None
     except OSError as error:
-        raise CellError(f"{path}: cannot be read: {error.strerror}") from None
+        raise CellError(f"{source}: cannot be read: {error.strerror}") from None
     except ValueError as error:
-        raise CellError(f"{path}: {error}") from None
-    return parse_urdf(text, str(path))
+        raise CellError(f"{source}: {error}") from None
+    return parse_urdf(text, source)
 
 
 def parse_urdf(text: str, source: str) -> tuple[UrdfJoint, ...]:
@@ -105,9 +108,9 @@ def _parsed(text: str) -> Any:
     try:
         root = etree.fromstring(text.encode(), parser)
     except etree.XMLSyntaxError as error:
-        raise _UrdfProblem(f"no valid XML: {error.msg}") from None
+        raise _UrdfProblem(f"no valid XML: {first_line(error.msg)}") from None
     except (ValueError, RecursionError) as error:
-        raise _UrdfProblem(f"no valid XML: {error}") from None
+        raise _UrdfProblem(f"no valid XML: {first_line(error)}") from None
     if root.tag != "robot":
         raise _UrdfProblem(f"begins with <{root.tag}>; a URDF file begins with <robot>")
     if any("xacro" in str(element.tag) for element in root.iter()):
@@ -119,15 +122,18 @@ def _parsed(text: str) -> Any:
         for child in list(element):
             if child.tag not in KEPT[element.tag]:
                 element.remove(child)
+    problem = number_problem(root)
+    if problem is not None:
+        raise _UrdfProblem(problem)
     said: list[str] = []
     # The module would write its complaints to stderr.
     xml_reflection.core.on_error = said.append
     try:
         robot = urdf.Robot.from_xml(root, xml_reflection.core.Path("robot"))
     except Exception as error:  # its errors have no common class
-        raise _UrdfProblem(f"no robot: {' '.join(str(error).split())}") from None
+        raise _UrdfProblem(f"no robot: {printable(' '.join(str(error).split()))}") from None
     if said:
-        raise _UrdfProblem(f"no robot: {' '.join(said[0].split())}")
+        raise _UrdfProblem(f"no robot: {printable(' '.join(said[0].split()))}")
     return robot
 
 
@@ -151,8 +157,9 @@ def _chain(robot: Any) -> tuple[UrdfJoint, ...]:
     if len(roots) != 1:
         listed = ", ".join(map(repr, roots)) or "none"
         raise _UrdfProblem(f"an arm has one base, a link that no joint moves; here are {listed}")
+    below = _below(roots[0], children)
     for name in links:
-        if not _is_below(name, roots[0], parents):
+        if name not in below:
             raise _UrdfProblem(f"link {name!r}: hangs in a loop of joints; an arm goes from base to tip")
     found: list[UrdfJoint] = []
     _, at = _gathered(roots[0], links, children)
@@ -180,14 +187,15 @@ def _check_names(what: str, named: Sequence[Any]) -> None:
         raise _UrdfProblem(f"{what} {name!r}: stands there {count} times; each {what} has a name of its own")
 
 
-def _is_below(name: str, root: str, parents: Mapping[str, Any]) -> bool:
-    seen = {name}
-    while name != root:
-        name = parents[name].parent
-        if name in seen:
-            return False
-        seen.add(name)
-    return True
+def _below(root: str, children: Mapping[str, Sequence[Any]]) -> set[str]:
+    """The links that joints lead to from `root` on, itself included."""
+    found, waiting = {root}, [root]
+    while waiting:
+        for joint in children[waiting.pop()]:
+            if joint.child not in found:
+                found.add(joint.child)
+                waiting.append(joint.child)
+    return found
 
 
 def _gathered(

@@ -36,11 +36,16 @@ def open_own(path: Path, *, append: bool = False) -> int:
     What is written goes to the end of the file, also after a cut (`append_lines`).
     Raises `OSError` for what cannot be written and for what is no plain file of its own.
     """
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | _NO_FOLLOW | _NO_WAIT, 0o666)
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | _NO_FOLLOW | _NO_WAIT, 0o666)
+    except OSError:
+        if path.is_symlink():
+            raise _no_own_file(path) from None
+        raise
     try:
         found = os.fstat(descriptor)
         if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
-            raise OSError(0, "is a link or no plain file; remove it", str(path))
+            raise _no_own_file(path)
         if not append:
             os.ftruncate(descriptor, 0)
     except OSError:
@@ -58,6 +63,10 @@ def create_file(path: Path, data: bytes) -> None:
             with contextlib.suppress(OSError):
                 path.unlink()
             raise
+
+
+def _no_own_file(path: Path) -> OSError:
+    return OSError(0, "is a link or no plain file; remove it", str(path))
 
 
 def replace_file(path: Path, data: bytes) -> None:

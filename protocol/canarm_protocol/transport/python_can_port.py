@@ -19,6 +19,7 @@ import can
 
 from ..canopen.frames import Frame
 from ..errors import BusError, BusOptionsError
+from ..shown import first_line
 from .port import BusPort, Discarded, bus_flags
 
 MAX_FRAMES_PER_RECEIVE = 4096
@@ -29,8 +30,6 @@ MOST_SENDERS = 256
 MOST_UNREADABLE = 1000
 """Bound on consecutive unreadable input, on a bus that cannot tell whether it is still there."""
 SEND_TIMEOUT_S = 1.0
-LONGEST_REASON = 200
-"""Longest part of a driver's message that is passed on, in characters."""
 ALLOW_REMOTE = "allow_remote"
 """Our own option for udp_multicast."""
 _HIGHEST_ID, _HIGHEST_EXTENDED_ID, _MOST_BYTES = 0x7FF, 0x1FFF_FFFF, 8
@@ -276,12 +275,6 @@ def _stamped_frame(message: can.Message) -> tuple[int, Frame] | None:
 def _is_decoding(cause: BaseException | None) -> bool:
     """Whether a driver's error has a cause that is not a system error."""
     return cause is not None and not isinstance(cause, OSError | can.CanError)
-
-
-def first_line(error: BaseException) -> str:
-    """A library's error message on one line: some contain a traceback."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return lines[0][:LONGEST_REASON] if lines else type(error).__name__
 
 
 def _explain(error: BaseException, interface: str, channel: str | None) -> str:

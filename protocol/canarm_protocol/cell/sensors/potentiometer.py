@@ -1,22 +1,24 @@
 """Potentiometer on a joint's shaft, a voltage that grows with the angle: nominal values only."""
 
-from collections.abc import Iterator
 from typing import ClassVar
 
 from ...cards.kind import highest_code
-from ..table import DEGREE, NonNegative, Positive
+from ..table import DEGREE, Finite, Positive
 from .base import AnalogueSensor, Fitting, Quantity, SensorScale, Sign
 
 
 class Potentiometer(AnalogueSensor):
-    """`range_deg` of the joint's angle gives 0 to `full_scale_v`, and 0 degrees gives `zero_v`."""
+    """`range_deg` of the joint's angle gives 0 to `full_scale_v`, and 0 degrees gives `zero_v`.
+
+    Where 0 degrees lie outside the joint's limits, that voltage lies outside 0 to `full_scale_v` and never occurs.
+    """
 
     kind: ClassVar[str] = "potentiometer"
     title: ClassVar[str] = "potentiometer"
     quantity: ClassVar[Quantity] = Quantity.POSITION
 
     range_deg: Positive
-    zero_v: NonNegative
+    zero_v: Finite
     sign: Sign = 1
 
     @property
@@ -33,8 +35,3 @@ class Potentiometer(AnalogueSensor):
         """Radians per code."""
         highest = highest_code(fitting.bits)
         return SensorScale(self.zero_v / (self.full_scale_v / highest), self.sign * (self.range_deg * DEGREE / highest))
-
-    def problems(self) -> Iterator[str]:
-        """A zero beyond full scale."""
-        if self.zero_v > self.full_scale_v:
-            yield f"zero_v = {self.zero_v:g}: must be at most full_scale_v = {self.full_scale_v:g}"
