@@ -43,8 +43,9 @@ def _positive(type_: object, value: float | None) -> None:
         raise ValueError("must be a number of seconds above 0.")
 
 
-def _not_negative(type_: object, value: int) -> None:
-    if value < 0:
+def not_negative(type_: object, value: int | None) -> None:
+    """Refuse a number below 0."""
+    if value is not None and value < 0:
         raise ValueError("must be 0 or more.")
 
 
@@ -123,7 +124,7 @@ Pace = Annotated[
     ),
 ]
 Address = Annotated[str, Parameter(metavar="HOST:PORT")]
-Seed = Annotated[int, Parameter(converter=whole_number, validator=_not_negative, help="Seed of the sensor noise.")]
+Seed = Annotated[int, Parameter(converter=whole_number, validator=not_negative, help="Seed of the sensor noise.")]
 Words = Annotated[list[str], Parameter(negative=(), metavar="KEY=VALUE", show_default=False)]
 Settings = Annotated[Words, Parameter(consume_multiple=False)]
 """One KEY=VALUE an option."""
@@ -213,7 +214,7 @@ class WallClockOptions:
         Parameter(
             metavar="US",
             converter=whole_number,
-            validator=_not_negative,
+            validator=not_negative,
             show_default=lambda value: f"{value} us",
             help="Poll instead of sleep in the last microseconds before each SYNC.",
         ),

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from canarm_protocol.cell.model import Cell
-from canarm_protocol.clock import Clock
 
-from ..options import CellOptions, Flag, Seed
-from ..session import make_controller
+from ..options import CellOptions, Flag
 from ..stdout import keep_stdout
-from ..usage import DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError, parse_settings
+from ..usage import UsageError
+from .matrix_options import ScenarioOptions
 
 if TYPE_CHECKING:
     from ..matrix.plan import MatrixCell
@@ -30,11 +29,7 @@ def _at_least_one(type_: object, value: int | None) -> None:
 def matrix(
     *,
     cell: CellOptions = CellOptions(),
-    law: Annotated[str, Parameter(metavar="NAME|FILE.py:CLASS", help="Control law, as of canarm demo.")] = DEFAULT_LAW,
-    trajectory: Annotated[
-        str, Parameter(metavar="NAME|FILE", help="Trajectory, as of canarm demo.")
-    ] = DEFAULT_TRAJECTORY,
-    seed: Seed = 0,
+    scenario: ScenarioOptions = ScenarioOptions(),
     jobs: Annotated[
         int | None,
         Parameter(validator=_at_least_one, metavar="NUMBER", help="Processes; one a core unless given."),
@@ -57,7 +52,11 @@ def matrix(
     ] = None,
     out: Annotated[
         Path | None,
-        Parameter(metavar="DIR", help="Folder for matrix.csv and matrix.html; one that holds a matrix is refused."),
+        Parameter(
+            metavar="DIR",
+            help="Folder for matrix.csv, matrix.html and, with several draws, matrix-draws.csv; one that holds a "
+            "matrix is refused.",
+        ),
     ] = None,
     json_: Annotated[
         Flag, Parameter(name="--json", help="Last line on stdout is the matrix as one JSON object.")
@@ -65,24 +64,23 @@ def matrix(
 ) -> int:
     """Run every fault at every tap that supports it, with its defaults: what detects it, how fast, what happens then?
 
-    Beside the faults go fault-free runs, for the rate of false alarms. Exit status 1 if a cell is not as it should be.
-    Ctrl-C ends it; with --out the cells so far are kept as matrix-partial.csv and matrix-partial.html.
+    Beside the faults go fault-free runs, for the rate of false alarms; with --only, no more of them than are compared
+    with. Exit status 1 if a cell is not as it should be in every draw, or a fault-free run raises an alarm. Ctrl-C ends
+    it; with --out the cells so far are kept as matrix-partial.csv and matrix-partial.html.
     """
-    from ..matrix.campaign import Campaign, run_campaign
+    from ..matrix.campaign import FAULT_FREE_RUNS, Campaign, run_campaign
     from ..matrix.files import claimed, write
     from ..matrix.foreign_run import words_of
-    from ..matrix.plan import Scenario
     from ..matrix.progress import Progress
     from ..matrix.text_report import as_text, part_of
 
     nominal = cell.load()
-    settings = tuple(parse_settings("--set", cell.settings).items())
-    scenario = Scenario(cell.cell, settings, law, trajectory, seed)
-    make_controller(nominal, law, trajectory, None, Clock.SYNC)
+    scenarios, about = scenario.scenarios(cell, nominal, controller is None)
     if controller is not None:
         words_of(controller)
     cells = _chosen(nominal, only or (), cell.cell)
-    campaign, processes, progress = Campaign(scenario, cells, controller), jobs or _cores(), Progress()
+    campaign = Campaign(scenarios, cells, controller, 0 if only else FAULT_FREE_RUNS, about)
+    processes, progress = jobs or _cores(), Progress()
     say = keep_stdout()
     with contextlib.nullcontext() if out is None else claimed(out):
         with_fault, without = campaign.runs
@@ -127,9 +125,11 @@ def _cores() -> int:
 def _plain(result: Any) -> dict[str, Any]:
     return {
         "title": result.title,
-        "cells": [row.as_plain() for row in result.rows],
+        "cells": [cell.as_plain() for cell in result.cells],
         "counts": {verdict.value: count for verdict, count in result.counts.items()},
-        "failed": [row.name for row in result.failed],
+        "runs": len(result.rows),
+        "failed_runs": len(result.failed),
+        "failed": [cell.worst.name for cell in result.cells if not cell.worst.passes],
         "fault_free_runs": result.fault_free_runs,
         "false_alarms": [
             {"run": each.run, "detector": each.detector, "where": each.where, "cycle": each.cycle}

@@ -56,12 +56,13 @@ def reactions(cell: Cell, frames: Sequence[Received], cycle: Ints, time_s: Float
 
 def beside_twin(run: Evidence, twin: Evidence) -> Evidence:
     """The run without what its fault-free twin does as well, at the same time and place: that is no reaction."""
-    notices = tuple(each for each in run.notices if not any(_is_same(each, its) for its in twin.notices))
+    notices = tuple(each for each in run.notices if not any(is_same(each, its) for its in twin.notices))
     is_running = not any(each.stops and each.cycle >= run.injected_cycle for each in notices)
     return replace(run, notices=notices, is_running=is_running)
 
 
-def _is_same(mine: Notice, its: Notice) -> bool:
+def is_same(mine: Notice, its: Notice) -> bool:
+    """Whether run and twin have noticed the same, or done the same, then and there."""
     return (mine.detector, mine.where) == (its.detector, its.where) and abs(mine.cycle - its.cycle) <= SAME_CYCLES
 
 

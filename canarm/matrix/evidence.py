@@ -3,6 +3,7 @@
 The same whether the run was a rig's or that of processes on a bus. No judgement enters here.
 """
 
+import functools
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.canopen.pdo import PdoLayout
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.sensing import joint_sensors
 from canarm_protocol.cell.wiring import InputSlot, card_nodes, input_slots
@@ -84,9 +86,7 @@ def seen_by_controller(cell: Cell, frames: Iterable[Received], time_s: Floats) -
 
     Frames that are no usable process data are left out, as the controller leaves them out.
     """
-    nodes = card_nodes(cell)
-    layouts = {layout.cob_id: layout for node in nodes for layout in node.tpdos}
-    slots = input_slots(cell, nodes)
+    layouts, slots = inputs_of(cell)
     lowest = {slot.cob_id: slot.codec.lowest_value for slot in slots}
     times: dict[int, list[float]] = {cob_id: [] for cob_id in layouts}
     values: dict[int, list[tuple[int, ...]]] = {cob_id: [] for cob_id in layouts}
@@ -104,6 +104,13 @@ def seen_by_controller(cell: Cell, frames: Iterable[Received], time_s: Floats) -
         codes = [slot.codec.code(each[slot.position]) for each in values[slot.cob_id]]
         seen[slot.quantity][:, slot.joint] = _held(np.array(times[slot.cob_id]), _scaled(cell, slot, codes), ends_s)
     return seen
+
+
+@functools.lru_cache(maxsize=4)
+def inputs_of(cell: Cell) -> tuple[dict[int, PdoLayout], tuple[InputSlot, ...]]:
+    """Layouts of the TPDOs by COB-ID, and what in them is whose. Reads a dictionary a card: ask before you fork."""
+    nodes = card_nodes(cell)
+    return {layout.cob_id: layout for node in nodes for layout in node.tpdos}, input_slots(cell, nodes)
 
 
 def _scaled(cell: Cell, slot: InputSlot, codes: list[int]) -> Floats:

@@ -10,7 +10,7 @@ from canarm_protocol.runs.own_file import open_own, replace_file, write_all
 
 from ..usage import UsageError
 from .html_report import as_html
-from .table import Matrix, as_csv
+from .table import Matrix, as_csv, cells_csv
 
 fcntl: ModuleType | None
 try:
@@ -18,9 +18,12 @@ try:
 except ImportError:  # no POSIX: an empty claim that a killed campaign has left is then as good as one that is held
     fcntl = None
 
-CSV_FILE, HTML_FILE = "matrix.csv", "matrix.html"
+CSV_FILE, HTML_FILE, DRAWS_FILE = "matrix.csv", "matrix.html", "matrix-draws.csv"
 PARTIAL_CSV_FILE, PARTIAL_HTML_FILE = "matrix-partial.csv", "matrix-partial.html"
+PARTIAL_DRAWS_FILE = "matrix-partial-draws.csv"
 """What an interrupted campaign leaves."""
+
+OTHER_FILES = (HTML_FILE, DRAWS_FILE, PARTIAL_CSV_FILE, PARTIAL_HTML_FILE, PARTIAL_DRAWS_FILE)
 
 
 @contextlib.contextmanager
@@ -34,7 +37,7 @@ def claimed(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UsageError(f"--out {folder}: is no folder and cannot become one: {error.strerror}") from None
-    if any((folder / name).exists() for name in (HTML_FILE, PARTIAL_CSV_FILE, PARTIAL_HTML_FILE)):
+    if any((folder / name).exists() for name in OTHER_FILES):
         raise _taken(folder)
     held = _claim(folder)
     try:
@@ -47,18 +50,24 @@ def claimed(folder: Path) -> Iterator[None]:
 
 
 def write(folder: Path, matrix: Matrix) -> list[Path]:
-    """Write the table and the page, under other names where the matrix is partial. Returns their paths.
+    """Write the table of cells, the page and, where a cell has several draws, the table of all runs.
 
-    Raises `OSError` with the name of the file; nothing is then left of it.
+    Under other names where the matrix is partial. Returns their paths. Raises `OSError` with the name of the file;
+    nothing is then left of it.
     """
-    names = (PARTIAL_CSV_FILE, PARTIAL_HTML_FILE) if matrix.runs_left else (CSV_FILE, HTML_FILE)
-    paths = [folder / name for name in names]
-    for path, text in zip(paths, (as_csv(matrix.rows), as_html(matrix)), strict=True):
-        if path.name == CSV_FILE:
-            _fill_claim(path, text.encode())
+    cells, is_partial = matrix.cells, bool(matrix.runs_left)
+    texts = {
+        PARTIAL_CSV_FILE if is_partial else CSV_FILE: cells_csv(cells),
+        PARTIAL_HTML_FILE if is_partial else HTML_FILE: as_html(matrix),
+    }
+    if len(matrix.rows) > len(cells):
+        texts[PARTIAL_DRAWS_FILE if is_partial else DRAWS_FILE] = as_csv(matrix.rows)
+    for name, text in texts.items():
+        if name == CSV_FILE:
+            _fill_claim(folder / name, text.encode())
         else:
-            replace_file(path, text.encode())
-    return paths
+            replace_file(folder / name, text.encode())
+    return [folder / name for name in texts]
 
 
 def _fill_claim(path: Path, data: bytes) -> None:

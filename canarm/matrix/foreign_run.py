@@ -30,7 +30,7 @@ from ..options import DEFAULT_HOST
 from ..usage import UsageError
 from .bus_reactions import END_OF_DRIVING, ENDED, SILENT, cycle_at, reactions
 from .evidence import Evidence, Motion, Notice, Received, motion_of, seen_by_controller
-from .plan import INJECTED_S, OBSERVED_S, MatrixCell, Scenario
+from .plan import OBSERVED_S, MatrixCell, Scenario
 
 FIRST_SYNC_S = 30.0
 """How long a controller may take to its first cycles: an interpreter, its libraries and three cards to configure."""
@@ -49,7 +49,7 @@ def run_foreign(
     Without a reference of the controller's own its error is counted against the twin. Raises `UsageError` for a command
     that cannot be started, `BusError` for one that drives no cycle.
     """
-    injected_cycle, last_cycle = _watched_cycles(cell)
+    injected_cycle, last_cycle = _watched_cycles(scenario, cell)
     with tempfile.TemporaryDirectory(prefix="canarm-matrix-") as name:
         folder = Path(name) / "run"
         arguments = _emulator_arguments(scenario, folder, with_wire)
@@ -68,7 +68,7 @@ def run_foreign(
             said = (Path(name) / "said").read_text(errors="replace").strip().splitlines()
             words = f"; it said: {said[-1]}" if said else ""
             raise BusError(f"--controller {command}: the command drove no cycle: {_no_cycle(end, process)}{words}")
-        return _evidence(cell, motion, folder / CAN_LOG_FILE, end, injected_cycle)
+        return _evidence(cell, motion, folder / CAN_LOG_FILE, end, injected_cycle, last_cycle)
 
 
 def words_of(command: str) -> list[str]:
@@ -82,12 +82,12 @@ def words_of(command: str) -> list[str]:
     return words
 
 
-def require_whole(twin: Evidence, cell: Cell, command: str) -> None:
+def require_whole(twin: Evidence, scenario: Scenario, cell: Cell, command: str) -> None:
     """Refuse a controller whose fault-free run is over before the observation is: its end would look like a reaction.
 
     Raises `UsageError`.
     """
-    _, last_cycle = _watched_cycles(cell)
+    _, last_cycle = _watched_cycles(scenario, cell)
     end = next((each for each in twin.notices if each.detector in END_OF_DRIVING and each.cycle > 0), None)
     if end is None:
         return
@@ -98,9 +98,9 @@ def require_whole(twin: Evidence, cell: Cell, command: str) -> None:
     )
 
 
-def _watched_cycles(cell: Cell) -> tuple[int, int]:
+def _watched_cycles(scenario: Scenario, cell: Cell) -> tuple[int, int]:
     """The cycle in which the fault begins, and the last one."""
-    injected_cycle = round(INJECTED_S / cell.bus.cycle_s)
+    injected_cycle = round(scenario.at_s / cell.bus.cycle_s)
     return injected_cycle, injected_cycle + round(OBSERVED_S / cell.bus.cycle_s)
 
 
@@ -111,8 +111,9 @@ def _no_cycle(end: str, process: subprocess.Popen[bytes]) -> str:
 def _emulator_arguments(scenario: Scenario, folder: Path, with_wire: bool) -> list[str]:
     arguments = ["--cell", scenario.cell, "--clock", "sync", "--seed", str(scenario.seed), "--out", str(folder)]
     arguments += ["--serve", f"{DEFAULT_HOST}:0"]
-    for key, value in scenario.settings:
-        arguments += ["--set", f"{key}={value}"]
+    for option, pairs in (("--set", scenario.settings), ("--truth", scenario.truth)):
+        for key, value in pairs:
+            arguments += [option, f"{key}={value}"]
     return [*arguments, "--wire"] if with_wire else arguments
 
 
@@ -188,8 +189,7 @@ def _last_tick(truth: Path) -> int:
         return 0
 
 
-def _evidence(cell: Cell, motion: Motion, log: Path, end: str, injected_cycle: int) -> Evidence:
-    _, last_cycle = _watched_cycles(cell)
+def _evidence(cell: Cell, motion: Motion, log: Path, end: str, injected_cycle: int, last_cycle: int) -> Evidence:
     frames = [each for each in _frames(log) if each.time_s < motion.time_s[-1] + cell.bus.cycle_s]
     notices = reactions(cell, frames, motion.cycle, motion.time_s)
     notices = [each for each in notices if each.cycle < last_cycle]

@@ -1,4 +1,4 @@
-"""The golden copy of a matrix: verdict, detector and latency of every cell, and what has changed against it."""
+"""The golden copy of a matrix: verdict, detector and latency of every run, and what has changed against it."""
 
 import csv
 import io
@@ -8,12 +8,12 @@ from typing import Self
 
 from .table import Row, as_csv
 
-GOLDEN_COLUMNS = ("tap", "fault", "verdict", "detector", "latency_ms")
+GOLDEN_COLUMNS = ("tap", "fault", "draw", "verdict", "detector", "latency_ms")
 
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What the golden copy says of a cell."""
+    """What the golden copy says of a run."""
 
     verdict: str
     detector: str
@@ -44,12 +44,12 @@ def golden_text(rows: Iterable[Row]) -> str:
 
 
 def read_golden(text: str) -> dict[str, Expected]:
-    """The golden copy as "TAP FAULT" and what is expected. Raises `ValueError` for a text that is none."""
+    """The golden copy as "TAP FAULT, draw N" and what is expected. Raises `ValueError` for a text that is none."""
     reader = csv.DictReader(io.StringIO(text))
     if tuple(reader.fieldnames or ()) != GOLDEN_COLUMNS:
         raise ValueError(f"columns are {reader.fieldnames}; must be {', '.join(GOLDEN_COLUMNS)}")
     return {
-        f"{each['tap']} {each['fault']}": Expected(
+        _name(f"{each['tap']} {each['fault']}", each["draw"]): Expected(
             each["verdict"], each["detector"], float(each["latency_ms"]) if each["latency_ms"] else None
         )
         for each in reader
@@ -57,8 +57,8 @@ def read_golden(text: str) -> dict[str, Expected]:
 
 
 def differences(rows: Iterable[Row], golden: dict[str, Expected], cycle_ms: float) -> list[str]:
-    """One line for every cell that differs, is new, or is gone; in the order of the rows."""
-    found, lines = {row.name: Expected.of(row) for row in rows}, []
+    """One line for every run that differs, is new, or is gone; in the order of the rows."""
+    found, lines = {_name(row.name, row.draw): Expected.of(row) for row in rows}, []
     for name, now in found.items():
         before = golden.get(name)
         if before is None:
@@ -67,3 +67,7 @@ def differences(rows: Iterable[Row], golden: dict[str, Expected], cycle_ms: floa
             lines.append(f"! {name}: was {before}; is {now}")
     lines += [f"- {name}: was {before}" for name, before in golden.items() if name not in found]
     return lines
+
+
+def _name(cell: str, draw: int | str) -> str:
+    return f"{cell}, draw {draw}"

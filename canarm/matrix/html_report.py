@@ -1,12 +1,15 @@
 """The matrix as one self-contained HTML page: definitions, counts, and a table that sorts and filters."""
 
 import html
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
+from ..draws import CONFIDENCE
 from .judgement import DEFINITIONS, Verdict
-from .table import Matrix, Row
-from .text_report import out_of_date, part_of
+from .naming import Part
+from .shares import Share
+from .table import Matrix, Row, Tally, named_right
+from .text_report import as_they_should_be, out_of_date, part_of, wrong_names
 
 _COLUMNS = {
     "tap": "tap",
@@ -29,7 +32,19 @@ _COLUMNS = {
     "is_excused": "excused",
     "note": "note",
     "why": "why not as it should be",
+    "named": "named right",
+    "part": "part",
 }
+_OF_MANY = {
+    "passed": "draws as they should be",
+    "share_low": "at least",
+    "share_high": "at most",
+    "named_right": "draws named right",
+    "named_of": "of",
+    "draw": "worst draw",
+    "repeat": "repeat with",
+}
+"""Columns of a cell that has several draws; the others are those of the worst."""
 _COLOURS = {
     Verdict.TOLERATED: "#e3f1e3",
     Verdict.BOTH: "#cfe8d6",
@@ -88,6 +103,8 @@ filter();
 
 def as_html(matrix: Matrix) -> str:
     """The page. The same matrix gives the same bytes."""
+    cells = matrix.cells
+    columns = _COLUMNS | (_OF_MANY if len(matrix.rows) > len(cells) else {})
     title = html.escape(f"{'PARTIAL fault' if matrix.runs_left else 'Fault'} matrix: {matrix.title}")
     colours = "\n".join(f'tr[data-verdict="{verdict.value}"] td.verdict {{ background: {colour}; }}'
                         for verdict, colour in _COLOURS.items())  # fmt: skip
@@ -107,9 +124,9 @@ def as_html(matrix: Matrix) -> str:
             '<select id="verdict"><option value="">every verdict</option>'
             f'<option value="!">not as it should be</option>{options}</select> <span id="shown"></span></p>',
             '<table id="cells"><thead><tr>',
-            *(f"<th>{html.escape(heading)}</th>" for heading in _COLUMNS.values()),
+            *(f"<th>{html.escape(heading)}</th>" for heading in columns.values()),
             "</tr></thead><tbody>",
-            *(_row(row) for row in matrix.rows),
+            *(_row(cell, columns) for cell in cells),
             "</tbody></table>",
             f"<script>{_SCRIPT}</script>",
             "</body></html>",
@@ -122,14 +139,17 @@ def _facts(matrix: Matrix) -> Iterable[str]:
     rows = matrix.rows
     if matrix.runs_left:
         yield f"<p><strong>{part_of(matrix)}: the other cells are missing.</strong></p>"
-    yield f"<p>{len(rows) - len(matrix.failed)} of {len(rows)} cells are as they should be.</p>"
-    yield "<table><tr><th>verdict</th><th>cells</th><th>share</th></tr>"
+    yield "".join(f"<p>{html.escape(line)}.</p>" for line in as_they_should_be(matrix))
+    yield f"<table><tr><th>verdict</th><th>runs</th><th>share</th><th>{CONFIDENCE:.0%} bounds</th></tr>"
     for verdict, count in matrix.counts.items():
+        share = Share(count, len(rows))
         yield (
             f'<tr data-verdict="{verdict.value}"><td class="verdict">{verdict.value}</td>'
-            f'<td class="number">{count}</td><td class="number">{count / len(rows):.1%}</td></tr>'
+            f'<td class="number">{count}</td><td class="number">{share.value:.1%}</td>'
+            f"<td>{share.low:.1%} to {share.high:.1%}</td></tr>"
         )
     yield "</table>"
+    yield from _names(rows)
     if matrix.fault_free_runs:
         yield f"<p>{matrix.alarmed_runs} of {matrix.fault_free_runs} fault-free runs raised an alarm.</p><ul>"
         for alarm in matrix.false_alarms:
@@ -139,19 +159,32 @@ def _facts(matrix: Matrix) -> Iterable[str]:
         yield f"<p>Declared undetectable, but no such cell: {html.escape(text)}</p>"
 
 
-def _row(row: Row) -> str:
-    cells = "".join(_cell(row, name) for name in _COLUMNS)
-    passes = "yes" if row.passes else "no"
-    return f'<tr data-verdict="{row.verdict.value}" data-passes="{passes}">{cells}</tr>'
+def _names(rows: Sequence[Row]) -> Iterable[str]:
+    if not named_right(rows).count:
+        return
+    yield "<table><tr><th>part</th><th>named right by the first detection</th><th>aim</th><th>else</th></tr>"
+    for part in Part:
+        of_part = [row for row in rows if row.part == part.value]
+        share = named_right(of_part)
+        if share.count:
+            wrong = html.escape("; ".join(wrong_names(of_part)))
+            yield f"<tr><td>{part.value}</td><td>{share}</td><td>{part.aim:.0%}</td><td>{wrong}</td></tr>"
+    yield "</table>"
 
 
-def _cell(row: Row, name: str) -> str:
-    value: Any = getattr(row, name)
+def _row(cell: Tally, columns: Iterable[str]) -> str:
+    values = cell.as_plain()
+    cells = "".join(_cell(values[name], name) for name in columns)
+    passes = "yes" if cell.worst.passes else "no"
+    return f'<tr data-verdict="{cell.worst.verdict.value}" data-passes="{passes}">{cells}</tr>'
+
+
+def _cell(value: Any, name: str) -> str:
     if name == "verdict":
         return f'<td class="verdict">{html.escape(value.value)}</td>'
     if isinstance(value, bool):
         marked = ' class="unsafe"' if name == "is_safe" and not value else ""
         return f"<td{marked}>{'yes' if value else 'no'}</td>"
-    if isinstance(value, float):
+    if isinstance(value, (int, float)):
         return f'<td class="number">{value:g}</td>'
     return f"<td>{'' if value is None else html.escape(value)}</td>"

@@ -1,4 +1,4 @@
-"""What the matrix runs: its cells, one per fault at a tap, and the scenario that all share. Nothing runs here."""
+"""What the matrix runs: its cells, one per fault at a tap, and the scenario of a run. Nothing runs here."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,8 +12,9 @@ from canarm_protocol.cell.model import Cell
 from ..usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY
 
 INJECTED_S = 2.8
-"""When the fault begins. The motion has blended in and the laws have adapted; on konkuk1's sine both joints move then,
-at 83 and 60 % of their highest speeds, and accelerate at 56 and 80 % of their highest accelerations."""
+"""When a fault begins unless it is said or drawn. The motion has blended in and the laws have adapted; on konkuk1's
+sine both joints move then, at 83 and 60 % of their highest speeds, and accelerate at 56 and 80 % of their highest
+accelerations."""
 OBSERVED_S = 2.2
 """For how long it acts: nearly a period of either joint, so that every stretch of the motion meets it."""
 
@@ -36,13 +37,18 @@ OF_THE_ARM = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """What all runs have in common: which cell, with which settings, law, motion and seed."""
+    """What a run and its twin have in common: cell and settings, law and motion, seed, true robot, and the onset.
+
+    `truth` is what `--truth` takes; `at_s` is when the fault begins, from the first SYNC.
+    """
 
     cell: str = DEFAULT_CELL
     settings: tuple[tuple[str, str], ...] = ()
     law: str = DEFAULT_LAW
     trajectory: str = DEFAULT_TRAJECTORY
     seed: int = 0
+    truth: tuple[tuple[str, str], ...] = ()
+    at_s: float = INJECTED_S
 
     def load(self) -> Cell:
         """The cell. Raises `CellError`."""

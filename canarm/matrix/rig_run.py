@@ -6,11 +6,15 @@ import numpy as np
 
 from canarm_controller.run.state import State
 from canarm_emulator.bench.bench import CycleTruth, Record
+from canarm_emulator.robot.world import JointState
 from canarm_protocol.cell.model import Cell
 
 from ..rig.rig import Rig
-from .evidence import Evidence, Motion, Notice, Received, motion_of, seen_by_controller
-from .plan import INJECTED_S, OBSERVED_S, MatrixCell, Scenario
+from .evidence import Evidence, Floats, Ints, Motion, Notice, Received, inputs_of, motion_of, seen_by_controller
+from .plan import OBSERVED_S, MatrixCell, Scenario
+
+SPARE_S = 1.0
+"""More than is ever observed: a history that holds it all."""
 
 
 class _ObservedRig(Rig):
@@ -18,7 +22,15 @@ class _ObservedRig(Rig):
 
     def __init__(self, scenario: Scenario, cell: Cell, wire: bool) -> None:
         self.truths: list[CycleTruth] = []
-        super().__init__(cell, scenario.law, scenario.trajectory, seed=scenario.seed, wire=wire)
+        super().__init__(
+            cell,
+            scenario.law,
+            scenario.trajectory,
+            seed=scenario.seed,
+            wire=wire,
+            truth=dict(scenario.truth),
+            history_s=scenario.at_s + OBSERVED_S + SPARE_S,
+        )
 
     def keep_frames(self) -> None:
         """Forget the frames so far, and keep all that come."""
@@ -28,20 +40,37 @@ class _ObservedRig(Rig):
         """Nobody sends SYNC any more: until after the cards' own protection has acted."""
         self._bench.run_on()
 
+    def load_faults(self) -> None:
+        """Load now what the first fault would need."""
+        self._bench.load()
+
     def _keep_truth(self, truth: CycleTruth) -> None:
         self.truths.append(truth)
         super()._keep_truth(truth)
 
 
-def run_in_rig(scenario: Scenario, cell: Cell, fault: MatrixCell | None, with_wire: bool = False) -> Evidence:
-    """One run of `scenario`; without `fault`, the twin of those that have one.
+class AtOnset:
+    """A run of `scenario` that has come to the onset without any fault: its beginning is that of all its faults.
 
-    Raises what `Rig` raises, and `FaultError` for a fault that is refused.
+    Raises what `Rig` raises.
     """
-    wire = with_wire or (fault is not None and fault.needs_wire)
-    with _ObservedRig(scenario, cell, wire) as rig:
-        rig.run(seconds=INJECTED_S)
+
+    def __init__(self, scenario: Scenario, cell: Cell, with_wire: bool = False) -> None:
+        self._cell = cell
+        self._rig = rig = _ObservedRig(scenario, cell, with_wire)
+        rig.run(seconds=scenario.at_s)
         rig.keep_frames()
+        self._before = _columns(rig.truths, len(rig.joints))
+        rig.truths.clear()
+        rig.load_faults()
+        inputs_of(cell)
+
+    def observe(self, fault: MatrixCell | None) -> Evidence:
+        """Go on with `fault`, or without: then it is the twin of those that have one. It can be asked for once.
+
+        Raises `FaultError` for a fault that is refused.
+        """
+        rig, cell = self._rig, self._cell
         if fault is not None:
             rig.inject(fault.tap, fault.fault)
         injected_cycle = rig.controller.tick
@@ -49,41 +78,60 @@ def run_in_rig(scenario: Scenario, cell: Cell, fault: MatrixCell | None, with_wi
         is_running = rig.state is State.RUNNING
         if not is_running:
             rig.run_on()
-        motion = _motion(rig)
+        motion = self._motion()
         frames = [Received(frame.time_ns * 1e-9, frame.frame) for frame in rig.frames]
         return Evidence(
             motion=motion,
             seen=seen_by_controller(cell, frames, motion.time_s),
-            notices=tuple(
-                Notice(each.detector, each.where or "", each.tick, each.reaction.value, each.reaction.stops)
-                for each in rig.detections
-            ),
+            notices=_notices(rig),
             injected_cycle=rig.fault_events[0].cycle if rig.fault_events else injected_cycle,
             is_running=is_running,
         )
 
+    def _motion(self) -> Motion:
+        rig, before = self._rig, self._before
+        after = _columns(rig.truths, len(rig.joints))
+        cycle = np.concatenate((before[0], after[0]))
+        references = np.column_stack([joint.reference_rad for joint in rig.joints.values()])
+        unknown = np.full((len(cycle) - len(references), references.shape[1]), np.nan)
+        return motion_of(
+            cycle,
+            np.concatenate((before[1], after[1])),
+            np.concatenate((before[2], after[2])),
+            np.concatenate((references, unknown)),
+        )
 
-def false_alarms(scenario: Scenario, cell: Cell, payload_factor: float) -> list[Notice]:
+
+def run_in_rig(scenario: Scenario, cell: Cell, fault: MatrixCell | None, with_wire: bool = False) -> Evidence:
+    """One run of `scenario` from its beginning to its end. Raises what `AtOnset` and `AtOnset.observe` raise."""
+    return AtOnset(scenario, cell, with_wire or (fault is not None and fault.needs_wire)).observe(fault)
+
+
+def false_alarms(scenario: Scenario, cell: Cell, payload_factor: float) -> tuple[Notice, ...]:
     """What is noticed in a fault-free run whose last link weighs `payload_factor` times what the controller thinks.
 
     As long as a run with a fault. A run that ends is noticed at least by what has ended it.
     """
-    truth = {f"{cell.joint_names[-1]}.mass": cell.joints[-1].mass_kg * payload_factor}
+    truth: dict[str, object] = dict(scenario.truth)
+    truth[f"{cell.joint_names[-1]}.mass"] = cell.joints[-1].mass_kg * payload_factor
     with Rig(cell, scenario.law, scenario.trajectory, seed=scenario.seed, truth=truth) as rig:
-        rig.run(seconds=INJECTED_S + OBSERVED_S)
-        return [
-            Notice(each.detector, each.where or "", each.tick, each.reaction.value, each.reaction.stops)
-            for each in rig.detections
-        ]
+        rig.run(seconds=scenario.at_s + OBSERVED_S)
+        return _notices(rig)
 
 
-def _motion(rig: _ObservedRig) -> Motion:
-    truths = rig.truths
-    references = np.column_stack([joint.reference_rad for joint in rig.joints.values()])
-    unknown = np.full((len(truths) - len(references), references.shape[1]), np.nan)
-    return motion_of(
-        np.array([truth.cycle for truth in truths]),
-        np.array([truth.time_ns for truth in truths]) * 1e-9,
-        np.array([truth.joints for truth in truths]),
-        np.concatenate((references, unknown)),
+def _notices(rig: Rig) -> tuple[Notice, ...]:
+    return tuple(
+        Notice(each.detector, each.where or "", each.tick, each.reaction.value, each.reaction.stops)
+        for each in rig.detections
+    )
+
+
+def _columns(truths: list[CycleTruth], joints: int) -> tuple[Ints, Floats, Floats]:
+    """Cycles (n,), times in s (n,), and the joints' values (n, joints, 6)."""
+    shape = (len(truths), joints, len(JointState._fields))
+    times_ns: Floats = np.array([truth.time_ns for truth in truths], dtype=np.float64)
+    return (
+        np.array([truth.cycle for truth in truths], dtype=np.int64),
+        times_ns * 1e-9,
+        np.array([truth.joints for truth in truths], dtype=np.float64).reshape(shape),
     )

@@ -1,9 +1,9 @@
-"""A row of the matrix as plain values, its CSV file, and the counts. Knows nothing of how a run is made or judged."""
+"""A run of the matrix as plain values, its CSV file, and the counts. Knows nothing of how it is made or judged."""
 
 import csv
 import io
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
@@ -12,14 +12,19 @@ from canarm_protocol.shown import named_error
 from .judgement import Findings, Verdict
 from .plan import MatrixCell
 from .reasons import why
+from .shares import Share
 from .undetectable import BEYOND_CONTROL, declared
+
+RIGHT, WRONG = "right", "wrong"
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A row: which fault, what became of it. Empty where there is nothing of the kind; times in ms, safe_s in s.
+    """A run: which fault, what became of it. Empty where there is nothing of the kind; times in ms, safe_s in s.
 
-    `why` is what keeps the cell from being as it should be, `note` an excuse, or what has broken the run off.
+    `why` is what keeps the cell from being as it should be, `note` an excuse, or what has broken the run off. `part` is
+    what has failed, `named` whether the first detection says so: `RIGHT`, `WRONG`, or empty where there is none or
+    nobody asks. `draw` counts the scenarios from 1, `repeat` is the command that runs this again.
     """
 
     tap: str
@@ -42,9 +47,13 @@ class Row:
     is_excused: bool = False
     note: str = ""
     why: str = ""
+    part: str = ""
+    named: str = ""
+    draw: int = 1
+    repeat: str = ""
 
     @classmethod
-    def of(cls, cell: MatrixCell, found: Findings) -> Self:
+    def of(cls, cell: MatrixCell, found: Findings, is_named_right: bool | None = None) -> Self:
         """What was found, with the reason where it is declared undetectable, or beyond any controller."""
         verdict, safety, notes, is_excused = found.verdict, found.safety, [], False
         if verdict in (Verdict.MISSED, Verdict.LATE) and (reason := declared(cell)) is not None:
@@ -74,6 +83,7 @@ class Row:
             is_excused=is_excused,
             note="; ".join(notes),
             why=why(found),
+            named="" if is_named_right is None else RIGHT if is_named_right else WRONG,
         )
 
     @classmethod
@@ -105,6 +115,64 @@ COLUMNS = tuple(each.name for each in fields(Row))
 
 
 @dataclass(frozen=True, slots=True)
+class Tally:
+    """A cell: its runs, one a draw and in their order."""
+
+    rows: tuple[Row, ...]
+
+    @property
+    def worst(self) -> Row:
+        """The run that is furthest from what it should be; of equals the first."""
+        return max(self.rows, key=_badness)
+
+    @property
+    def share(self) -> Share:
+        """Of the runs, those that are as they should be."""
+        return Share(sum(row.passes for row in self.rows), len(self.rows))
+
+    @property
+    def named(self) -> Share:
+        """Of the runs in which something was noticed that has a right name, those that were named right."""
+        return named_right(self.rows)
+
+    def as_plain(self) -> dict[str, Any]:
+        """The columns of its worst run, and what there is to be said of all."""
+        share, named = self.share, self.named
+        return self.worst.as_plain() | {
+            "draws": share.count,
+            "passed": share.hits,
+            "share_low": round(share.low, 4),
+            "share_high": round(share.high, 4),
+            "named_right": named.hits,
+            "named_of": named.count,
+        }
+
+
+CELL_COLUMNS = (*COLUMNS, "draws", "passed", "share_low", "share_high", "named_right", "named_of")
+
+
+def tallies(rows: Iterable[Row]) -> list[Tally]:
+    """The rows cell by cell, in the order in which the cells first come."""
+    gathered: dict[str, list[Row]] = {}
+    for row in rows:
+        gathered.setdefault(row.name, []).append(row)
+    return [Tally(tuple(each)) for each in gathered.values()]
+
+
+def named_right(rows: Iterable[Row]) -> Share:
+    """Of the rows with a name, those with the right one."""
+    names = [row.named for row in rows if row.named]
+    return Share(names.count(RIGHT), len(names))
+
+
+def _badness(row: Row) -> tuple[bool, bool, int, bool, float, float]:
+    is_unnoticed_danger = row.dangerous and row.verdict is Verdict.MISSED
+    is_unsafe = not (row.is_safe or row.is_excused)
+    rank = list(Verdict).index(row.verdict)
+    return not row.passes, is_unnoticed_danger, rank, is_unsafe, row.latency_ms or 0.0, row.safe_s or 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class FalseAlarm:
     """Something that was noticed in a fault-free run: in which run, by which detector, where, when."""
 
@@ -116,7 +184,7 @@ class FalseAlarm:
 
 @dataclass(frozen=True, slots=True)
 class Matrix:
-    """The whole: rows in the order of the plan, and what the fault-free runs gave.
+    """The whole: rows in the order of the plan, for each cell those of all draws, and what the fault-free runs gave.
 
     `runs_left` is how many runs were not made: not 0 where the campaign was interrupted.
     """
@@ -128,14 +196,19 @@ class Matrix:
     runs_left: int = 0
 
     @property
+    def cells(self) -> list[Tally]:
+        """The rows of each cell, in the order of the plan."""
+        return tallies(self.rows)
+
+    @property
     def counts(self) -> dict[Verdict, int]:
-        """Cells by verdict, from good to bad."""
+        """Runs by verdict, from good to bad."""
         counted = Counter(row.verdict for row in self.rows)
         return {verdict: counted[verdict] for verdict in Verdict if counted[verdict]}
 
     @property
     def failed(self) -> list[Row]:
-        """Rows that are not as they should be."""
+        """Runs that are not as they should be."""
         return [row for row in self.rows if not row.passes]
 
     @property
@@ -155,11 +228,20 @@ class Matrix:
 
 
 def as_csv(rows: Iterable[Row], columns: Sequence[str] = COLUMNS) -> str:
-    """The rows as CSV with a header; the same rows give the same bytes."""
+    """The runs as CSV with a header; the same rows give the same bytes."""
+    return _csv((row.as_plain() for row in rows), columns)
+
+
+def cells_csv(cells: Iterable[Tally]) -> str:
+    """The cells as CSV, a line each: its worst run, and what there is to be said of all."""
+    return _csv((cell.as_plain() for cell in cells), CELL_COLUMNS)
+
+
+def _csv(rows: Iterable[Mapping[str, object]], columns: Sequence[str]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
-    writer.writerows([_cell_text(getattr(row, name)) for name in columns] for row in rows)
+    writer.writerows([_cell_text(row[name]) for name in columns] for row in rows)
     return text.getvalue()
 
 

@@ -292,11 +292,11 @@ def test_what_the_twin_does_at_the_same_time_is_no_reaction() -> None:
 @pytest.mark.parametrize("end", ["process-ended", "silent", "nmt-stop"])
 def test_a_controller_that_ends_by_itself_while_it_is_watched_is_refused(end: str) -> None:
     with pytest.raises(UsageError, match=rf"after 3 s \({end}\).* longer run, 6 s"):  # 1200 cycles of 2.5 ms
-        require_whole(a_run((a_notice(end, 1199),)), CELL, "./mine")
+        require_whole(a_run((a_notice(end, 1199),)), Scenario(), CELL, "./mine")
 
 
 def test_a_controller_that_rests_for_a_while_is_not_refused() -> None:
-    require_whole(a_run((a_notice("outputs-zero", 1199),)), CELL, "./mine")
+    require_whole(a_run((a_notice("outputs-zero", 1199),)), Scenario(), CELL, "./mine")
 
 
 def test_rows_after_the_last_watched_cycle_are_left_out(tmp_path: Path) -> None:
@@ -337,7 +337,7 @@ def test_the_plan_has_every_fault_at_every_tap() -> None:
 @pytest.fixture(scope="module")
 def some() -> tuple[Campaign, Matrix]:
     cells = cells_of(CELL, ["joint2.tachometer stuck", "node.0x14 sdo-abort", "can0.wire error-frames"])
-    campaign = Campaign(Scenario(), tuple(cells), fault_free_runs=2)
+    campaign = Campaign((Scenario(),), tuple(cells), fault_free_runs=2)
     return campaign, run_campaign(campaign, jobs=1)
 
 
@@ -346,7 +346,7 @@ def test_several_processes_give_the_same_matrix_as_one(some: tuple[Campaign, Mat
     progress: list[tuple[int, int]] = []
     again = run_campaign(campaign, jobs=2, on_progress=lambda done, total: progress.append((done, total)))
     assert again == matrix
-    assert progress == [(done, 5) for done in range(6)]
+    assert progress == [(done, 6) for done in range(7)]  # three faults, their twin, two more without a fault
 
 
 def test_an_sdo_abort_in_a_running_robot_changes_nothing(some: tuple[Campaign, Matrix]) -> None:
@@ -356,7 +356,7 @@ def test_an_sdo_abort_in_a_running_robot_changes_nothing(some: tuple[Campaign, M
 
 def test_a_run_that_breaks_off_is_a_row_and_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
     cells = tuple(dataclasses.replace(each, fault="gone") for each in cells_of(CELL, ["joint2.motor open-load"]))
-    matrix = run_campaign(Campaign(Scenario(), cells, fault_free_runs=0))
+    matrix = run_campaign(Campaign((Scenario(),), cells, fault_free_runs=0))
     assert matrix.rows[0].verdict is Verdict.BROKEN
     assert "gone" in matrix.rows[0].note
     assert not matrix.passes
@@ -390,7 +390,7 @@ def test_a_change_against_the_golden_copy_is_told(changed: dict[str, object], si
 
 def test_a_cell_that_is_gone_is_told() -> None:
     assert differences([], read_golden(golden_text([ROW])), 2.5) == [
-        "- joint2.tachometer stuck: was detected by tachometer-stuck after 20 ms"
+        "- joint2.tachometer stuck, draw 1: was detected by tachometer-stuck after 20 ms"
     ]
 
 
@@ -400,7 +400,7 @@ def test_the_command_writes_its_files_and_ends_with_json(canarm) -> None:
     assert matrix.wait() == 0
     summary = matrix.json
     assert summary["counts"] == {"tolerated": 1}
-    assert (summary["fault_free_runs"], summary["false_alarms"]) == (20, [])
+    assert (summary["fault_free_runs"], summary["false_alarms"]) == (1, [])  # the twin
     rows = (canarm.folder / "new" / "matrix.csv").read_text().splitlines()
     assert rows[1].startswith("node.0x14,sdo-abort,node,no,tolerated,")
     assert (canarm.folder / "new" / "matrix.html").exists()
@@ -597,7 +597,7 @@ def test_a_master_with_a_planned_end_needs_a_run_that_outlasts_the_matrix(second
 def test_our_own_controller_as_a_strange_one_is_judged_from_the_bus() -> None:
     command = f"{sys.executable} -m canarm controller --clock sync --connect {{host}}:{{port}}"
     cells = tuple(cells_of(CELL, ["node.0x12 hang", "node.0x14 sdo-abort"]))
-    hang, abort = run_campaign(Campaign(Scenario(), cells, command)).rows
+    hang, abort = run_campaign(Campaign((Scenario(),), cells, command)).rows
     assert (hang.verdict, hang.detector, hang.safe_by, hang.is_safe) == (Verdict.DETECTED, "outputs-zero", "off", True)
     assert (abort.verdict, abort.clock_ms) == (Verdict.TOLERATED, None)
 
@@ -605,8 +605,7 @@ def test_our_own_controller_as_a_strange_one_is_judged_from_the_bus() -> None:
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 def test_the_whole_matrix_is_as_its_golden_copy_says() -> None:
-    cells = tuple(cells_of(CELL))
-    matrix = run_campaign(Campaign(Scenario(), cells), jobs=2)
+    matrix = run_campaign(Campaign(script.golden_scenarios(), tuple(cells_of(CELL))), jobs=2)
     changed = differences(matrix.rows, read_golden(GOLDEN.read_text(encoding="utf-8")), 1e3 * CYCLE_S)
     assert not changed, "\n".join([*changed, "if this is meant: make matrix ARGS=--update-golden"])
     assert not matrix.false_alarms

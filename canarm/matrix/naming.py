@@ -1,0 +1,126 @@
+"""Whether a fault was called by its right name: which detectors fit which faults. Data, kept by hand.
+
+"Named right" is about the first detection alone: its detector is one that fits, and it speaks of the fault's joint.
+Cards, bus and clock are not asked: what a card that is gone does to a drive or a sensor has the same effects there.
+"""
+
+import functools
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from fnmatch import fnmatchcase
+
+from canarm_emulator.faults.declaration import Tap, TapKind
+from canarm_emulator.faults.taps import taps_of
+from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.sensing import wired_sensors
+
+from .evidence import Notice
+from .plan import MatrixCell
+
+
+class Part(StrEnum):
+    """What has failed, as a mechanic would say."""
+
+    DRIVE = "drives"
+    POTENTIOMETER = "potentiometers"
+    TACHOMETER = "tachometers"
+    CURRENT_SENSE = "current senses"
+    MECHANICS = "mechanics"
+
+    @property
+    def aim(self) -> float:
+        """The share that is to be named right."""
+        return 0.8 if self is Part.MECHANICS else 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Fitting:
+    """Patterns of a fault, and of the detectors that fit it. `reaches_inward`: the joints before bear it as well."""
+
+    part: Part
+    fault: str
+    detectors: tuple[str, ...]
+    reaches_inward: bool = False
+
+
+_RESTLESS = "sensor-noise"
+FITTING: tuple[Fitting, ...] = (
+    # The sense sees magnitudes: of a wrong direction or a weak motor only the arm tells.
+    Fitting(Part.DRIVE, "*", ("current-mismatch", "wrong-direction", "drive-broken")),
+    Fitting(Part.DRIVE, "reversed-direction", ("acceleration-mismatch",)),
+    Fitting(Part.DRIVE, "latch-bit-stuck", ("acceleration-mismatch",)),
+    Fitting(Part.DRIVE, "winding-short", ("acceleration-mismatch",)),
+    Fitting(Part.DRIVE, "loss-of-torque-constant", ("acceleration-mismatch",)),
+    Fitting(Part.DRIVE, "current-limit", ("saturation",)),
+    Fitting(Part.DRIVE, "supply-undervoltage", ("saturation",)),
+    Fitting(Part.POTENTIOMETER, "*", ("potentiometer-*", "impossible-position", "impossible-motion")),
+    Fitting(Part.TACHOMETER, "*", ("tachometer-*",)),
+    Fitting(Part.CURRENT_SENSE, "*", ("current-sense-*",)),
+    *(
+        Fitting(part, fault, (_RESTLESS,))
+        for part in (Part.POTENTIOMETER, Part.TACHOMETER, Part.CURRENT_SENSE)
+        for fault in ("noise", "spike", "dropout", "intermittent", "loose-contact", "stuck-bit")
+    ),
+    Fitting(Part.MECHANICS, "*", ("acceleration-mismatch", "following-error", "saturation")),
+    Fitting(Part.MECHANICS, "payload-change", ("acceleration-mismatch", "saturation"), reaches_inward=True),
+    Fitting(Part.MECHANICS, "wire-*", ("drive-broken", "overspeed")),
+    Fitting(Part.MECHANICS, "backlash", ("drive-broken",)),
+)
+"""Of several that cover a fault, all count."""
+
+_DRIVE = (TapKind.DAC_CODE, TapKind.LATCH, TapKind.OPAMP, TapKind.CURRENT, TapKind.SUPPLY, TapKind.MOTOR)
+_MECHANICS = (TapKind.LINK, TapKind.DRIVE_WIRE)
+_OF_A_SENSOR = {
+    Quantity.POSITION: Part.POTENTIOMETER,
+    Quantity.VELOCITY: Part.TACHOMETER,
+    Quantity.CURRENT: Part.CURRENT_SENSE,
+}
+
+
+def part_of(cell: Cell, fault: MatrixCell) -> Part | None:
+    """What a fault is a failure of; None for cards, bus and clock."""
+    tap = _taps(cell).get(fault.tap)
+    return None if tap is None else _part(cell, tap)
+
+
+def is_named_right(cell: Cell, fault: MatrixCell, first: Notice) -> bool | None:
+    """Whether the first detection tells which part has failed, and at which joint; None where nobody asks."""
+    tap = _taps(cell).get(fault.tap)
+    part = None if tap is None else _part(cell, tap)
+    if tap is None or part is None:
+        return None
+    return any(
+        first.where in _places(cell, tap.joint, each.reaches_inward)
+        and any(fnmatchcase(first.detector, pattern) for pattern in each.detectors)
+        for each in FITTING
+        if each.part is part and fnmatchcase(fault.fault, each.fault)
+    )
+
+
+@functools.lru_cache(maxsize=4)
+def _taps(cell: Cell) -> dict[str, Tap]:
+    return taps_of(cell)
+
+
+def _part(cell: Cell, tap: Tap) -> Part | None:
+    if tap.kind in _DRIVE:
+        return Part.DRIVE
+    if tap.kind in _MECHANICS:
+        return Part.MECHANICS
+    for sensor in wired_sensors(cell):
+        is_pin = tap.kind is TapKind.SENSOR and tap.name == sensor.signal
+        is_code = tap.kind is TapKind.ADC_CODE and (tap.node_id, tap.channel) == (sensor.card.node_id, sensor.channel)
+        if is_pin or is_code:
+            return _OF_A_SENSOR[sensor.quantity]
+    return None
+
+
+def _places(cell: Cell, joint: int, reaches_inward: bool) -> Sequence[str]:
+    """Names of the joint, and of those before it on its arm where they count."""
+    first = joint
+    if reaches_inward:
+        begins = itertools.accumulate((len(robot.joint) for robot in cell.robot), initial=0)
+        first = max(begin for begin in begins if begin <= joint)
+    return cell.joint_names[first : joint + 1]
