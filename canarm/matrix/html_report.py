@@ -5,12 +5,14 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ..draws import CONFIDENCE
+from . import naming, scenarios
 from .judgement import DEFINITIONS, Verdict
 from .naming import Part
 from .shares import Share
 from .table import Matrix, Row, Tally, named_right
 from .text_report import as_they_should_be, out_of_date, part_of, wrong_names
 
+_DEFINITIONS = (*DEFINITIONS, naming.DEFINITION, scenarios.DEFINITION)
 _COLUMNS = {
     "tap": "tap",
     "fault": "fault",
@@ -118,7 +120,7 @@ def as_html(matrix: Matrix) -> str:
             f"<h1>{title}</h1>",
             *_facts(matrix),
             "<details open><summary>What the words mean</summary><dl>",
-            *(f"<dt>{html.escape(term)}</dt><dd>{html.escape(text)}</dd>" for term, text in DEFINITIONS),
+            *(f"<dt>{html.escape(term)}</dt><dd>{html.escape(text)}</dd>" for term, text in _DEFINITIONS),
             "</dl></details>",
             '<p><label>Filter: <input id="text" type="search" placeholder="words, such as joint2 stuck"></label>',
             '<select id="verdict"><option value="">every verdict</option>'

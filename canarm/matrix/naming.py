@@ -19,6 +19,12 @@ from canarm_protocol.cell.sensing import wired_sensors
 from .evidence import Notice
 from .plan import MatrixCell
 
+DEFINITION = (
+    "named right",
+    "The first detection fits the fault: its detector is one of those listed for the part that has failed, and it "
+    "speaks of the fault's joint. Cards, bus, clock and strange controllers are not asked.",
+)
+
 
 class Part(StrEnum):
     """What has failed, as a mechanic would say."""

@@ -22,6 +22,12 @@ MOTION = Choice("motion", BUILT_IN)
 OF_A_JOINT = ("wire", "wire_stiffness", "coulomb", "viscous")
 """What of a whole robot's box is drawn for each joint. All that blames a sensor is left nominal."""
 
+DEFINITION = (
+    "draw",
+    "A scenario that all cells run in: onset, seed, law, motion and true robot, from a Latin hypercube. Of a cell with "
+    "several draws the worst is shown.",
+)
+
 
 def campaign_box(cell: Cell) -> list[Axis]:
     """What a draw of a campaign is drawn from."""

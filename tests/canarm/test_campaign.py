@@ -1,10 +1,12 @@
 """A campaign over draws: what is drawn, what a cell comes to, right names, and the command that repeats the worst."""
 
 import dataclasses
+import importlib
 import json
 import os
 import shlex
 import signal
+import sys
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -28,6 +30,10 @@ from canarm_controller.supervision.detection import DETECTORS
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
 
+ROOT = Path(__file__).parent.parent.parent
+PAGE = ROOT / "docs" / "fault-matrix.md"
+sys.path.append(str(ROOT / "scripts"))
+script = importlib.import_module("fault_matrix")
 CELL: Cell = load_cell("konkuk1", {})
 BASE = Scenario()
 DETECTED = Row("joint2.tachometer", "stuck", "signal", True, Verdict.DETECTED, "tachometer-stuck", "joint2", 20.0)
@@ -240,6 +246,37 @@ def test_a_copy_that_is_killed_is_tried_once_more(tmp_path: Path) -> None:
 def test_a_copy_that_is_killed_every_time_is_given_up() -> None:
     with pytest.raises(LostWorkerError, match="ended from outside"):
         in_copy(lambda: os.kill(os.getpid(), signal.SIGKILL))
+
+
+@forks
+def test_an_interrupt_ends_the_copy_as_well(tmp_path: Path) -> None:
+    def interrupt_and_wait() -> None:
+        (tmp_path / "pid").write_text(str(os.getpid()))
+        os.kill(os.getppid(), signal.SIGINT)
+        signal.pause()
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            in_copy(interrupt_and_wait)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "pid").read_text()), 0)
+
+
+def test_the_page_is_given_the_draws_the_shares_and_the_names() -> None:
+    named = [dataclasses.replace(row, part="tachometers", named="right") for row in (DETECTED, LATE)]
+    page = script.with_figures(PAGE.read_text(encoding="utf-8"), Matrix("title", tuple(named), 3, ()), (BASE,))
+    for text in (
+        "0 of 3 fault-free runs raised an alarm",
+        "runs as they should be: 1 of 2, 50.0% (95% bounds 1.3% to 98.7%)",
+        "```\ncanarm fault matrix\n```",
+        "| late | 1 | 50.0% | 1.3% to 98.7% |",
+        "| tachometers | 2 of 2 | 100.0% | 15.8% to 100.0% | 95% |",  # 0.025^(1/2)
+        "| `joint2.tachometer` | stuck | 1 of 2 | late | 2 | late |",
+    ):
+        assert text in page
 
 
 @pytest.mark.parametrize(
