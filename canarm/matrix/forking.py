@@ -8,7 +8,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable
-from typing import TypeVar, cast
+from typing import BinaryIO, TypeVar, cast
 
 from .pool import LostWorkerError
 
@@ -35,20 +35,26 @@ def in_copy(run: Callable[[], _Result]) -> _Result:
 def _said_by_copy(run: Callable[[], object]) -> bytes:
     """The result, pickled; empty where the copy did not come to it."""
     read_end, write_end = os.pipe()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _KEPT_BACK)  # neither side is to be interrupted on the way
-    try:
+    with os.fdopen(read_end, "rb") as pipe:
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, _KEPT_BACK)  # until an interrupt of either side ends the copy
         gc.freeze()  # a collection in the copy would otherwise write into every object, and so copy each page
-        pid = _fork()
-        if not pid:
-            _be_copy(run, write_end, before)
-        gc.unfreeze()
-        os.close(write_end)
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        try:
+            pid = _fork()
+            if not pid:
+                _be_copy(run, write_end, before)
+            return _awaited(pid, pipe, write_end, before)
+        finally:
+            gc.unfreeze()
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _awaited(pid: int, pipe: BinaryIO, write_end: int, mask: set[int | signal.Signals]) -> bytes:
+    """What copy `pid` says. However this is left, the copy has ended."""
     has_ended = False
     try:
-        with os.fdopen(read_end, "rb") as pipe:
-            said = pipe.read()
+        os.close(write_end)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        said = pipe.read()
         _, status = os.waitpid(pid, 0)
         has_ended = True
         return said if status == 0 else b""
