@@ -77,7 +77,7 @@ FITTING: tuple[Fitting, ...] = (
 """Of several that cover a fault, all count."""
 
 _DRIVE = (TapKind.DAC_CODE, TapKind.LATCH, TapKind.OPAMP, TapKind.CURRENT, TapKind.SUPPLY, TapKind.MOTOR)
-_MECHANICS = (TapKind.LINK, TapKind.DRIVE_WIRE)
+_MECHANICS = (TapKind.LINK, TapKind.DRIVE_WIRE, TapKind.BRAKE)
 _OF_A_SENSOR = {
     Quantity.POSITION: Part.POTENTIOMETER,
     Quantity.VELOCITY: Part.TACHOMETER,
