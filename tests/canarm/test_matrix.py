@@ -25,7 +25,7 @@ from canarm.matrix.judgement import Findings, Verdict, judge
 from canarm.matrix.plan import Scenario, cells_of
 from canarm.matrix.progress import Progress
 from canarm.matrix.reasons import why
-from canarm.matrix.table import Matrix, Row, as_csv
+from canarm.matrix.table import Matrix, Row, Tally, as_csv
 from canarm.matrix.text_report import as_text
 from canarm.matrix.undetectable import DECLARED_UNDETECTABLE, HIGHEST_SHARE
 from canarm.usage import UsageError
@@ -462,7 +462,7 @@ def test_a_matrix_that_a_full_disk_does_not_take_is_shown_and_no_half_of_it_is_l
     with full_at(size):
         assert run(["fault", "matrix", "--only", "sdo-abort", "--json", "--out", str(tmp_path)]) == 1
     said = capsys.readouterr()
-    assert json.loads(said.out)["cells"] == [ROW.as_plain()]
+    assert json.loads(said.out)["cells"] == [Tally((ROW,)).as_plain()]
     name = "matrix.html" if left else "matrix.csv"
     assert f"--out {tmp_path}: {name} cannot be written: File too large" in said.err
     assert {path.name for path in tmp_path.iterdir()} == left
