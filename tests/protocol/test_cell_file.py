@@ -295,7 +295,7 @@ def test_an_empty_file_is_told_every_table_that_it_lacks() -> None:
     ("name", "complaint"),
     [
         ("konkuk", "konkuk: no such file, and no cell of that name; did you mean 'konkuk1'?"),
-        ("zzz.toml", "zzz.toml: no such file, and no cell of that name; known are konkuk1, konkuk1-brakes"),
+        ("zzz.toml", "zzz.toml: no such file, and no cell of that name; known are konkuk1, konkuk1-brakes, rhino-pair"),
     ],
 )
 def test_a_cell_that_is_not_there_is_said_with_those_that_are(monkeypatch, tmp_path, name: str, complaint: str) -> None:
