@@ -1,4 +1,4 @@
-"""What is known in one cycle of control: measured, wanted, asked for. Nothing is computed here."""
+"""The data of one control cycle: measurements, reference and commands. Nothing is computed here."""
 
 from collections.abc import Sequence
 
@@ -8,15 +8,15 @@ class Cycle:
 
     | fields | filled by | when |
     |---|---|---|
-    | `position_rad`, `velocity_rad_s`, `current_a` | the inputs, with what was measured | the inputs are complete |
+    | `position_rad`, `velocity_rad_s`, `current_a` | `JointInputs`, with the measurements | the inputs are complete |
     | the same | the arm watch, where it replaces a sensor | after that, before the law |
     | `tick`, `reference_rad` and its two derivatives | `ControlLoop.look_up` | before the law |
     | `feedforward_nm` | `ControlLoop.torque_nm` | before the law |
     | `applied_nm`, `saturated` | `ControlLoop.outputs` | after the law: it sees them in the next cycle |
 
-    `feedforward_nm` is the feed-forward torque for this command; `applied_nm` is what the amplifier could deliver of
-    the last command, and `saturated` whether that was less than asked for. A law has an object of its own: what it
-    changes there changes nothing that is recorded, reported or judged.
+    `feedforward_nm` is the feed-forward torque for this command; `applied_nm` is the part of the last command that the
+    amplifier could deliver, and `saturated` whether that was less than asked for. A law has a copy of its own: its
+    changes there do not affect what is recorded, reported or judged.
     """
 
     __slots__ = (

@@ -1,4 +1,4 @@
-"""What the test bench says of a run, read from its node at the end. A controller never needs it; people do."""
+"""The test bench's figures of a run, read from its node at the end, for people; a controller does not need them."""
 
 import struct
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class JointFigures:
 
 
 def read_assessment(session: SdoSession, cell: Cell) -> dict[str, JointFigures]:
-    """The bench's figures by joint name. Raises `SdoAborted`, `BusError`, or `ProtocolError` for another bench's."""
+    """The bench's figures by joint name. Raises `SdoAborted`, `BusError`, or `ProtocolError` for another cell's bench."""
 
     def number(index: int, subindex: int, format_: str = "<f") -> Any:
         data = session.upload(index, subindex)

@@ -1,7 +1,7 @@
-"""The CANopen master's dealings with its cards before and after a run, as conversations: ask, wait, go on.
+"""The CANopen master's services for its cards before and after a run, as conversations.
 
-A conversation is a generator. It yields what to send and whose answer it waits for, and is sent the frame that came, or
-has `Silence` thrown into it when none came in time. Sockets and clocks belong to whoever drives it.
+A conversation is a generator. It yields what to send and which answer to wait for, and is sent that answer, or has
+`Silence` thrown into it if none comes in time. Sockets and clocks belong to the caller.
 """
 
 import contextlib
@@ -48,10 +48,10 @@ Conversation = Generator[Ask, Frame, None]
 
 
 def bring_up(nodes: tuple[CardNode, ...], bus: Bus, clock_mode: int, listen_ns: int) -> Conversation:
-    """Find the cards, check who they are, configure and leave them in PRE-OPERATIONAL, monitored and monitoring.
+    """Find, identify and configure the cards, and leave them in PRE-OPERATIONAL with heartbeats monitored both ways.
 
-    Raises `BringUpError` when another controller is on the bus, a card is missing, is of another identity or refuses
-    its configuration, and `ClockMismatchError` when the emulated world follows another clock than the controller.
+    Raises `BringUpError` if another controller is on the bus, or a card is missing, has another identity or refuses
+    its configuration, and `ClockMismatchError` if the emulated world follows another clock than the controller.
     """
     if listen_ns:
         yield from _listen_for_another(bus.controller_node_id, listen_ns)
@@ -75,7 +75,7 @@ def read_input(node: CardNode, channel: int) -> Generator[Ask, Frame, int]:
 
 
 def start_frames(nodes: tuple[CardNode, ...], node_id: int) -> list[Frame]:
-    """The controller shows itself by its first heartbeat, then starts the cards."""
+    """The controller's first heartbeat, then NMT start for each card."""
     starts = [nmt_frame(NmtCommand.START, node.card.node_id) for node in nodes]
     return [heartbeat_frame(node_id, NmtState.OPERATIONAL), *starts]
 
@@ -166,9 +166,9 @@ def _transfer(node: CardNode, transfer: Transfer) -> Generator[Ask, Frame, bytes
 def carry_out(
     node: CardNode, transfer: Transfer, failure: type[ControllerError], silence: str
 ) -> Generator[Ask, Frame, bytes]:
-    """An SDO transfer with a card, to its end. Raises `failure` for an abort, and with `silence` without an answer.
+    """A whole SDO transfer with a card. Raises `failure` for an abort, and with the text `silence` without an answer.
 
-    A card whose answer was wrong is told so by an abort of ours, which is not answered.
+    A wrong answer of the card is aborted; it does not answer an abort.
     """
     request_id, answer_id = Cob.SDO_TO_SERVER + node.card.node_id, Cob.SDO_TO_CLIENT + node.card.node_id
     request = next(transfer)

@@ -93,7 +93,7 @@ class FiveAxisArm(DhChain):
     """
 
     def __post_init__(self) -> None:
-        # super() without arguments does not find the class that slots=True makes anew.
+        # super() without arguments does not find the new class that slots=True makes.
         super(FiveAxisArm, self).__post_init__()
         if self.joint_count != JOINTS:
             raise CooperationError(f"an arm of {self.joint_count} joints; a five-axis arm has {JOINTS}")

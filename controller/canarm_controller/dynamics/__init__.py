@@ -1,10 +1,10 @@
-"""Dynamics of the nominal robot: the closed form of two planar joints, the general fast forms, and their yardstick.
+"""Dynamics of the nominal robot: the closed form of two planar joints, the general fast forms, and their reference.
 
 - `planar_pair`: `NominalArm`, KON-KUK I's joints 2 and 3 in closed form;
 - `serial_arm`: `SerialArm`, any arm of a cell, by Newton-Euler (`newton_euler` recorded on a `tape`, carried out for
   one state by `scalar` and for tables by `batch`);
-- `base_parameters`: the same, linear in what can be learned of an arm;
-- `several`: `SeveralArms`, the arms of several robots as one; `nominal` chooses what suits a cell;
+- `base_parameters`: the same, linear in the parameters that can be learned;
+- `several`: `SeveralArms`, the arms of several robots as one; `nominal` chooses the form for a cell;
 - `lagrange_euler`: the paper's trace form, slow and plain, against which the others are tested.
 """
 

@@ -1,4 +1,4 @@
-"""What a nominal arm offers, however it is computed. No way of computing it must enter; `nominal` chooses one."""
+"""The interface of a nominal arm, however it is computed; `nominal` chooses the implementation."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -27,7 +27,7 @@ class Arm(Protocol):
 
     @property
     def max_current_a(self) -> tuple[float, ...]:
-        """What the amplifiers deliver, A."""
+        """Highest current of the amplifiers, A."""
 
     @property
     def effective_inertia(self) -> tuple[float, ...]:

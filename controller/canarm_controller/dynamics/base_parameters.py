@@ -1,11 +1,11 @@
-"""Any chain written linearly in its base parameters: torque, gradient and accelerations as programs that take them.
+"""Any chain, linear in its base parameters: torque, gradient and accelerations as programs of these parameters.
 
-Owns which of the ten inertial parameters of every link can be told apart by moving the joints, with friction and rotors
-beside them, and their nominal values. Which values are right is for a law to find out.
+Finds which of the ten inertial parameters of each link can be identified from the joints' motion, together with
+friction and rotors, and their nominal values. A law finds the true values.
 
-`newton_euler.lumped_inertias` has already moved three of the ten to the link before. Of the rest, those that do not
-show at any joint drop out, and those that always show together are one: both are seen on the tape, where nothing is
-left of a sum of zeros, and equal sums are one term.
+`newton_euler.lumped_inertias` has already moved three of the ten to the link before. Of the rest, parameters without
+effect at any joint are dropped, and those that always occur together are merged: on the tape, sums of zeros vanish and
+equal sums are one term.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ from .tape import Program, Tape, Term, Value, tanh
 ENTRIES = {(0, 0): "xx", (1, 1): "yy", (0, 1): "xy", (0, 2): "xz", (1, 2): "yz", (0, 3): "mx", (1, 3): "my"}
 """Elements of J_i, on its own joint's axis, and their names: second moments in kg·m², first moments in kg·m."""
 NEGLIGIBLE = 1e-12
-"""Of the largest parameter of its kind; what is smaller is rounding, and nominally none."""
+"""A parameter below this share of the largest of its kind is rounding, and counts as 0."""
 
 
 @dataclass(frozen=True, slots=True)

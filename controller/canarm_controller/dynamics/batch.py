@@ -1,10 +1,10 @@
 """A program carried out by numpy on many states at once, for tables.
 
-Owns the workspace and which row of it holds which result. Equations must not enter.
+Owns the workspace and the assignment of results to its rows. Equations must not enter.
 
-States are last in memory, so that an operation runs through contiguous numbers, and a block of states is taken through
-the whole program before the next, so that intermediate results stay near the processor. Every operation writes into a
-row of a workspace that is allocated once; a row is used again as soon as its result has had its last use.
+States are the last axis, so that operations run over contiguous memory, and a block of states passes the whole program
+before the next, so that intermediate results stay in the cache. Every operation writes into a row of a workspace that
+is allocated once; a row is reused after the last use of its result.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,8 +17,8 @@ from .checks import check_samples
 from .tape import Kind, Program, Term, Value
 
 BLOCK = 4096
-"""States that go through the program together: one table of 4096. Smaller blocks pay more for the calls than they gain
-from the cache, as measured: a row is 32 KiB, a workspace 7 rows (two planar joints) to about 50 (six, nothing zero)."""
+"""States per block: one table of 4096. Smaller blocks were measured to lose more by calls than they gain from the
+cache: a row is 32 KiB, a workspace has 7 rows (two planar joints) to about 50 (six joints, nothing zero)."""
 
 _UFUNCS: dict[Kind, np.ufunc] = {
     Kind.ADD: np.add,
@@ -76,7 +76,7 @@ class BatchProgram:
 
 
 class _Places:
-    """Where every value of a program lies: inputs first, then rows of the workspace, then constants."""
+    """The place of every value of a program: inputs first, then rows of the workspace, then constants."""
 
     def __init__(self, program: Program) -> None:
         self.needed = program.needed()

@@ -1,4 +1,4 @@
-"""The geometry and inertia of a serial arm as plain numbers: what every form of its dynamics starts from.
+"""The geometry and inertia of a serial arm as plain numbers, from which every form of its dynamics starts.
 
 Owns the step from a cell's `Robot` to Denavit-Hartenberg parameters in SI units; `frames` holds the one from bodies.
 Equations of motion, drives and joint names beyond error messages must not enter.
@@ -27,8 +27,8 @@ MAX_JOINTS = 7
 class ChainLink:
     """One revolute joint and its link: A = Rz(q + offset)·T(a, b, d)·Rx(α), with b = 0 paper (2-1) put right.
 
-    Every chain of revolute joints can be written so: α and the offsets take any direction of the axes, and b any place
-    of the next one that Denavit and Hartenberg's own choice of origins would have to go a long way for.
+    Every chain of revolute joints can be written in this way: α and the offsets allow any direction of the axes, and b
+    avoids the distant origins that Denavit and Hartenberg's convention needs for nearly parallel axes.
 
     `centre_m` and the tensor `inertia_kg_m2` (xx, yy, zz, xy, xz, yz) about it are in the link's own frame, at the
     link's far end.

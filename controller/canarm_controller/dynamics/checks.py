@@ -1,7 +1,4 @@
-"""What is refused at the door of the dynamics: states of the wrong shape, and numbers that are none.
-
-Owns the wording that names quantity, sample and joint. Equations must not enter.
-"""
+"""Checks that states have the right shapes and are finite. Errors name quantity, sample and joint."""
 
 from collections.abc import Sequence
 from math import isfinite

@@ -1,4 +1,4 @@
-"""Forward dynamics: what the joints do under given torques. Owns the solution of D(q)·q̈ = τ and its refusal."""
+"""Forward dynamics: solves D(q)·q̈ = τ, or refuses a singular D."""
 
 from collections.abc import Sequence
 
@@ -6,8 +6,8 @@ from ..errors import DynamicsError
 from .tape import Term, Value
 
 SINGULAR = 1e-12
-"""A joint of which less than this part of its inertia is left, when the joints before it move freely, cannot be solved
-for: rounding in D, 1e-16 of it, would be one ten-thousandth of the acceleration, or all of it."""
+"""Smallest pivot as a share of the joint's inertia: below it, rounding in D (1e-16) would be one ten-thousandth of the
+acceleration or more."""
 
 
 def solution_terms(inertia: Sequence[Sequence[Value]], torque_nm: Sequence[Value]) -> tuple[list[Value], list[Value]]:
@@ -38,13 +38,13 @@ def solution_terms(inertia: Sequence[Sequence[Value]], torque_nm: Sequence[Value
 
 
 def pivots_of(inertia: Sequence[Sequence[float]]) -> list[float]:
-    """P of `solution_terms` as numbers; what follows on a zero among them means nothing."""
+    """The pivots p of `solution_terms` as numbers; those after a zero are meaningless."""
     _, pivots = solution_terms(inertia, [0.0] * len(inertia))
     return [pivot for pivot in pivots if not isinstance(pivot, Term)]
 
 
 def is_singular(inertia: float, pivot: float) -> bool:
-    """Whether `pivot`, what is left of a joint's `inertia`, cannot be told from rounding."""
+    """Whether `pivot` of a joint's `inertia` cannot be distinguished from rounding."""
     return not pivot > SINGULAR * inertia
 
 

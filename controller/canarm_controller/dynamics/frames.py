@@ -1,4 +1,4 @@
-"""How joint axes lie to each other: from any placement of revolute joints to turns about z and x alone.
+"""Frames of joint axes: from any placement of revolute joints to rotations about z and x only.
 
 Owns rotations of frames. Masses enter as numbers to be carried into another frame; equations of motion must not.
 """
@@ -16,7 +16,7 @@ Vector = tuple[float, float, float]
 Tensor = tuple[float, float, float, float, float, float]
 
 ROUNDING = 1e-14
-"""What is this close to 0 or ±1 in a rotation is taken for it: the fast forms leave such products out."""
+"""Entries of a rotation this close to 0 or ±1 are set to it, so that the fast forms can leave such products out."""
 
 _QUARTER_TURNS = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
 

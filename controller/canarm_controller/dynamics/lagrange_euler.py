@@ -1,7 +1,7 @@
-"""The Lagrange-Euler equations as the KON-KUK I paper writes them, put right: the yardstick for every faster form.
+"""The Lagrange-Euler equations of the KON-KUK I paper, corrected: the reference for every faster form.
 
-Owns U_ij, U_ijk and the traces of (2-8), (2-10) and (2-12) for any chain, a line of code a formula, in plain numpy.
-Speed must not enter: 5 joints take milliseconds. docs/dynamics-errata.md lists where the print differs.
+Has U_ij, U_ijk and the traces of (2-8), (2-10) and (2-12) for any chain, one line of code per formula, in plain numpy.
+It is not optimised: 5 joints take milliseconds. docs/dynamics-errata.md lists the misprints.
 """
 
 from collections.abc import Sequence

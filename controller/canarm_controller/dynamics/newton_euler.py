@@ -4,8 +4,8 @@ Owns the recursion and the programs for torque, inertia, Coriolis and gravity. L
 the paper's pseudo-inertia J_i, so that both share the input and nothing else. Source text, numpy and checks of states
 must not enter.
 
-Everything about link i is written in a frame that sits on the axis of joint i and turns with the link: there the joint
-axis is z, its rotation costs four products, and what comes after it (d, a, α) is constant.
+Link i is described in a frame on the axis of joint i that turns with the link: the joint axis is z there, its rotation
+costs four products, and the rest (d, a, α) is constant.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ Inertia = Sequence[Sequence[Value]]
 Motion = tuple[tuple[Value, ...], tuple[Value, ...], tuple[Value, ...]]
 ZERO: Triple = (0.0, 0.0, 0.0)
 GROUND = ChainLink("ground", 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
-"""What joint 1 sits on. It is accelerated against gravity, which gives every link its weight."""
+"""The base of joint 1. It is accelerated against gravity, which gives every link its weight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ def acceleration_terms(
     inertias: Sequence[Inertia],
     drive: DriveTerms,
 ) -> tuple[Value, ...]:
-    """What `acceleration_program` gives, for any J_i of the links on their joints' axes."""
+    """The terms of `acceleration_program`, for any J_i of the links on their joints' axes."""
     count = len(chain.links)
     turns, rest = turns_of(chain, q), [0.0] * count
     still = torques_of(chain, turns, motions(chain, turns, qd, rest, chain.gravity_m_s2), inertias)
@@ -130,7 +130,7 @@ def motions(
     gravity: Sequence[float],
     qd_r: Sequence[Value] | None = None,
 ) -> list[Motion]:
-    """How every link is accelerated: the point r (homogeneous, on the joint's axis) by W·r, W 3 × 4.
+    """Acceleration of every link: that of the point r (homogeneous, on the joint's axis) is W·r, W 3 × 4.
 
     W = [ω̇× + ω×ω× | a]. With a reference speed `qd_r` every product of two speeds is halved between q̇·q̇_r and q̇_r·q̇:
     the Coriolis matrix of the Christoffel symbols, C(q, q̇)·q̇_r, for which Ḋ − 2C is skew-symmetric.
@@ -152,7 +152,7 @@ def motions(
 
 
 def sweeps(chain: Chain, turns: Sequence[Turn], qd: Sequence[Value]) -> list[Motion]:
-    """How every link moves at the joint speeds `qd`: the point r by S·r, S = [ω× | v], 3 × 4."""
+    """Velocity of every link at the joint speeds `qd`: that of the point r is S·r, S = [ω× | v], 3 × 4."""
     spin, speed = ZERO, ZERO
     found: list[Motion] = []
     for i, before in enumerate((GROUND, *chain.links[:-1])):
@@ -187,7 +187,8 @@ def torques_of(
 def inertia_terms(chain: Chain, turns: Sequence[Turn], inertias: Sequence[Inertia]) -> list[list[Value]]:
     """D(q) from the J_i of the links, on their joints' axes: composite bodies, tip to base (Walker and Orin 1982).
 
-    The composite body of joint i alone turns about its axis; what that takes at the axes before it is column i.
+    If only joint i accelerates, its composite body turns about its axis; the torques at the axes before it are column
+    i.
     """
     count = len(chain.links)
     result: list[list[Value]] = [[0.0] * count for _ in range(count)]
@@ -233,8 +234,8 @@ def _carried(link: ChainLink, turn: Turn, inertia: Inertia) -> Inertia:
 def lumped_inertias(chain: Chain) -> list[Floats]:
     """J_i of every link in the frame on its own joint's axis, 4 × 4, with as many zeros as the arm allows.
 
-    Mass on a joint's own axis does not notice that joint's motion, so it may as well be part of the link before. Moved
-    there link by link, tip to base, it leaves m, m·c_z and ∫z² dm at zero, and their products out of the program.
+    Mass on a joint's own axis is not affected by that joint's motion, so it may be moved to the link before. Done link
+    by link, tip to base, this makes m, m·c_z and ∫z² dm zero, and removes their products from the program.
     """
     lumped: list[Floats] = []
     from_tip = np.zeros((4, 4))

@@ -1,4 +1,4 @@
-"""Which way of computing suits the robots of a cell: in closed form where there is one, else by Newton-Euler."""
+"""Chooses the form of the dynamics for the robots of a cell: the closed form if there is one, else Newton-Euler."""
 
 from collections.abc import Sequence
 

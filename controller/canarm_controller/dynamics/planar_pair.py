@@ -21,7 +21,7 @@ Pair = tuple[float, float]
 
 COULOMB_SMOOTHING_RAD_S = 0.02
 """Coulomb friction is Fc·tanh(qd / this): one step of the 8-bit tachometer (5/255 rad/s), below which the sign of the
-speed cannot be known anyway."""
+speed is unknown anyway."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class NominalArm:
       angle is q2 for what hangs on the first axis alone and q2 + q3 for the second link.
 
     `effective_inertia` is J_i = D_ii(home pose) + N²J_rotor, kg·m²: the constant by which the joint laws scale their
-    gains. At home the arm of konkuk1 is stretched out, D22 is greatest, and so the loop is never slower than asked for.
+    gains. At home the arm of konkuk1 is stretched out and D22 is largest, so the loop is never slower than intended.
     """
 
     joint_names: tuple[str, str]

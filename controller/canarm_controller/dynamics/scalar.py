@@ -2,10 +2,10 @@
 
 Owns the translation to source text and its compilation. Equations and numpy must not enter.
 
-Why text: a loop over links, or over a list of operations, costs Python several times what the arithmetic itself costs
-(every index, call and branch as much as a product), and a cycle has 2.5 ms for everything. Straight-line code has the
-arithmetic left alone. Why it is safe to `exec`: the text is made of operators, names that are counted here (`q0`, `t7`)
-and numbers written by `repr` of a float. No name or string of a cell gets into it.
+Why text: in Python, a loop over links or operations costs several times as much as the arithmetic itself (every index,
+call and branch costs as much as a product), and a cycle has 2.5 ms for everything; straight-line code is only
+arithmetic. Why `exec` is safe: the text consists of operators, numbered names (`q0`, `t7`) and the `repr` of floats. No
+name or string of a cell gets into it.
 """
 
 import math
@@ -18,7 +18,7 @@ from .tape import Kind, Program, Term, Value, uses
 ScalarFunction: TypeAlias = Callable[..., tuple[float, ...]]
 
 LINE_LENGTH = 100
-"""A result that is used once is written where it is used, as long as the line stays readable."""
+"""A result that is used once is inlined, up to this line length."""
 
 _INFIX = {Kind.ADD: "+", Kind.SUBTRACT: "-", Kind.MULTIPLY: "*", Kind.DIVIDE: "/"}
 _PREFIX = {Kind.NEGATE: "-", Kind.SIN: "sin", Kind.COS: "cos", Kind.TAN: "tan", Kind.TANH: "tanh"}
@@ -47,7 +47,7 @@ def compile_scalar(
 
 
 def source(program: Program) -> str:
-    """The text of the function: worth a look when in doubt about what is computed."""
+    """The source text of the function."""
     names: dict[Term, str] = {}
     for group, terms in program.inputs.items():
         names.update({term: f"{group}{i}" for i, term in enumerate(terms)})

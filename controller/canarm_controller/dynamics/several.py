@@ -1,7 +1,7 @@
 """The arms of several robots as one: joints of one after those of the other, in the order of the cell.
 
-Owns the bookkeeping of blocks. The arms do not touch each other as far as the controller's model goes; what holds them
-together, an object that two of them carry, must not enter.
+Owns the bookkeeping of blocks. In the controller's model the arms do not touch each other; an object that two of them
+carry must not enter.
 """
 
 from collections.abc import Iterable, Sequence
@@ -16,7 +16,7 @@ State = Sequence[float]
 
 
 class SeveralArms:
-    """`Arm`s beside each other; see there. What one of them refuses is refused with the joint's name in its robot."""
+    """Several `Arm`s side by side. Errors of one of them name the joint as in its robot."""
 
     __slots__ = (
         "_blocks", "effective_inertia", "joint_names", "max_current_a", "parts", "rotor_inertia", "torque_per_ampere",

@@ -1,7 +1,7 @@
-"""A tape of arithmetic: a formula run once on terms instead of numbers records what there is to compute.
+"""A tape of arithmetic: a formula that runs once on terms instead of numbers records its operations.
 
-Owns the terms, the folding of constants, and which terms a result needs. What the formulas mean, and how the operations
-are carried out in the end, must not enter.
+Owns the terms, the folding of constants, and which terms a result needs. The meaning of formulas, and the execution of
+operations, must not enter.
 """
 
 import math
@@ -12,7 +12,7 @@ from typing import TypeAlias, Union
 
 
 class Kind(Enum):
-    """What a term is made by."""
+    """The operation that makes a term."""
 
     INPUT = auto()
     ADD = auto()
@@ -27,7 +27,7 @@ class Kind(Enum):
 
 
 Value: TypeAlias = Union["Term", float]
-"""What formulas calculate with. What is known while recording stays a float and never reaches the tape."""
+"""The operands of formulas. Values known while recording stay floats and never reach the tape."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,7 +157,7 @@ def tanh(value: Value) -> Value:
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """What is to be computed: named groups of inputs, and results in terms of them."""
+    """A computation: named groups of inputs, and results in terms of them."""
 
     inputs: dict[str, tuple[Term, ...]]
     results: tuple[Value, ...]

@@ -1,7 +1,7 @@
-"""The model that laws compute with, for whatever arm a cell has: linear in parameters, which nominally are the cell's.
+"""The model that laws use, for any arm of a cell: linear in parameters whose nominal values are the cell's.
 
-Owns the choice between the regressor of two planar joints and the one for any chain, and how several arms are one.
-Which parameters are right is for a law to find out.
+Chooses between the regressor of two planar joints and the one for any chain, and combines several arms. A law finds the
+true parameters.
 """
 
 from collections.abc import Mapping, Sequence
@@ -38,7 +38,7 @@ class ArmModel(Protocol):
         """q̈ under the drives' torques."""
 
     def by_joint(self, factors: Numbers, /) -> Mapping[str, list[float]]:
-        """For display: what `factors`, parameters as multiples of nominal, mean at each joint."""
+        """For display: `factors` (parameters as multiples of nominal) per joint."""
 
 
 def arm_model(arm: Arm) -> ArmModel:
@@ -54,7 +54,7 @@ def arm_model(arm: Arm) -> ArmModel:
 
 
 class SeveralModels:
-    """Arms that stand beside each other: joints and parameters of one after those of the other."""
+    """Arms side by side: joints and parameters of one after those of the other."""
 
     __slots__ = ("_parts", "nominal")
 

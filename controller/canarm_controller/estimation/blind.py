@@ -1,11 +1,11 @@
-"""The speed of a joint from its potentiometer and the arm's model alone: what replaces a tachometer that has failed."""
+"""The speed of a joint from its potentiometer and the arm's model, in place of a tachometer that has failed."""
 
 POLE_RAD_S = 12.0
-"""Of the observer, threefold: noise of 0.42 LSB leaves 0.03 rad/s; a wrong payload is learned within 0.3 s."""
+"""Triple pole of the observer: noise of 0.42 LSB leaves 0.03 rad/s; a wrong payload is learned within 0.3 s."""
 
 
 SLOWEST_POLE = 0.3
-"""The pole times the cycle time is never more."""
+"""Largest pole times cycle time."""
 
 
 def blind_pole_rad_s(period_s: float) -> float:
@@ -28,7 +28,7 @@ class BlindObserver:
         self.start(0.0, 0.0, 0.0)
 
     def start(self, position_rad: float, velocity_rad_s: float, bias_rad_s2: float) -> None:
-        """Begin at a state that was still known."""
+        """Begin at the last known state."""
         self.position_rad, self.velocity_rad_s, self.bias = position_rad, velocity_rad_s, bias_rad_s2
 
     def predict(self, acceleration_rad_s2: float) -> None:
@@ -38,7 +38,7 @@ class BlindObserver:
         self.velocity_rad_s += step_rad_s
 
     def shift(self, excess_s: float, acceleration_rad_s2: float) -> None:
-        """The cycle was so much longer."""
+        """The cycle was longer by `excess_s`."""
         step_rad_s = excess_s * (acceleration_rad_s2 + self.bias)
         self.position_rad += excess_s * (self.velocity_rad_s + 0.5 * step_rad_s)
         self.velocity_rad_s += step_rad_s

@@ -1,7 +1,7 @@
 """Any chain of joints written linearly in its base parameters: τ = Y(q, q̇, q̇_r, q̈_r)·a, as `Regressor` is for two.
 
-Owns the choice of what to show of the parameters and when they cannot be an arm's. Equations are in
-`dynamics.base_parameters`; which parameters are right is for a law to find out.
+Decides how to display the parameters, and when they are impossible. Equations are in `dynamics.base_parameters`; a law
+finds the true parameters.
 """
 
 from collections.abc import Sequence
@@ -15,8 +15,8 @@ from ..dynamics.scalar import ScalarFunction, compile_scalar
 Numbers = Sequence[float]
 
 LEAST_OF_ROTOR = 0.25
-"""What a joint's rotor alone resists is the least that can be left of its inertia, whatever the other joints do. A law
-projects parameters to 0.3 of nominal at least; below this they are such as no arm can have."""
+"""Least inertia of a joint, as a share of its rotor's, whatever the other joints do. A law keeps parameters at 0.3 of
+nominal at least; an inertia below this is impossible for an arm."""
 
 
 class ChainRegressor:
@@ -80,7 +80,7 @@ class ChainRegressor:
 
 
 class ChainState:
-    """Y of one state, by its two products; each is computed when it is asked for."""
+    """Y of one state, through its two products; each is computed when it is needed."""
 
     __slots__ = ("_gradient", "_state", "_torque")
 

@@ -1,7 +1,7 @@
-"""A Kalman filter for each joint, and the one step ahead that the bus costs: where the arm will be when a command acts.
+"""A Kalman filter for each joint, with a prediction by one cycle, to the time at which a command acts.
 
-Owns the estimate of position and speed. Which acceleration the arm's model gives is the law's to say, for the law knows
-which parameters it believes in; feedback must not enter.
+Owns the estimate of position and speed. The law provides the model's acceleration, since it knows its parameters;
+feedback must not enter.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,7 +27,7 @@ class JointObserver:
     Predict   x' = x + T·v + T²/2·(a + b),  v' = v + T·(a + b),  b' = b,  o' = o
     Correct   (x, v, b, o) += L·(potentiometer - x, tachometer - v - o)
 
-    L is the stationary Kalman gain. The offset is told from a speed because the potentiometer does not follow it.
+    L is the stationary Kalman gain. An offset differs from a speed in that the potentiometer does not follow it.
     """
 
     __slots__ = ("_gains", "_period_s", "acceleration_bias", "position_rad", "tachometer_offset", "velocity_rad_s")
@@ -38,7 +38,7 @@ class JointObserver:
         self.start(0.0, 0.0)
 
     def start(self, position_rad: float, velocity_rad_s: float) -> None:
-        """Begin at a measured state, with a right model and a right tachometer."""
+        """Begin at a measured state, assuming a right model and a right tachometer."""
         self.position_rad, self.velocity_rad_s = position_rad, velocity_rad_s
         self.acceleration_bias = self.tachometer_offset = 0.0
 
@@ -53,18 +53,19 @@ class JointObserver:
         self.tachometer_offset += o0 * by_position + o1 * by_velocity
 
     def predict(self, acceleration_rad_s2: float) -> None:
-        """Go on to the next cycle with the model's acceleration during this one."""
+        """Predict the next cycle with the model's acceleration during this one."""
         step_rad_s = self._period_s * (acceleration_rad_s2 + self.acceleration_bias)
         self.position_rad += self._period_s * (self.velocity_rad_s + 0.5 * step_rad_s)
         self.velocity_rad_s += step_rad_s
 
 
 class ArmState:
-    """State and reference at the moment a law computes for, one entry per joint.
+    """State and reference at the time for which a law computes, one entry per joint.
 
     A command computed in cycle k acts from SYNC k+1 on; until then the last one acts, `cycle.applied_nm`. With the
-    observer on, the law sees state and reference at SYNC k+1, filtered and predicted, and the cycle of delay is gone
-    from the loop. Without it (`gains` None or `enabled` false), it sees what was measured in cycle k and k's reference.
+    observer, the law sees the filtered and predicted state, and the reference, at SYNC k+1, which removes the cycle of
+    delay from the loop. Without it (`gains` None or `enabled` false), it sees the measurements and reference of cycle
+    k.
     """
 
     __slots__ = (
@@ -91,7 +92,7 @@ class ArmState:
         self._is_first = True
 
     def update(self, cycle: Cycle, acceleration: Acceleration) -> None:
-        """Take one cycle. In the first, no command acts yet: the arm rests where it was parked."""
+        """Take one cycle. In the first, no command acts yet: the arm is parked."""
         joints, lead_s = self._joints, self._lead_s
         if not joints:
             self.position_rad, self.velocity_rad_s = cycle.position_rad, cycle.velocity_rad_s

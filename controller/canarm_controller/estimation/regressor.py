@@ -1,7 +1,7 @@
 """The two-link arm written linearly in its base parameters: τ = Y(q, q̇, q̇_r, q̈_r)·a.
 
-Owns the regressor Y, the nominal parameters and the accelerations that given parameters predict. Which parameters are
-right is for a law to find out.
+Owns the regressor Y, the nominal parameters and the accelerations that given parameters predict. A law finds the true
+parameters.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,8 @@ Pair = Sequence[float]
 Row = tuple[float, float, float, float, float, float, float, float, float]
 
 SMALLEST_DETERMINANT = 0.1
-"""Of D, as a fraction of D11·D22; konkuk1 has 0.9. Parameters that adapt one by one can be such as no arm can have."""
+"""Smallest determinant of D, as a fraction of D11·D22; konkuk1 has 0.9. Adapted parameters can be impossible for an
+arm."""
 
 PARAMETERS = (
     "inertia_kg_m2",
@@ -28,8 +29,9 @@ PARAMETERS = (
 )
 """a: I1 + m1|c1|² + I2 + m2(|c2|² + l²) + rotor 1; I2 + m2|c2|²; m2·l·|c2|; rotor 2; g·|m1·c1 + m2·l|; friction.
 
-Joints are numbered 1 and 2 here, l is the distance between their axes. These are base parameters: each can be told from
-the others by moving the arm. The weight of the second link alone is g/l times the coupling, so it is none of its own.
+Joints are numbered 1 and 2 here, l is the distance between their axes. These are base parameters: each can be
+identified from the arm's motion. The weight of the second link is g/l times the coupling, and so no parameter of its
+own.
 """
 
 

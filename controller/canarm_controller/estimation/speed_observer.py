@@ -14,7 +14,7 @@ from ..dynamics import Arm
 from .observer import stationary_gain
 
 ACCELERATION_NOISE, ACCELERATION_BIAS_NOISE = 0.03, 3.0
-"""rad/s²/√Hz and rad/s³/√Hz, for cells without `[control.observer]`: what konkuk1 has found useful."""
+"""rad/s²/√Hz and rad/s³/√Hz, for cells without `[control.observer]`; the values of konkuk1."""
 
 
 class SpeedObserver:
@@ -23,7 +23,7 @@ class SpeedObserver:
     Predict   x' = x + T·v + T²/2·(a + b),  v' = v + T·(a + b),  b' = b,  a by the nominal arm under the last command
     Correct   (x, v, b) += L·(measured - x), L the stationary Kalman gain
 
-    A wrong payload or friction is found by b, as fast as the sensor's step allows.
+    b finds a wrong payload or friction, as fast as the sensor's step allows.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class SpeedObserver:
         self._is_first = True
 
     def predicted(self, measured_rad_s: Sequence[float]) -> tuple[float, ...]:
-        """`measured_rad_s` with the speeds that are expected now in place of those that nobody measures."""
+        """`measured_rad_s` with the expected speeds of joints without a tachometer."""
         found = list(measured_rad_s)
         for joint in self._joints:
             found[joint] = self._v[joint]

@@ -1,4 +1,4 @@
-"""Control laws: the interface, the laws that ship, and how to load one."""
+"""Control laws: the interface, the built-in laws, and how to load one."""
 
 from .base import ControlLaw, Cycle
 from .computed_torque import ComputedTorque

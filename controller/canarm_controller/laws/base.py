@@ -1,4 +1,4 @@
-"""What a control law is: the interface that the loop calls every cycle. No law lives here."""
+"""The interface of a control law, which the loop calls every cycle."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -13,16 +13,16 @@ __all__ = ["ControlLaw", "Cycle"]
 
 
 class ControlLaw(ABC):
-    """A servo controller for all joints of an arm: measured state in, joint torques out, once a cycle.
+    """A servo controller for all joints of an arm: measured state in, joint torques out, once per cycle.
 
     A law of your own derives from this class in a file of its own and is named `path/to/file.py:ClassName`.
 
     - `name` is shown in reports;
     - `default_feedforward` is used unless the command line says otherwise;
-    - `feedforward_excludes_inertia` is true for a law that already supplies J·q̈_d by itself;
-    - `takes_feedforward` is false for a law whose own model supplies all of the torque: a table would count it twice;
-    - `following_error_lsb` is the following error, in steps of the potentiometer, that is normal for the law at a
-      payload of ±50 %: a joint that lags by more than twice as much, and ever more, is stopped.
+    - `feedforward_excludes_inertia` is true for a law that already supplies J·q̈_d;
+    - `takes_feedforward` is false for a law whose model supplies all of the torque: a table would count it twice;
+    - `following_error_lsb` is the law's normal following error at a payload of ±50 %, in steps of the potentiometer:
+      a joint whose error grows beyond twice that is stopped.
     """
 
     name: ClassVar[str]
@@ -49,7 +49,7 @@ class ControlLaw(ABC):
         """
 
     def internals(self) -> Mapping[str, Sequence[float]]:
-        """Named inner values for display and recording, one entry per joint, units in the names; none by default.
+        """Named internal values for display and recording, one entry per joint, with units in the names.
 
         Names are ASCII identifiers such as `bias_a`, and the same in every cycle.
         """

@@ -17,13 +17,13 @@ class ComputedTorque(ControlLaw):
 
     Torque      τ = D(q)·v + H(q, q̇) + G(q) + Fv·q̇ + Fc·tanh(q̇_d/v_s),  v = q̈_d - 2ζωn·ė - ωn²·e
 
-    Coulomb friction is compensated by the sign of the reference speed: the measured one would chatter about standstill.
-    State and reference are those of the observer, one cycle ahead (`observer.ArmState`), and where the reference stands
-    the torque is held (`standing`). The model is in the loop, so the feed-forward is none by default; a table would
-    count it twice. The first torque after `start` is the model's torque at the measured state.
+    Coulomb friction is compensated by the sign of the reference speed: the measured one would chatter near standstill.
+    State and reference are the observer's, one cycle ahead (`observer.ArmState`), and the torque is held while the
+    reference stands (`standing`). The model is in the loop, so there is no feed-forward by default; a table would count
+    the model twice. The first torque after `start` is the model's torque at the measured state.
 
-    Limits: as right as the model. A payload of ±50 % on konkuk1 leaves 2.1 LSB (1 LSB = 1.06°), little better than PD
-    with the table: nothing here integrates or adapts, and this law is a yardstick. ωn and ζ are the cell's
+    Limits: it is as good as the model. A payload of ±50 % on konkuk1 leaves 2.1 LSB (1 LSB = 1.06°), little better than
+    PD with the table: nothing integrates or adapts, and this law is a benchmark. ωn and ζ are the cell's
     `control.natural_frequency_rad_s` and `control.damping_ratio`, the same as for `pd`. With the observer the error at
     the right payload falls up to ωn = 120 rad/s (0.04 LSB), also with one more cycle of delay; without it, it rises
     with ωn: 0.05 at 24, 0.27 at 120.

@@ -1,4 +1,4 @@
-"""What went wrong inside a law, told by the line of its file: a law may be the user's own and may fail in any way."""
+"""Failures inside a law, reported with the line of its file: a law may be the user's own and may fail in any way."""
 
 import sys
 import traceback
@@ -9,13 +9,13 @@ from ..errors import ControllerError, InterruptedRunError, LawError
 from .base import ControlLaw
 
 LONGEST_TEXT = 300
-"""Characters of a message that a law's own code has written."""
+"""Longest message from a law's own code, in characters."""
 
 
 def law_failure(law: type[ControlLaw], method: str, error: BaseException) -> ControllerError:
-    """What to raise for `error`, which `method` of `law` raised. A `ControllerError` says enough by itself.
+    """The error to raise for `error`, which `method` of `law` raised. A `ControllerError` is returned as it is.
 
-    Ctrl-C while the law computes is no fault of the law: `InterruptedRunError`.
+    Ctrl-C while the law computes is not the law's fault: `InterruptedRunError`.
     """
     text = shown(error, str)
     if isinstance(error, KeyboardInterrupt):
@@ -27,7 +27,7 @@ def law_failure(law: type[ControlLaw], method: str, error: BaseException) -> Con
 
 
 def shown(value: object, text_of: Callable[[object], str], width: int = LONGEST_TEXT) -> str:
-    """`text_of(value)` on one printable line of at most `width` characters, even where the value's own code fails."""
+    """`text_of(value)` on one printable line of at most `width` characters, even if the value's own code fails."""
     try:
         text = text_of(value)
     except BaseException as error:
@@ -36,7 +36,7 @@ def shown(value: object, text_of: Callable[[object], str], width: int = LONGEST_
 
 
 def _line(law: type[ControlLaw], error: BaseException) -> str:
-    """The innermost line of the law's own file, or of any file where the law itself is not to blame."""
+    """The innermost line of the law's own file, or of any file if the law itself is not to blame."""
     frames = traceback.extract_tb(error.__traceback__)
     file_name = getattr(sys.modules.get(law.__module__), "__file__", None)
     own = [frame for frame in frames if frame.filename == file_name] or frames[-1:]

@@ -1,4 +1,4 @@
-"""Finding a control law by its name or in a user's file. The laws themselves must not enter beyond the registry."""
+"""Finds a control law by its name or in a user's file."""
 
 import contextlib
 import difflib
@@ -25,16 +25,16 @@ from .pd import Pd
 from .slotine_li import SlotineLi
 
 LAWS: dict[str, type[ControlLaw]] = {law.name: law for law in (Pd, ComputedTorque, Mras, MrasLyapunov, SlotineLi)}
-"""The laws that ship, by the name used on the command line."""
+"""The built-in laws, by their names on the command line."""
 
 
 def load_law(spec: object) -> type[ControlLaw]:
-    """The law that is meant: a name ("pd"), "path/to/file.py:ClassName", or in Python the class itself, or a function.
+    """The law of a name ("pd"), "path/to/file.py:ClassName" or, in Python, a class or a function.
 
-    A function takes the `Cycle` and returns the torques of all joints in N·m, as `ControlLaw.update` does. Where a file
-    has but one law, its class need not be named. A file is executed; it may import files beside it. Raises `LawError`:
-    no such law or file, the file fails (with its line), no such class in it, or the class is not a complete law (with
-    what is missing).
+    A function takes the `Cycle` and returns the torques of all joints in N·m, as `ControlLaw.update` does. The class
+    need not be named if its file has only one law. The file is executed; it may import files beside it. Raises
+    `LawError`: no such law or file, the file fails (with its line), no such class in it, or the class is not a complete
+    law (with what is missing).
     """
     if isinstance(spec, str | Path):
         return _named_law(str(spec))
@@ -48,7 +48,7 @@ def load_law(spec: object) -> type[ControlLaw]:
 
 
 def law_name(spec: object) -> str:
-    """How a law that was given so is called in summaries."""
+    """The law's name in summaries."""
     return str(spec) if isinstance(spec, str | Path) else str(getattr(spec, "__name__", type(spec).__name__))
 
 
@@ -96,7 +96,7 @@ def _complete(found: type, source: str) -> type[ControlLaw]:
 
 
 def _law_of(function: Callable[[Cycle], Sequence[float]]) -> type[ControlLaw]:
-    """A law that has nothing but its `update`."""
+    """A law that consists of its `update`."""
 
     class FunctionLaw(ControlLaw):
         name = law_name(function)
@@ -137,15 +137,15 @@ def _run(path: Path) -> ModuleType:
 
 
 _neighbour_folders: list[str] = []
-"""Folders of law files, as they stand in `sys.path`: the last one's only."""
+"""The folder of the last law file, as it is in `sys.path`."""
 
 
 @contextlib.contextmanager
 def _neighbours(folder: Path) -> Iterator[None]:
-    """Let a law file import what lies beside it, then and later, in its `update`.
+    """Let a law file import files beside it, now and later, in its `update`.
 
-    Its folder comes last in the path, so that it hides nothing that is installed. What an earlier law file has imported
-    so is forgotten: two folders may each have a `gains.py`, and a file that was edited is read anew.
+    Its folder comes last in the path, so that it hides nothing that is installed. Modules imported in this way by an
+    earlier law file are forgotten: two folders may each have a `gains.py`, and an edited file is read again.
     """
     for earlier in _neighbour_folders:
         if earlier in sys.path:

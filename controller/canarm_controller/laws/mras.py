@@ -16,14 +16,14 @@ LOWEST, HIGHEST = 0.35, 3.0
 
 
 class Mras(ControlLaw):
-    """A reference model for each joint, to which two gains adapt, and a bias current that takes up what gains cannot.
+    """A reference model for each joint, to which two gains adapt, and a bias current for what gains cannot remove.
 
     Model       a·ÿ + b·ẏ + y = r,  a = 1/ωn², b = 2ζ/ωn,  r = a·q̈_d + b·q̇_d + q_d, so that y follows q_d exactly
     Joint       α·ẍ + β·ẋ + x = r by feedback τ = (J/α)·(r - x) - (J·β/α)·ẋ, J the nominal effective inertia
     Error       e = y - x, ε = k1·ė + k0·e
     Adaptation  α̇ = γα·ε·(k1·u̇ + k0·u) - σ·(α - a),  a·ü + b·u̇ + u = -ÿ
                 β̇ = γβ·ε·(k1·ẇ + k0·w) - σ·(β - b),  a·ẅ + b·ẇ + w = -ẏ
-    Bias        d̂' = γ3·z, z = p12·e + p22·ė, p12 = q1/2ωn², p22 = (q2 + 2p12)/4ζωn, q1 = 2ωn², q2 = 1, |d̂| <= limit
+    Bias        d̂' = γ3·z, z = p12·e + p22·ė (`error_weights`), |d̂| <= limit
     Torque      feedback + K_I·d̂ + feed-forward without J·q̈_d, which r supplies already
 
     u and w are the sensitivities -∂e/∂α and -∂e/∂β of the model, so α and β go down the gradient of ε²/2. Integration
@@ -41,11 +41,11 @@ class Mras(ControlLaw):
     - k1 (`error_rate_gain`) weighs the tachometer: 0.03 to 0.3 s differ little. σ (`leakage`) pulls α and β home when
       nothing excites them.
 
-    α and β cannot remove a constant error such as a payload's weight, and adapting without the bias can do worse than
-    not adapting. The bias brings most of the gain at a wrong payload; α and β take a further 1 to 22 % off.
+    α and β cannot remove a constant error such as a payload's weight, and adapting without the bias can be worse than
+    not adapting. The bias brings most of the improvement at a wrong payload; α and β a further 1 to 22 %.
 
-    Measurements go in as they are. Where a joint at rest needs no torque, as it does hanging, their noise turns the
-    bridge over in a quarter to half of all cycles; the joint moves by 0.1 LSB. `mras-lyapunov` holds its torque there.
+    Measurements are not filtered. If a joint at rest needs no torque, as when it hangs, their noise reverses the
+    bridge in a quarter to half of all cycles; the joint moves by 0.1 LSB. `mras-lyapunov` holds its torque there.
 
     Source: Dubowsky and DesForges, J. Dynamic Systems, Measurement and Control 101 (1979) 193-200, reference [5] of the
     KON-KUK I paper. Bias: from the Lyapunov equation of the model, added here.

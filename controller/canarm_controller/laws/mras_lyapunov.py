@@ -1,4 +1,4 @@
-"""Model reference adaptive control by Lyapunov's second method, a joint at a time, with a bias term."""
+"""Model reference adaptive control by Lyapunov's second method, joint by joint, with a bias term."""
 
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal
@@ -23,7 +23,7 @@ class MrasLyapunov(ControlLaw):
     Model       a·ÿ + b·ẏ + y = r,  a = 1/ωn², b = 2ζ/ωn,  r = a·q̈_d + b·q̇_d + q_d, so that y follows q_d exactly
     Torque      τ = K_I·(Kp·(r - x) - Kv·ẋ + d̂) + feed-forward without J·q̈_d, which r supplies already
     Nominal     Kp0 = J/(a·K_I), Kv0 = b·Kp0, J the nominal effective inertia
-    Error       e = y - x, z = p12·e + p22·ė, p12 = q1/2ωn², p22 = (q2 + 2p12)/4ζωn, q1 = 2ωn², q2 = 1
+    Error       e = y - x, z = p12·e + p22·ė (`error_weights`)
     Adaptation  K̇p = γ1·z·(r - x) - σ·(Kp - Kp0),  K̇v = -γ2·z·ẋ - σ·(Kv - Kv0),  d̂' = γ3·z, |d̂| <= limit
 
     P solves the model's Lyapunov equation AᵀP + PA = -diag(q1, q2). With V = eᵀPe + (K_I/J)·Σ(gain error)²/γ every

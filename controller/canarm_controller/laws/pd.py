@@ -1,4 +1,4 @@
-"""The yardstick: a fixed proportional-derivative law a joint, without adaptation."""
+"""The benchmark: a fixed proportional-derivative law per joint, without adaptation."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -12,8 +12,8 @@ from .base import ControlLaw, Cycle
 class Pd(ControlLaw):
     """τ = J·ωn²·(q_d - q) + 2ζωn·J·(q̇_d - q̇) + feed-forward, J the joint's nominal effective inertia.
 
-    Measurements go in as they are: where a joint at rest needs no torque, as it does hanging, their noise turns the
-    bridge over in up to half of all cycles. With `--feedforward table` this is the paper's controller without its
+    Measurements are not filtered: if a joint at rest needs no torque, as when it hangs, their noise reverses the
+    bridge in up to half of all cycles. With `--feedforward table` this is the paper's controller without its
     adaptation.
     """
 

@@ -1,4 +1,4 @@
-"""Adaptive control of the whole arm after Slotine and Li: inertias, weights and friction are found while it moves."""
+"""Adaptive control of the whole arm after Slotine and Li: inertias, weights and friction are learned while it moves."""
 
 from collections.abc import Mapping, Sequence
 from typing import ClassVar

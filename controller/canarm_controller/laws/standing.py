@@ -1,7 +1,7 @@
-"""Holding the torque where the arm is to stand: static friction keeps a joint that is left alone.
+"""Holds the torque while the arm is to stand still: static friction then keeps the joint.
 
-Without this, noise and rounding move the command by a step of the DAC or two in every cycle; where gravity asks for no
-torque they also turn the bridge over and over.
+Without this, noise and rounding move the command by a step or two of the DAC in every cycle, and reverse the bridge
+again and again where gravity needs no torque.
 """
 
 from collections.abc import Sequence
@@ -10,10 +10,10 @@ from .base import Cycle
 
 
 class StandingHold:
-    """A joint's torque freezes when it is near enough, and is free again when it is not, or when any joint is to move.
+    """Freezes a joint's torque while the joint is close to its set-point and no joint is to move.
 
-    A joint is near enough within half of `band_rad`, and stays so within all of it. A band of 0 never holds. The law
-    says how far off a joint is; it should be filtered, or noise alone leads out of the band.
+    A joint comes close within half of `band_rad`, and stays close within all of it. A band of 0 never holds. The law
+    gives the deviation, which should be filtered, or noise leads out of the band.
     """
 
     __slots__ = ("_band_rad", "_held_nm")
@@ -27,7 +27,7 @@ class StandingHold:
         self._held_nm = [None] * len(self._held_nm)
 
     def apply(self, cycle: Cycle, deviation_rad: Sequence[float], torque_nm: Sequence[float]) -> list[float]:
-        """The torques to command, N·m: those of the law, or those held."""
+        """The torques to command, N·m: the law's or the held ones."""
         if not self._band_rad or any(cycle.reference_rad_s) or any(cycle.reference_rad_s2):
             self.start()
             return list(torque_nm)

@@ -1,10 +1,10 @@
-"""Gains for a robot that nobody has tuned: the table `[control]` from nominal arm, sensors and cycle time of a cell.
+"""Gains for an untuned robot: the table `[control]` from nominal arm, sensors and cycle time of a cell.
 
-Owns the arithmetic, whose numbers are chosen such that it gives KON-KUK I's own gains, which are tried, for KON-KUK I.
-What the gains mean stands at the laws; the text of a cell must not enter.
+The factors are chosen such that KON-KUK I gets its own proven gains. The laws explain the gains; the text of a cell
+must not enter.
 
-Units tell how each gain carries over to another robot. With ω the natural frequency of the error, J the effective
-inertia of a joint and K_I its torque per ampere, a gain in A per rad and second goes with ω³·J/K_I, one in 1/s with ω,
+The units show how each gain scales to another robot. With ω the natural frequency of the error, J the effective inertia
+of a joint and K_I its torque per ampere, a gain in A per rad and second scales with ω³·J/K_I, one in 1/s with ω, and
 one that multiplies noise with the step of the sensor.
 """
 
@@ -23,37 +23,37 @@ from ..estimation.arm_model import arm_model
 Table = dict[str, float | bool]
 
 USUAL_RAD_S = 12.0
-"""ω of KON-KUK I: a tenth of what its sensors and cycle would bear."""
+"""ω of KON-KUK I: a tenth of what its sensors and cycle would allow."""
 MOST_PHASE_RAD = 0.08
-"""ω·T at most. A law that sees raw values acts about two cycles late at its crossover of 2.4·ω: 0.4 rad of its phase
+"""Largest ω·T. A law that sees raw values acts about two cycles late at its crossover of 2.4·ω: 0.4 rad of its phase
 margin of 1.3 rad."""
 LSB_SHARE = 0.1
-"""Of the amplifier's current: what one step of the position sensor moves the command at most, J·ω²·LSB/K_I."""
+"""Largest effect of one sensor step on the command, J·ω²·LSB/K_I, as a share of the amplifier's current."""
 BIAS_RATE, LYAPUNOV_BIAS_RATE = 1.0, 3.0
-"""γ3 over ω³·J/K_I of the joint that needs least."""
+"""γ3 over the smallest ω³·J/K_I of all joints."""
 POSITION_RATE, VELOCITY_RATE = 2.5, 0.55
-"""γ1 and γ2 over the nominal gains Kp0 = J·ω²/K_I and Kv0 = 2ζ·J·ω/K_I of the joint that needs least."""
+"""γ1 and γ2 over the smallest nominal gains Kp0 = J·ω²/K_I and Kv0 = 2ζ·J·ω/K_I of all joints."""
 BIAS_SHARE = 0.4
-"""Of the amplifier's current, what the bias may take up: a wrong payload's weight, but never all of it."""
+"""Limit of the bias as a share of the amplifier's current: enough for a wrong payload's weight."""
 ERROR_RATE, SLIDING_RATE = 25.0 / 12.0, 40.0 / 12.0
 """Λ and κ over ω: poles near 2.6·ω."""
 BAND_LSB = 0.27
-"""Half a step of a position sensor is not known; a quarter of one is held."""
+"""Half a step of a position sensor is unknown; a quarter of a step is held."""
 OFFSET_RATE = 0.5
 """Drift of a tachometer's offset, rad/s²/√Hz, over its noise in rad/s."""
 MODEL_ERROR, MODEL_DRIFT = 0.015, 1.5
-"""Noise of the model's acceleration and of its error, in 1/√Hz and 1/s/√Hz, over what a joint's Coulomb friction alone
-makes: that is what is known least of an arm."""
+"""Noise of the model's acceleration and of its error, in 1/√Hz and 1/s/√Hz, over the acceleration by a joint's Coulomb
+friction, which is the least known of an arm."""
 OBSERVED_NOISE_RAD_S = 0.05
-"""Of a speed that comes from an observer instead of a tachometer."""
+"""Noise of a speed from an observer instead of a tachometer."""
 SAMPLES, SEED, FASTEST_RAD_S = 64, 0, 1.5
-"""States at which the model is looked at."""
+"""Random states at which the model is evaluated."""
 
 
 def suggested_control(cell: Cell) -> dict[str, Table]:
     """Tables of a cell file, "control" and "control.<law>" with their keys, for the robots and sensors of `cell`.
 
-    The gains of `cell` itself count for nothing. Raises `ControllerError` for an arm that no model can be made of.
+    The gains in `cell` itself are ignored. Raises `ControllerError` for an arm without a model.
     """
     arm, period_s = cell_arm(cell.robot, cell.joint_names), cell.bus.cycle_s
     steps_rad = [each.position.scale.lsb for each in joint_sensors(cell)]
@@ -151,5 +151,5 @@ def _noise(sensor: object, lsb: float) -> float:
 
 
 def _rounded(value: float) -> float:
-    """To two digits: more would pretend to be known."""
+    """`value` to two digits, which is all that is known."""
     return float(f"{value:.2g}")

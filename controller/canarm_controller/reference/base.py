@@ -1,7 +1,4 @@
-"""What a trajectory is, and how one without a beginning of its own is entered from the measured pose.
-
-Owns the class that all motions derive from, and the blend. The motions themselves must not enter.
-"""
+"""The base class of trajectories, and the blend from the measured pose into one without a beginning of its own."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -15,9 +12,9 @@ from .limits import Floats, Limits, Reference
 Bools = NDArray[np.bool_]
 
 BLEND_S = 2.0
-"""Time in which a trajectory is entered from the measured pose."""
+"""Duration of the blend from the measured pose."""
 BLENDS_S = (BLEND_S, 3.0, 4.5, 6.0)
-"""Times in which it may be entered; the shortest in which no joint gets too fast is taken."""
+"""Possible durations; the shortest in which no joint gets too fast is used."""
 
 
 class Trajectory(ABC):
@@ -27,14 +24,14 @@ class Trajectory(ABC):
         self.limits = limits
         self.amplitude_rad = amplitude_rad
         self.approach_s = 0.0
-        """How long the way to the trajectory's own beginning takes, before it begins."""
+        """Duration of the move to the trajectory's own beginning."""
 
     def sample(self, first_tick: int, count: int, period_s: float) -> Reference:
         """The reference at `count` ticks from `first_tick` on, which are `period_s` apart; tick 0 is the start."""
         return self._at(_times(first_tick, count, period_s))
 
     def constant_speed(self, first_tick: int, count: int, period_s: float) -> Bools:
-        """Which samples lie on a stretch of constant speed, (n, joints): the paper judges speed on them."""
+        """Which samples are on a stretch of constant speed, (n, joints): the paper judges speed on them."""
         return self._is_steady(_times(first_tick, count, period_s))
 
     def entered_from(self, start_rad: Sequence[float]) -> "Trajectory":
@@ -109,7 +106,7 @@ def start_pose(trajectory: Trajectory, start_rad: Sequence[float]) -> Floats:
 
 
 def pose_text(pose_rad: Floats) -> str:
-    """A pose as errors name it."""
+    """A pose for error messages."""
     return f"{np.round(np.degrees(pose_rad), 2).tolist()} deg"
 
 

@@ -1,7 +1,7 @@
 """How far and how fast the built-in motions move each joint of a cell.
 
-For joints 2 and 3 of the paper's robot they are the paper's: 35 and 30 degrees about the home pose. Any other joint
-swings likewise as far as its limits and its speed let it. What a motion looks like over time must not enter.
+Joints 2 and 3 of the paper's robot swing as in the paper, by 35 and 30 degrees about the home pose; any other joint as
+far as its limits and its speed allow. The motion over time must not enter.
 """
 
 import math
@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 AMPLITUDE_DEG = (35.0, 30.0)
-"""Of the first joint, and of all others."""
+"""Amplitudes of the first joint, and of all others."""
 PERIODS_S = (2.56, 1.7, 2.2, 1.9, 2.4, 1.8, 2.05)
-"""Of the sine, joint by joint and then again from the first: different ones, so that the arm comes by many poses."""
+"""Periods of the sine, joint by joint, repeated from the first: they differ, so that the arm passes many poses."""
 MOST_OF_TRAVEL = 0.4
-"""Half a swing is at most this share of what lies between the limits: a tenth is left at either end."""
+"""Largest amplitude as a share of the travel between the limits: a tenth is left at either end."""
 MOST_OF_SPEED = 0.8
-"""The sine's peak speed is at most this share of what the joint can be followed at."""
+"""Highest peak speed of the sine as a share of the joint's highest speed."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,7 +53,7 @@ class NoFeedforward(Feedforward):
 
 
 class TableFeedforward(Feedforward):
-    """The paper's way: torques computed for 10.24 s at once, stored as 8-bit currents, played back a sample a cycle."""
+    """The paper's method: torques for 10.24 s, stored as 8-bit currents, and played back one sample per cycle."""
 
     def __init__(self, arm: Arm, image: MemoryImage, exclude_inertia: bool, lead_s: float) -> None:
         self._arm = arm

@@ -1,6 +1,6 @@
-"""A trajectory through given poses, as it was given: what lies between them, the way to the first, the stop at the end.
+"""A trajectory through given poses: the interpolation, the move to the first pose, and the stop at the end.
 
-Owns these three. Where the poses come from (the text of a file, an array, a function) must not enter.
+The source of the poses (the text of a file, an array, a function) must not enter.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,38 +16,38 @@ from .limits import Floats, Limits, Reference
 from .spline import CubicCurve
 
 DENSE_S = 0.02
-"""Poses that are no further apart than this (50 Hz, as robots are recorded) are samples of a motion, not way points."""
+"""Poses that are no further apart than this (50 Hz, as robots are recorded) are samples of a motion, not waypoints."""
 STEADY_RAD_S2 = 1e-3
 """A joint that accelerates less than this moves at constant speed."""
 MOVING_RAD_S = 5.0 / 255
-"""Slower than one step of the tachometer is not motion."""
+"""A joint that is slower than one step of the tachometer does not count as moving."""
 STOPS_S = (0.25, 0.5, 1.0, 2.0, 0.1)
-"""Times in which a motion may be brought to rest after the last pose; the first that a joint can follow is taken."""
+"""Possible durations of the stop after the last pose; the first that the joints can follow is used."""
 SHORTEST_APPROACH_S = 0.5
 APPROACH_SPEED = 0.4
-"""Share of a joint's greatest speed that the way to the first pose takes at most, if it can."""
+"""Highest speed of the move to the first pose as a share of a joint's highest speed, if possible."""
 PEAK = 1.875
-"""Greatest speed of a quintic from rest to rest, in units of its mean speed."""
+"""Peak speed of a quintic from rest to rest over its mean speed."""
 FUNCTION_CHECKED_S = 20.0
-"""So long a function is looked at before a run, for its limits."""
+"""A function is checked against the limits for this long before a run."""
 DIFFERENCE_S = 1e-3
 LONGER, TRIES = 1.4, 8
-"""An approach that a joint cannot follow is tried again, so much slower, so often."""
+"""An approach that a joint cannot follow is tried again, this much slower, this many times."""
 
 
 class Interpolation(StrEnum):
     """What lies between two poses."""
 
     MONOTONE = "monotone"
-    """A cubic that never leaves the range of the two (PCHIP); from rest to rest."""
+    """A cubic that never leaves the range of the two poses (PCHIP), from rest to rest."""
     SPLINE = "spline"
-    """The smooth cubic spline, which may overshoot; from rest to rest."""
+    """The smooth cubic spline, which may overshoot, from rest to rest."""
     SAMPLES = "samples"
-    """The poses are dense samples of a motion, which may begin and end in full swing."""
+    """Dense samples of a motion, which may begin and end at any speed."""
 
 
 class OwnBeginning(Trajectory):
-    """A trajectory that says where it begins, and is taken there first instead of being blended in."""
+    """A trajectory with its own first pose: the arm moves there first, instead of being blended in."""
 
     def entered_from(self, start_rad: Sequence[float]) -> Trajectory:
         """The trajectory after a move from `start_rad` to its first pose, which takes `approach_s` of its own.
@@ -152,7 +152,7 @@ class FunctionTrajectory(OwnBeginning):
 
     def _at(self, time_s: Floats) -> Reference:
         h = DIFFERENCE_S
-        first = np.maximum(time_s - h, 0.0)  # nobody has defined it before 0
+        first = np.maximum(time_s - h, 0.0)  # it is not defined before 0
         before, middle, after = (self._angles(first + step) for step in (0.0, h, 2 * h))
         change = (time_s - first - h)[:, None]
         velocity, acceleration = (after - before) / (2 * h), (after - 2.0 * middle + before) / h**2

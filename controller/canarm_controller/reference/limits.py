@@ -1,7 +1,4 @@
-"""What the joints of a cell can follow, and whether a motion stays within it.
-
-Owns the limits and the check. How a motion comes about must not enter.
-"""
+"""What the joints of a cell can follow, and whether a motion stays within it."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -17,12 +14,12 @@ from ..errors import TrajectoryError
 Floats = NDArray[np.float64]
 
 CHECKED_AT_ONCE = 4096
-"""Samples of a trajectory that are held at a time while it is checked."""
+"""Samples of a trajectory that are checked together."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A stretch of trajectory, one row a tick: rad, rad/s, rad/s², each (n, joints)."""
+    """A stretch of trajectory, one row per tick: rad, rad/s, rad/s², each (n, joints)."""
 
     position_rad: Floats
     velocity_rad_s: Floats
@@ -83,7 +80,7 @@ class Limits:
     def _check_part(self, trajectory: Sampled, first: int, count: int, source: str) -> None:
         reference = trajectory.sample(first, count, self.period_s)
         position_deg = np.degrees(reference.position_rad)
-        # Negated, so that what is not a number is found as well.
+        # Negated, so that NaN is found as well.
         outside = ~((position_deg >= np.array(self.low_deg)) & (position_deg <= np.array(self.high_deg)))
         too_fast = ~(np.abs(reference.velocity_rad_s) <= np.array(self.speed_rad_s))
         for sample, joint in np.argwhere(outside | too_fast)[:1].tolist():

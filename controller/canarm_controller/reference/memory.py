@@ -37,7 +37,7 @@ BANK_END = TABLE_BASE + BANK_BYTES
 DIRECTION_BIT = 0x80
 MAGNITUDE_MASK = 0x7F
 TABLE_BITS = 8
-"""Of a table byte."""
+"""Bits of a table byte."""
 DAC_STEPS = 255
 """DAC code at full-scale current."""
 

@@ -1,6 +1,6 @@
-"""The motions that a name calls: the two built-in ones, and whatever is in a file, a table or a function of the user's.
+"""Makes a trajectory: one of the two built-in motions, or from a user's file, table or function.
 
-Owns the choice, and the formulas of the built-in motions. What a file may hold is `trajectory_file`'s.
+Owns the choice, and the formulas of the built-in motions. `trajectory_file` reads files.
 """
 
 import difflib
@@ -36,9 +36,9 @@ __all__ = [
 BUILT_IN = ("sine", "trapezoid")
 TRAPEZOID_PERIOD_S = 5.12
 LEAST_OF_SUPPLY = 0.2
-"""What is left for the back-EMF of a motor whose winding takes all: it never needs full current at speed."""
+"""Share of the supply for the back-EMF if the winding would take it all: full current is never needed at speed."""
 CHECKED_S = 4 * TRAPEZOID_PERIOD_S
-"""Of the built-in motions, whose joints have periods of their own: limits that hold for so long hold for ever."""
+"""The built-in motions, whose joints have different periods, are checked for this long."""
 
 
 class Sine(Trajectory):
@@ -102,13 +102,13 @@ class Trapezoid(Trajectory):
 
 
 def make_trajectory(spec: object, cell: Cell) -> Trajectory:
-    """The trajectory that is meant: "sine", "trapezoid", the path of a CSV file; in Python a table or a function too.
+    """The trajectory "sine", "trapezoid", of a CSV file (its path) or, in Python, of a table or a function.
 
-    Behind the path, `:monotone`, `:spline` or `:samples` chooses what lies between the rows; see `Interpolation`. A
-    DataFrame, or a dict of columns, is as the file; an array (n, joints) has the angles in rad, a row per cycle; a
-    function returns them for a time in s, from 0 on.
+    `:monotone`, `:spline` or `:samples` after the path chooses the `Interpolation`. A DataFrame or a dict of columns is
+    like the file; an array (n, joints) has the angles in rad, one row per cycle; a function returns them for a time in
+    s, from 0 on.
 
-    Raises `TrajectoryError` when there is no such thing, when the file is wrong, or when a joint cannot follow.
+    Raises `TrajectoryError` if there is no such trajectory, the file is wrong, or a joint cannot follow.
     """
     limits = Limits.of(cell)
     if not isinstance(spec, str | Path):
@@ -127,12 +127,12 @@ def make_trajectory(spec: object, cell: Cell) -> Trajectory:
 
 
 def trajectory_name(spec: object) -> str:
-    """How a trajectory that was given so is called in summaries."""
+    """The trajectory's name in summaries."""
     return str(spec) if isinstance(spec, str | Path) else str(getattr(spec, "__name__", type(spec).__name__))
 
 
 def _given(spec: Any, limits: Limits) -> Trajectory:
-    """A trajectory that Python hands over as an object."""
+    """The trajectory of a Python object."""
     if isinstance(spec, Trajectory):
         return spec
     if hasattr(spec, "keys"):  # a DataFrame is no Mapping

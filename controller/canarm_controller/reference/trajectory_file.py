@@ -1,7 +1,7 @@
 """Reading a trajectory from a CSV file or a table of columns: what the header says, and what can be wrong with it.
 
-What lies between the rows, and whether the robot can follow, is decided in `file_trajectory`. The format is described
-in docs/trajectory-files.md.
+`file_trajectory` interpolates between the rows, and checks whether the robot can follow. docs/trajectory-files.md
+describes the format.
 """
 
 import csv
@@ -24,24 +24,24 @@ Floats = NDArray[np.float64]
 
 TIME_UNITS = {"time_s": 1.0, "time_ms": 1e-3, "time_us": 1e-6}
 ANGLE_UNITS = {"": math.radians(1.0), "_deg": math.radians(1.0), "_rad": 1.0}
-"""Endings of a column's name behind the joint's; without one, degrees."""
+"""Suffixes of a column's name after the joint's; without one, degrees."""
 RECORDED = ".reference_rad"
-"""Ending of a reference's column in a run folder's signals/controller.csv, which has others beside it."""
+"""Suffix of a reference's column in a run folder's signals/controller.csv, which has other columns as well."""
 LARGEST_BYTES = 64 * 1024 * 1024
 LONGEST_S = 86_400.0
 SHORTEST_STEP_S = 1e-6
-"""Rows closer than this are a slip of the pen: no cycle is that short, and a spline's slopes lose their digits."""
+"""Rows closer than this are a mistake: no cycle is that short, and a spline's slopes lose their digits."""
 LARGEST_DEG = 1e6
 SHOWN = 40
-"""Characters of a wrong value that a message repeats."""
+"""Characters of a wrong value that are shown in a message."""
 SLOWEST_DEG_S = 0.1
-"""A motion that is nowhere faster, in thousands of seconds, looks like milliseconds: no tachometer sees so little."""
+"""A motion that is nowhere faster, in thousands of seconds, looks like milliseconds: no tachometer can see it."""
 LONG_S = 1000.0
 
 
 @dataclass(frozen=True, slots=True)
 class _Columns:
-    """Where time and each joint's angle stand, and what one unit of each is in s and rad."""
+    """Columns of time and of each joint's angle, and their units in s and rad."""
 
     places: tuple[int, ...]
     scales: tuple[float, ...]
@@ -116,7 +116,7 @@ def _columns(source: str, header: Sequence[str], joint_names: Sequence[str]) -> 
 def _checked(
     source: str, table: Floats, columns: _Columns, header: Sequence[str], numbers: Sequence[int]
 ) -> tuple[Floats, Floats]:
-    """Times and angles, once the times are found to be in order and the units to be likely."""
+    """Times and angles, checked for increasing times and plausible units."""
     time_s, position_rad = table[:, 0], table[:, 1:]
     name, scale = header[columns.places[0]], columns.scales[0]
     if columns.is_recorded:

@@ -1,6 +1,6 @@
-"""The inputs of a cycle: which TPDOs are still awaited, and the codes that they bring.
+"""The inputs of a cycle: which TPDOs are still awaited, and the codes in those that have come.
 
-What a code means never enters, nor what is to be done about inputs that are missing.
+The meaning of codes, and the reaction to missing inputs, never enter.
 """
 
 from collections.abc import Sequence
@@ -11,14 +11,14 @@ from canarm_protocol.cell.wiring import CardNode, InputSlot
 
 
 class AwaitedInputs:
-    """Inputs from the cyclic TPDOs of `nodes`; `codes` has one per slot, the last one that came."""
+    """Inputs from the cyclic TPDOs of `nodes`; `codes` has the last code of each slot."""
 
     def __init__(self, nodes: Sequence[CardNode], slots: Sequence[InputSlot]) -> None:
         self.layouts = {layout.cob_id: layout for node in nodes for layout in node.tpdos}
-        """By COB-ID."""
+        """Layouts by COB-ID."""
         self.codes = [0] * len(slots)
         self.awaited = set(self.layouts)
-        """COB-IDs of what has not come in this cycle."""
+        """COB-IDs of TPDOs that have not come in this cycle."""
         self._places = {
             cob_id: [(place, slot.codec.shift) for place, slot in enumerate(slots) if slot.cob_id == cob_id]
             for cob_id in self.layouts
@@ -30,7 +30,7 @@ class AwaitedInputs:
         self.awaited = set(self.layouts)
 
     def take(self, layout: PdoLayout, data: bytes) -> bool:
-        """Take the data of a TPDO. False for what is too short, or no code of the card's converter."""
+        """Take the data of a TPDO. False if they are too short, or no code of the card's converter."""
         if len(data) != layout.size:
             if len(data) < layout.size:
                 return False
@@ -43,6 +43,6 @@ class AwaitedInputs:
         return True
 
     def describe_awaited(self) -> str:
-        """What has not come in this cycle, in words."""
+        """The TPDOs that have not come in this cycle, in words."""
         late = [f"TPDO 0x{cob_id:03X} of node 0x{cob_id & HIGHEST_NODE_ID:02X}" for cob_id in sorted(self.awaited)]
         return " and ".join(late)

@@ -30,7 +30,7 @@ MISSING_NOTED = DETECTORS["inputs-missing"].debounce_cycles
 
 
 class Controller(SupervisedRun):
-    """One run. Whoever drives it hands in every frame, sends what gathers in `outbox`, and calls `open_cycle` on time.
+    """One run. Its driver hands in every frame, sends the frames in `outbox`, and calls `open_cycle` on time.
 
     On the wall clock the runner opens a cycle every period. In lockstep `receive` does so itself when TIME has come.
     `on_tick` is called at the end of every controlled cycle; a `ControllerError` (from the law's internals) or an
@@ -76,12 +76,12 @@ class Controller(SupervisedRun):
 
     @property
     def deadline_ns(self) -> int | None:
-        """When `time_out` is to be called, in the time that is handed in; None while nothing is awaited."""
+        """When to call `time_out`, in the time that is handed in; None while no answer is awaited."""
         return self._preparation.deadline_ns
 
     @property
     def reason(self) -> str | None:
-        """Why the run failed or was stopped; None if it did as planned."""
+        """Why the run failed or was stopped; None if it went as planned."""
         cause = self.error or self.verdict
         return None if cause is None else str(cause)
 
@@ -93,8 +93,8 @@ class Controller(SupervisedRun):
     def receive(self, frame: Frame, now_ns: int) -> None:
         """Take one frame from the bus. A malformed or foreign one is counted in `ignored_frames`; it stops nothing.
 
-        In lockstep every TIME ends a cycle. One that is ahead of it says that its SYNC was late. One that cannot be
-        this cycle's begins the safe stop, to which a TIME too many does no harm.
+        In lockstep every TIME ends a cycle. A TIME that is ahead means that its SYNC was late. A TIME that cannot
+        belong to this cycle begins the safe stop, which tolerates extra TIMEs.
         """
         can_id, data, is_extended, is_remote = frame
         if is_extended or is_remote:
@@ -118,7 +118,7 @@ class Controller(SupervisedRun):
             self._judge(self._supervisor.message(frame, self.tick))
 
     def _take_time(self, data: bytes) -> None:
-        """In lockstep: judge the TIME, and keep by how much the next measurement is later than a cycle."""
+        """In lockstep: judge the TIME, and note the delay of the next measurement."""
         supervisor = self._supervisor
         self._judge(supervisor.time(data))
         if supervisor.late_ns:
@@ -146,7 +146,7 @@ class Controller(SupervisedRun):
     def open_cycle(self, now_ns: int | None = None) -> None:
         """Begin a cycle: SYNC goes out, after a heartbeat when one is due.
 
-        On the wall clock `now_ns` says when, in the time that `receive` is given: cycles are seldom of one length.
+        On the wall clock `now_ns` is the time, on the clock of `receive`: the lengths of cycles vary.
         """
         if self.cycle_is_open:
             self._miss()
@@ -161,7 +161,7 @@ class Controller(SupervisedRun):
         self.cycle_is_open = True
 
     def close_cycle(self) -> None:
-        """End a cycle: from its inputs to the outputs that act at the next SYNC."""
+        """End a cycle: compute the outputs that act at the next SYNC from its inputs."""
         self.cycle_is_open = False
         if self._ticks is not None and self.controlled_ticks >= self._ticks:
             self.end()
@@ -176,7 +176,7 @@ class Controller(SupervisedRun):
             self._stop_step()
 
     def note_missed_deadlines(self, count: int) -> None:
-        """Whoever paces the cycles has left out `count` of them: the wall clock was ahead."""
+        """The pacer has left out `count` cycles: the wall clock was ahead."""
         if self.state is State.RUNNING:
             self._detect("deadline-missed", None, f"{count} cycles left out")
 
@@ -188,7 +188,7 @@ class Controller(SupervisedRun):
             self.lose(ControllerError(f"interrupted: {detail}"))
 
     def end(self) -> None:
-        """Stop as planned, before the last tick; a run that still looks for its cards ends when it has found them."""
+        """Stop as planned, before the last tick; during bring-up the run ends when the cards have been found."""
         if self.state is State.RUNNING:
             self.state = State.STOPPING
         elif self.state is State.BRINGING_UP:
@@ -197,7 +197,7 @@ class Controller(SupervisedRun):
             self.state = State.DONE
 
     def lose(self, error: ControllerError) -> None:
-        """The bus is lost, or nobody answers any more: nothing can be sent; the cards protect themselves."""
+        """The bus is lost, or nobody answers any more: nothing can be sent, and the cards protect themselves."""
         if not self.is_finished:
             self.error = self.error or error
             self.state = State.FAILED
@@ -253,7 +253,7 @@ class Controller(SupervisedRun):
         self._measuring.judge(sample)
 
     def _law_output(self) -> Sequence[float] | None:
-        """The law's torques, once they are found to be usable."""
+        """The law's torques; None if they are unusable."""
         try:
             torque_nm = self.loop.torque_nm()
         except ControllerError as error:
@@ -273,7 +273,7 @@ class Controller(SupervisedRun):
             self._judge(self._supervisor.missing(waiting_for, is_timed=self.clock is Clock.WALL))
 
     def _stop_step(self) -> None:
-        """Torque off, or the arm held; the cycle goes on until it stands still, so that somebody watches it."""
+        """Torque off, or the arm held; cycles go on until it stands still, so that it is watched."""
         has_inputs = not self._inputs.awaited
         if self._stop.begin_cycle() and has_inputs:
             if self._stop.holds:

@@ -1,9 +1,9 @@
-"""What has been noticed in a run, without the repetitions. What is to be done about it never enters."""
+"""The detections of a run, without repetitions. Reactions never enter."""
 
 from ..supervision.detection import Detection
 
 REPEAT_CYCLES = 400
-"""What is detected again and again at one place is noted once a second."""
+"""Repeated detections at one place are logged once in this many cycles, a second at 2.5 ms."""
 
 
 class DetectionLog:

@@ -1,7 +1,7 @@
 """What the cards measure, as the loop needs it: codes of a cycle in, position, speed and current of each joint out.
 
-Owns scales, times of sampling, and what stands in for a sensor that a joint does not have. Reference, law and commands
-must not enter.
+Owns scales, sampling times, and substitutes for sensors that a joint does not have. Reference, law and commands must
+not enter.
 """
 
 from collections.abc import Sequence
@@ -22,10 +22,10 @@ BYTE_BITS = 8
 
 
 class JointInputs:
-    """Scales of all joints. `slots` says which quantity stands at which place of the `codes` that `take` gets.
+    """Scales of all joints. `slots` gives the quantity of each of the `codes` in `take`.
 
-    A joint without a tachometer has the speed that a `SpeedObserver` gives; one without a current sense has the current
-    that was commanded. Their codes are 0.
+    A joint without a tachometer gets its speed from a `SpeedObserver`; one without a current sense has the commanded
+    current. Their codes are 0.
     """
 
     def __init__(self, cell: Cell, slots: Sequence[InputSlot], arm: Arm) -> None:
@@ -57,7 +57,7 @@ class JointInputs:
     def start(self, position_codes: Sequence[int]) -> tuple[float, ...]:
         """The pose (rad) at which the arm rests, from one position code per joint; observers start there.
 
-        A joint that is measured a little beyond a stop, as noise has it, rests on that stop.
+        A joint that noise puts a little beyond a stop rests on that stop.
         """
         codes = zip(position_codes, self._scales, strict=True)
         measured = [(code - zero) * step for code, (zero, step) in codes]
@@ -67,9 +67,9 @@ class JointInputs:
         return pose
 
     def take(self, codes: Sequence[int], cycle: Cycle, signs: Sequence[float]) -> None:
-        """Put one cycle's measurements into `cycle`; `signs` are the ways in which the currents were commanded.
+        """Put one cycle's measurements into `cycle`; `signs` are those of the commanded currents.
 
-        An ADC converts one channel after the other; positions are led back to the time of SYNC by the speed.
+        An ADC converts one channel after the other; positions are referred back to the time of SYNC by the speed.
         """
         angles: list[int] = []
         speeds: list[int] = []
@@ -77,7 +77,7 @@ class JointInputs:
         positions, velocities, amperes = [], [], []
         for angle, speed, current, sign in zip(
             self._positions, self._velocities, self._currents, signs, strict=True
-        ):  # one loop: a comprehension a quantity costs twice as much
+        ):  # one loop: a comprehension per quantity costs twice as much
             place, zero, step, _ = angle
             angles.append(code := codes[place])
             positions.append((code - zero) * step)
@@ -118,7 +118,7 @@ class JointInputs:
         )
 
     def skew_s(self, joint: int, quantity: Quantity) -> float:
-        """How long after SYNC the joint's quantity is sampled; 0 for what it has no sensor for."""
+        """Time from SYNC to the sample of the joint's quantity; 0 without a sensor."""
         wired = self._sensors[joint].measuring(quantity)
         return 0.0 if wired is None else wired.skew_s
 
@@ -131,7 +131,7 @@ class JointInputs:
 
 
 def resting_rad(measured_rad: float, stops_rad: tuple[float, float], within_rad: tuple[float, float]) -> float:
-    """Where a joint rests that is measured there: on a stop, if it is beyond it by no more than its range allows."""
+    """Angle at which a joint rests: the measured one, or the stop if it is beyond it but within the measuring range."""
     low, high = stops_rad
     if within_rad[0] <= measured_rad <= within_rad[1]:
         return min(max(measured_rad, low), high)
@@ -139,11 +139,11 @@ def resting_rad(measured_rad: float, stops_rad: tuple[float, float], within_rad:
 
 
 Channel = tuple[int, float, float, float]
-"""Place among the codes, code at 0, step in rad, rad/s or A, and s after SYNC."""
+"""Index among the codes, code at 0, step in rad, rad/s or A, and s after SYNC."""
 
 
 def _channel(places: dict[tuple[int, Quantity], int], joint: int, wired: WiredSensor | None) -> Channel:
-    """The joint's channel; where it has no such sensor, any code, which counts as 0."""
+    """The joint's channel; without such a sensor, one that always gives 0."""
     if wired is None:
         return 0, 0.0, 0.0, 0.0
     return places[joint, wired.quantity], wired.scale.zero, wired.scale.step, wired.skew_s

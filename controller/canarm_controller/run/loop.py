@@ -1,7 +1,7 @@
 """The control loop of one run: codes of a cycle in, DAC codes and direction bits out.
 
-Owns the way from code to radian, reference, feed-forward, law and current; knows no frames, no clock and no supervision
-beyond what it returns.
+Owns the path from codes through reference, feed-forward and law to currents; frames, clocks and supervision never
+enter.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,18 +21,18 @@ from .inputs import JointInputs
 
 OFF, CLOCKWISE = int(DirectionBits.OFF), int(DirectionBits.CLOCKWISE)
 COUNTER_CLOCKWISE = int(DirectionBits.COUNTER_CLOCKWISE)
-"""DirectionBits bits of the latch (table 1 of the paper); counter-clockwise is towards positive angles."""
+"""`DirectionBits` as plain integers, which are faster."""
 LEAD_CYCLES = 1.5
 """A command computed in cycle k acts from SYNC k+1 to SYNC k+2: on average 1.5 cycles later."""
 CHUNK = 64
-"""Ticks whose reference is turned into plain floats at once, so that no cycle has to do it for a whole block."""
+"""Ticks whose reference is converted to floats together, so that no cycle has to convert a whole block."""
 
 
 class ControlLoop:
     """Law, feed-forward and trajectory of one run.
 
-    `slots` says which quantity stands at which place of `codes` in `measure`. Raises `ControllerError` for an arm, a
-    law or a feed-forward that cannot be, and `LawError` for whatever else the law's own code raises, here and later.
+    `slots` gives the quantity of each of the `codes` in `measure`. Raises `ControllerError` for an impossible arm, law
+    or feed-forward, and `LawError` for anything else that the law's own code raises, here and later.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class ControlLoop:
         try:
             self.law = law(self.arm, cell.control, self.period_s)
             self.internal_names = tuple(self.law.internals())
-            """Names of the law's inner values; they stay the same for the whole run."""
+            """Names of the law's internal values, fixed for the whole run."""
         except KeyboardInterrupt:
             raise
         except BaseException as error:
@@ -72,14 +72,14 @@ class ControlLoop:
             self.feedforward_kind, self.arm, self.memory, law.feedforward_excludes_inertia, LEAD_CYCLES * self.period_s
         )
         self.cycle = Cycle(len(cell.joints))
-        """What is recorded, reported and judged; the law is given a copy."""
+        """The cycle that is recorded, reported and judged; the law gets a copy."""
         self._law_cycle = Cycle(len(cell.joints))
         self.saturated_cycles = [0] * len(cell.joints)
         """Cycles in which the law asked for more current than the amplifier has."""
         self.stopwatch: Callable[[], int] | None = None
-        """Monotonic ns; where it is given, the law's own computing time is measured."""
+        """Gives monotonic ns, if the law's computing time is to be measured."""
         self.law_ns = 0
-        """How long the law took in the last cycle, if that is measured."""
+        """Computing time of the law in the last cycle, if measured."""
         self._checks_internals = law not in LAWS.values()
         self._internals: Mapping[str, Sequence[float]] | None = None
         self._limits_a = limits_a
@@ -126,7 +126,7 @@ class ControlLoop:
         cycle.reference_rad, cycle.reference_rad_s, cycle.reference_rad_s2 = self._reference[place]
 
     def torque_nm(self) -> Sequence[float]:
-        """What the law asks for in this cycle, N·m, not yet judged. Raises `LawError`, `InterruptedRunError`."""
+        """The law's torques for this cycle, N·m, not yet judged. Raises `LawError` or `InterruptedRunError`."""
         cycle, law_cycle = self.cycle, self._law_cycle
         cycle.feedforward_nm = tuple(self._feedforward.torque_nm(cycle.tick))
         law_cycle.copy_from(cycle)
@@ -165,9 +165,9 @@ class ControlLoop:
         return codes, directions
 
     def internals(self) -> Mapping[str, Sequence[float]]:
-        """The law's named inner values. Raises `LawError` where they are not a number per joint for every name.
+        """The law's named internal values. Raises `LawError` unless there is one number per joint for every name.
 
-        A law of the user's is asked once a cycle, recorded or not, so that a run ends alike everywhere.
+        A law is asked once per cycle, recorded or not, so that a run ends in the same way everywhere.
         """
         if self._internals is not None:
             return self._internals
@@ -200,10 +200,9 @@ class ControlLoop:
 
 
 def default_feedforward(cell: Cell, law: type[ControlLaw]) -> str:
-    """Where the feed-forward of `law` comes from unless somebody says so.
+    """The default source of the feed-forward of `law`.
 
-    A byte of the table is as good as an 8-bit DAC; with a finer one the torque of a law that would take it from there
-    is computed on line.
+    A byte of the table is as fine as an 8-bit DAC; with a finer DAC the torque is computed on line instead.
     """
     bits = max(command_codec(cell, joint).bits for joint in range(len(cell.joints)))
     kind = FeedforwardKind(law.default_feedforward)

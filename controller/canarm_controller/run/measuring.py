@@ -1,6 +1,6 @@
-"""From the codes of a cycle to measurements that the arm's watch has judged, on time or not.
+"""Turns the codes of a cycle into measurements, and has the arm's watch judge them.
 
-What is done about a verdict never enters.
+Reactions to a verdict never enter.
 """
 
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ class Measuring:
         return sample
 
     def judge(self, sample: Sample) -> None:
-        """Have the watch compare what was measured with what it expected at that time."""
+        """Have the watch compare the measurements with its expectations for the time of `sample`."""
         loop, inputs, watch = self._loop, self._loop.inputs, self._watch
         if sample.is_on_time:
             watch.step(loop.cycle, inputs.angle_codes, inputs.speed_codes, inputs.current_codes)

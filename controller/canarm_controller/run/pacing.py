@@ -1,7 +1,7 @@
 """When cycles are due by the wall clock, and how well that was kept.
 
-Owns the grid of deadlines, the counts, and the pace of lockstep. It waits for nothing and sends nothing: that is the
-runner's. What "late" and "missed" mean is said in docs/wall-clock.md.
+Owns the grid of deadlines, the counts, and the pace of lockstep. Waiting and sending are left to the runner.
+docs/wall-clock.md defines "late" and "missed".
 """
 
 import time
@@ -11,12 +11,12 @@ from typing import Any
 from canarm_protocol.runs.histogram import Histogram
 
 LATE_FRACTION = 10
-"""A SYNC that leaves more than a tenth of the period after its time is late."""
+"""A SYNC is late if it is sent more than a tenth of the period after its deadline."""
 STALL_NS = 100_000_000
-"""A longer delay is a stall: the machine slept, or the process was stopped. Cards wait no longer for our heartbeat."""
+"""A longer delay is a stall: the machine slept, or the process was stopped. The cards' heartbeat time-out is as long."""
 
 LAG_NS = 100_000_000
-"""Lockstep may run so much faster than its pace to make up for a hitch; more would be seen as a jump."""
+"""Lockstep may exceed its pace to catch up by this much after a hitch; more would be visible as a jump."""
 
 
 class Pacer:
@@ -27,13 +27,13 @@ class Pacer:
         self.next_ns = clock()
         self._sync_ns: int | None = None
         self.lateness = Histogram()
-        """From a SYNC's deadline to its leaving."""
+        """From the deadline of a SYNC to its sending."""
         self.jitter = Histogram()
         """|interval - period| of successive SYNCs."""
         self.answer = Histogram()
         """From SYNC to the last TPDO of its cycle."""
         self.computing = Histogram()
-        """From the last TPDO of a cycle to the moment at which its outputs have been handed to the bus."""
+        """From the last TPDO of a cycle until its outputs have been handed to the bus."""
         self.law = Histogram()
         """The law's part of that."""
         self.late = 0
@@ -46,7 +46,7 @@ class Pacer:
         return (self.next_ns - self._clock()) * 1e-9
 
     def begin(self, counts: bool = True) -> None:
-        """The deadline has come: count how late it is kept, set the next one.
+        """The deadline has come: count its lateness, and set the next one.
 
         A deadline that does not count, such as one of a safe stop, is neither late nor left out.
         """
@@ -92,7 +92,7 @@ class Pacer:
 class LockstepPace:
     """Holds lockstep back: virtual time passes `rate` times as fast as the wall clock at most.
 
-    A cycle that is due gives no reason to hurry: what a slow machine has lost beyond `LAG_NS` is not made up for.
+    Delays beyond `LAG_NS` are not made up for.
     """
 
     def __init__(self, period_ns: int, rate: float, clock: Callable[[], int] = time.perf_counter_ns) -> None:
@@ -101,7 +101,7 @@ class LockstepPace:
         self._start_ns: float = clock()
 
     def left_s(self, tick: int) -> float:
-        """Seconds until the SYNC of `tick` may leave; 0 when it may."""
+        """Seconds until the SYNC of `tick` may be sent."""
         late_ns = self._clock() - self._start_ns - tick * self._interval_ns
         if late_ns > LAG_NS:
             self._start_ns += late_ns

@@ -1,6 +1,6 @@
 """The way into a run: the cards are found, checked and configured, and the loop begins with their first codes.
 
-Owns what is asked, and how long an answer may take. What becomes of the run never enters.
+Owns the questions and their time-outs. What happens to the run afterwards never enters.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""What a controller leaves in a run folder: reference, measurement, command and the law's internals; events."""
+"""A controller's files in a run folder: reference, measurement, command and the law's internals; events."""
 
 import contextlib
 from pathlib import Path
@@ -65,7 +65,7 @@ class ControllerRecorder:
             self._write_memory()
 
     def detection(self, detection: Detection) -> None:
-        """Append what was noticed."""
+        """Append a detection."""
         at = {} if detection.where is None else {"at": detection.where}
         self._events.write(
             detection.tick * self._period_ns,
@@ -84,7 +84,7 @@ class ControllerRecorder:
 
         Raises `OSError` once all that can be written is.
         """
-        with contextlib.ExitStack() as stack:  # one file that cannot be written does not keep the others from it
+        with contextlib.ExitStack() as stack:  # close all files even if one cannot be written
             stack.callback(self._write_memory)
             stack.callback(self._events.close)
             stack.callback(self._signals.close)

@@ -1,6 +1,7 @@
-"""What the controller tells the test bench: reference of every tick, and now and then what it measured and thinks.
+"""What the controller reports to the test bench: the reference of every tick, and at intervals measurements, commands
+and internals.
 
-The robot needs none of it; it travels on the bench bus, in batches, and is judged there.
+The robot does not need it; it goes to the bench bus in batches, and is assessed there.
 """
 
 import math
@@ -13,19 +14,18 @@ from canarm_protocol.cell.model import Cell
 from .controller import Controller
 
 BATCH_TICKS = 16
-"""Ticks whose frames go out together: 40 ms at 2.5 ms."""
+"""Ticks whose frames are sent together: 40 ms at 2.5 ms."""
 DETAIL_TICKS = 8
-"""Every how many ticks measurements, commands and internals are reported: 50 Hz at 2.5 ms."""
+"""Interval, in ticks, of measurements, commands and internals: 50 Hz at 2.5 ms."""
 U16, U32 = 0xFFFF, 0xFFFF_FFFF
 LARGEST = (2 - 2**-24) * 2.0**127
-"""Greatest number that still rounds to one in single precision (IEEE 754)."""
+"""Largest number that still rounds to a finite one in single precision (IEEE 754)."""
 
 
 class BenchReport:
-    """Gathers the frames of a run; `take` hands them over when a batch is full.
+    """Collects the frames of a run; `take` hands them over when a batch is full.
 
-    `paced_late()` gives the cycles that whoever paces the controller began late; the bench shows them with the missed
-    ones.
+    `paced_late()` gives the number of cycles that the pacer has begun late; the bench shows them with the missed ones.
     """
 
     def __init__(self, cell: Cell, controller: Controller, paced_late: Callable[[], int] = lambda: 0) -> None:
@@ -77,5 +77,5 @@ class BenchReport:
 
 
 def _single(value: float) -> float:
-    """What single precision can hold of it: an inner value of a law may run away."""
+    """`value` limited to single precision: an internal value of a law may diverge."""
     return value if -LARGEST < value < LARGEST else math.copysign(math.inf, value) if value == value else math.nan

@@ -22,9 +22,9 @@ from .starvation import Starvation, explains, long_law
 from .state import State
 
 ANSWER_S = 10.0
-"""How long lockstep waits for the emulator's TIME, whatever else arrives meanwhile, unless told otherwise."""
+"""Default wait of lockstep for the emulator's TIME, whatever else arrives meanwhile."""
 POLL_S = 0.1
-"""How often a wait is broken off to ask whether the user wants to stop."""
+"""Longest wait before asking whether the user wants to stop."""
 LISTEN_NS = 250_000_000
 """How long a controller listens for another one before it takes the bus: several of its heartbeats."""
 
@@ -50,10 +50,11 @@ class RunResult:
 class Runner:
     """One run of `controller` over `port`, with its reports on `bench` if there is one.
 
-    `on_state` is called with every change of state; `should_stop` is asked once a cycle and answers with a reason to
-    stop safely. `clock` gives monotonic ns. On the wall clock, the last `spin_ns` before a deadline are not slept but
-    polled away: a busy core for a SYNC on time. In lockstep virtual time passes at most `pace` times as fast as
-    `clock`, and `answer_s` bounds the wait for the emulator's TIME; infinite where a debugger may hold it.
+    `on_state` is called with every change of state; `should_stop` is called once per cycle and may return a reason to
+    stop safely. `clock` gives monotonic ns. On the wall clock, the last `spin_ns` before a deadline are polled instead
+    of slept, which keeps a core busy for a punctual SYNC. In lockstep virtual time passes at most `pace` times as fast
+    as `clock`, and `answer_s` bounds the wait for the emulator's TIME; it is infinite if a debugger may hold the
+    emulator.
     """
 
     def __init__(
@@ -83,9 +84,9 @@ class Runner:
         self._record: Callable[[], None] | None = None
         self._is_tick_untold = False
         self._inputs_ns: int | None = None
-        """When the frames that are being handed to the controller had arrived."""
+        """Arrival time of the frames that are being handed to the controller."""
         self._owns_the_bus = False
-        """Whether the cards are ours: until then another controller's report must not be disturbed."""
+        """Whether the cards are ours; before that, another controller's report must not be disturbed."""
         self._started_ns = self._ended_ns = 0
 
     @property
@@ -94,7 +95,7 @@ class Runner:
         return self._controller.missed + (self._pacer.missed if self._pacer else 0)
 
     def run(self) -> RunResult:
-        """From finding the cards to leaving them safe. Every wait has a limit; no exception of a bus leaves here."""
+        """From finding the cards to leaving them safe. Every wait is bounded; exceptions of a bus do not escape."""
         if self._controller.clock is Clock.SYNC:
             return self._run()
         with undisturbed(self._clock) as self._collector:
@@ -119,9 +120,10 @@ class Runner:
         return self._result(self._assess())
 
     def _on_tick(self) -> None:
-        """A cycle has been controlled. What is sent leaves first; records and reports can wait until it has.
+        """A cycle has been controlled. Frames are sent first; records and reports come after them.
 
-        In lockstep the next SYNC belongs to it, which the controller sends last: the emulator computes meanwhile.
+        In lockstep these include the next SYNC, which the controller sends last, so that the emulator computes
+        meanwhile.
         """
         pacer, inputs_ns = self._pacer, self._inputs_ns
         if self._controller.clock is Clock.SYNC:
@@ -224,7 +226,7 @@ class Runner:
             self._port.send(frames)
 
     def _hold_back(self, pace: LockstepPace) -> None:
-        """Wait until the SYNC of the cycle may leave. Who wants to stop need not wait for it."""
+        """Wait until the SYNC of the cycle may be sent, or the user wants to stop."""
         while (left_s := pace.left_s(self._controller.tick)) > 0.0:
             self._sleep(min(left_s, POLL_S))
             self._ask_to_stop()

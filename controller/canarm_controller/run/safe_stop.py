@@ -1,6 +1,6 @@
 """The end of a run: torque off or the arm held, cycle after cycle, until it stands still and the cards can be left.
 
-Why the robot stops, and which frames say so, never enters.
+The reason of the stop, and frames, never enter.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,7 +11,7 @@ from ..supervision.hold import SafeHold
 from .loop import ControlLoop
 
 STANDSTILL_S, LEAST_STANDSTILL_CYCLES = 0.05, 4
-"""The arm stands still when every joint has for so long."""
+"""The arm stands still when every joint has done so for this long."""
 STOPPING_S = 2.0
 """A stop waits at most this long for standstill."""
 FINAL_CYCLES = 2
@@ -19,7 +19,7 @@ FINAL_CYCLES = 2
 
 
 class StopStep(NamedTuple):
-    """What one cycle of a stop asks for: torques in N·m, one per joint, or None for none at all; or the end."""
+    """One cycle of a stop: torques in N·m, one per joint, or None for no torque; and whether the stop is over."""
 
     torque_nm: Sequence[float] | None
     is_over: bool = False
@@ -32,14 +32,14 @@ class SafeStop:
 
     def __init__(self, loop: ControlLoop, hold: Callable[[Cycle], SafeHold], standing_rad_s: Sequence[float]) -> None:
         self.holds = False
-        """Whether the arm is held, rather than without torque."""
+        """Whether the arm is held instead of left without torque."""
         self._loop, self._begin_hold, self._standing_rad_s = loop, hold, standing_rad_s
         self._standstill_cycles = max(round(STANDSTILL_S / loop.period_s), LEAST_STANDSTILL_CYCLES)
         self._hold: SafeHold | None = None
         self._cycles = self._still_cycles = 0
 
     def begin_cycle(self) -> bool:
-        """Another cycle of the stop; whether its inputs are still to be measured, which those of the last are not."""
+        """Begin a cycle of the stop; returns whether its inputs must still be measured: those of the first have been."""
         self._cycles += 1
         return self._cycles > 1 or not self.holds
 
@@ -66,5 +66,5 @@ class SafeStop:
 
 
 def stands_still(cycle: Cycle, standing_rad_s: Sequence[float]) -> bool:
-    """Whether every joint does, as measured: slower than its limit."""
+    """Whether the measured speed of every joint is below its limit."""
     return all(abs(speed) < limit for speed, limit in zip(cycle.velocity_rad_s, standing_rad_s, strict=True))

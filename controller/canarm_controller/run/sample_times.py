@@ -8,25 +8,25 @@ from typing import NamedTuple
 from canarm_protocol.clock import Clock
 
 SKEW_FRACTION = 5
-"""An interval that is off by less than a fifth of a cycle is a cycle: at 2 rad/s it moves the angle by 0.05 LSB."""
+"""An interval counts as one cycle if it is off by less than a fifth of it: at 2 rad/s that is 0.05 LSB of angle."""
 CLEAR_CYCLES, UNCLEAR_ANSWERS = 4, 2
-"""An answer that comes so many cycles late, or so long after the one before, follows a stall; it and the next may
-belong to a SYNC before the stall or after it."""
+"""An answer that is more than this many cycles late, or after the one before, follows a stall; this many answers may
+then belong to a SYNC before the stall or after it."""
 
 
 class Sample(NamedTuple):
     """What is known of the time at which one cycle's inputs were sampled."""
 
     is_on_time: bool
-    """Whether that was a cycle after the last ones, so that they can be compared with what was predicted."""
+    """Whether that was one cycle after the last ones, so that they can be compared with predictions."""
     is_unclear: bool
-    """Whether nobody knows which SYNC they belong to."""
+    """Whether it is unknown to which SYNC they belong."""
     excess_s: float
-    """How much more or less than the cycles that were predicted has passed since the last ones."""
+    """Time since the last ones, less that of the predicted cycles."""
     left_out_s: float
-    """The time for which nothing was predicted, at the most."""
+    """Longest time without predictions."""
     shift_s: float
-    """The small excess of a sample that is on time."""
+    """Small excess of a sample that is on time."""
 
 
 ON_TIME = Sample(True, False, 0.0, 0.0, 0.0)
@@ -80,12 +80,11 @@ class SampleTimes:
     def _is_cycle(self) -> bool:
         """Whether these inputs were sampled a cycle after the last.
 
-        They are sampled when the cards get SYNC: if the answer comes soon, that is when it was sent; one that comes
-        before the scan can be over is the last cycle's. How much more or less than a cycle has passed since the last,
-        less what was predicted meanwhile, must not be lost in any case: `_excess_s` is added up, so that angles
-        integrated over many cycles stay right.
+        They are sampled when the cards receive SYNC. If the answer is prompt, that is when SYNC was sent; an answer
+        that comes before the scan can be over belongs to the last cycle. `_excess_s` accumulates the time beyond the
+        predicted cycles in any case, so that angles integrated over many cycles stay right.
 
-        After a stall, of this machine or of the cards, nobody knows which SYNC the next answers belong to.
+        After a stall, of this machine or of the cards, it is unknown to which SYNC the next answers belong.
         """
         period_ns = self._period_ns
         sync_ns = self._arrived_ns if self._sync_ns is None else self._sync_ns

@@ -1,6 +1,6 @@
-"""Whether cycles were late for want of computing time, and who took it: the law or the machine.
+"""Whether cycles were late for lack of computing time, and whether the law or the machine took it.
 
-Owns that judgement alone. What the robot does meanwhile is no business of this file, and neither is any bus.
+Owns only that judgement; the robot and buses never enter.
 """
 
 from collections import deque
@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from canarm_protocol.canopen.frames import ErrorCode
 
 WINDOW_NS = 1_000_000_000
-"""What was left out explains what is seen for so long: filters of the watch forget in a tenth of a second or two."""
+"""Left-out cycles explain detections for this long: filters of the watch forget in one or two tenths of a second."""
 ENOUGH_CYCLES = 16
-"""Cycles left out within `WINDOW_NS` from which on the run is starved; fewer, here and there, the watch bears."""
+"""With this many cycles left out within `WINDOW_NS` the run is starved; the watch tolerates fewer."""
 LAW_SHARE = 0.5
-"""The law is to blame when it took at least this share of the time that was lost."""
+"""The law is to blame if it took at least this share of the lost time."""
 SELDOM = 100
-"""A run that has lost less than one cycle in so many is not called starved."""
+"""A run that has lost less than one cycle in this many is not called starved."""
 LONG_NS = 1_000_000_000
-"""In lockstep time costs nothing; but a law that takes longer than this may outlast somebody's patience."""
+"""A law that takes longer than this in lockstep may exceed the time-out of others."""
 UNTOUCHED = frozenset(
     (
         "foreign-master",
@@ -30,14 +30,14 @@ UNTOUCHED = frozenset(
         "recording-failed",
     )
 )
-"""Detectors whose findings no want of time can explain."""
+"""Detectors whose findings lack of computing time cannot explain."""
 SILENCE = frozenset(("card-emergency", "heartbeat-lost"))
-"""Detectors that tell when a node has been waited for in vain, in lockstep too."""
+"""Detectors of silence, which lack of computing time explains in lockstep too."""
 HEARTBEAT_LOST = f"0x{ErrorCode.LIFE_GUARD_OR_HEARTBEAT:04X}"
 
 
 def explains(detector: str, detail: str, *, is_lockstep: bool) -> bool:
-    """Whether a lack of computing time can be behind what `detector` has found."""
+    """Whether lack of computing time can explain what `detector` has found."""
     if detector == "card-emergency":
         return HEARTBEAT_LOST in detail
     return detector in SILENCE if is_lockstep else detector not in UNTOUCHED
@@ -45,7 +45,7 @@ def explains(detector: str, detail: str, *, is_lockstep: bool) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _Loss:
-    """Deadlines that went by unused at `at_ns`, and how long the law had taken just before."""
+    """Deadlines that were left out at `at_ns`, and how long the law had taken just before."""
 
     at_ns: int
     cycles: int
@@ -53,7 +53,7 @@ class _Loss:
 
 
 class Starvation:
-    """Gathers the cycles of a run that came too late to be kept; `period_ns` is the length of one."""
+    """Collects the left-out cycles of a run; `period_ns` is the length of one."""
 
     def __init__(self, period_ns: int) -> None:
         self._period_ns = period_ns
@@ -62,17 +62,17 @@ class Starvation:
         self._law_ns = 0
 
     def law(self, law_ns: int) -> None:
-        """The law took `law_ns` in the cycle that ends now; what is lost next, it may have cost."""
+        """The law took `law_ns` in the cycle that ends now; it may be the cause of the next loss."""
         self._law_ns = law_ns
 
     def left_out(self, now_ns: int, cycles: int) -> None:
-        """`cycles` deadlines have gone by unused."""
+        """`cycles` deadlines have been left out."""
         loss = _Loss(now_ns, cycles, self._law_ns)
         self._recent.append(loss)
         self._all = _added(self._all, loss, self._period_ns)
 
     def cause(self, now_ns: int) -> str | None:
-        """Why the run is starved of late; None while it is not."""
+        """Why the run has been starved lately; None if it has not."""
         recent = self._recent
         while recent and now_ns - recent[0].at_ns > WINDOW_NS:
             recent.popleft()
@@ -104,7 +104,7 @@ def _added(total: list[int], loss: _Loss, period_ns: int) -> list[int]:
 
 
 def long_law(law_ns: int, tick: int) -> str | None:
-    """In lockstep: that the law has just taken longer than somebody's patience may last; None otherwise."""
+    """In lockstep: a warning that the law has just taken longer than others may wait; None otherwise."""
     if law_ns < LONG_NS:
         return None
     return f"the law took {law_ns / 1e9:.3g} s in cycle {tick}, longer than others wait; --sync-timeout sets how long"

@@ -1,4 +1,4 @@
-"""The states of a run. What leads from one to the next is the controller's business."""
+"""The states of a run. The controller owns the transitions."""
 
 from enum import IntEnum
 

@@ -1,6 +1,6 @@
-"""A run as its detectors see it: what they notice is noted and told, and may stop the robot.
+"""A run as its detectors see it: detections are logged and reported, and may stop the robot.
 
-Which frames and cycles make up a run never enters.
+Frames and the order of cycles never enter.
 """
 
 from collections.abc import Callable, Collection
@@ -31,23 +31,23 @@ class SupervisedRun:
         self.without: Collection[str] = ()
         """Names of detectors that are switched off."""
         self.starved_by: Callable[[str, str], str | None] = lambda detector, detail: None
-        """Asked with every detection: the lack of computing time that explains it, as whoever owns the clock knows."""
+        """Returns the lack of computing time that explains a detection; set by the owner of the clock."""
         self._log = DetectionLog()
         self._watch = ArmWatch(cell, loop.arm, loop.law.following_error_lsb, self._detect_at_joint)
         self._stop = SafeStop(loop, self._watch.safe_hold, self._watch.standing_rad_s)
 
     @property
     def detections(self) -> list[Detection]:
-        """What has been noticed, oldest first; what stopped the robot is one of them."""
+        """All detections, oldest first, including the one that stopped the robot."""
         return self._log.entries
 
     @property
     def degraded(self) -> list[Detection]:
-        """Detections with which the run went on, less able than before; empty while all is well."""
+        """Detections after which the run went on with reduced ability; empty while all is well."""
         return [each for each in self.detections if each.reaction in (Reaction.DEGRADED, Reaction.SUBSTITUTE)]
 
     def guard(self, tell: Callable[[], None]) -> None:
-        """Call what records or reports the run; what it fails with, as `on_tick` may, stops the robot safely."""
+        """Call a function that records or reports the run; its failure stops the robot safely, as with `on_tick`."""
         try:
             tell()
         except ControllerError as error:
@@ -69,7 +69,7 @@ class SupervisedRun:
         return self._detect(detector, f"0x{node_id:02X}", detail, reaction)
 
     def _detect(self, detector: str, where: str | None, detail: str, reaction: Reaction | None = None) -> bool:
-        """Note what was noticed and react. False if the detector is switched off."""
+        """Log a detection and react to it. False if the detector is switched off."""
         if detector in self.without:
             return False
         reaction = reaction or DETECTORS[detector].reaction

@@ -1,4 +1,4 @@
-"""Watching a run: what is judged from the measurements, and what follows."""
+"""Supervision of a run: verdicts from measurements, messages and commands, and the reactions to them."""
 
 from typing import TYPE_CHECKING
 

@@ -29,7 +29,7 @@ from .witness import LONGEST_GAP_S, JointWitness
 Accelerate = Callable[[Sequence[float]], Sequence[float]]
 
 FORGOTTEN = 0.01
-"""Share of a change of current that may be left a cycle later without that anybody asks for it."""
+"""If at most this share of a change of current is left one cycle later, the winding's lag is neglected."""
 
 
 class ArmWatch:
@@ -42,7 +42,7 @@ class ArmWatch:
         self._nominals = joint_nominals(cell, parts)
         limits = cell_thresholds(self._nominals, cell.supervision, timing)
         self.standing_rad_s = [limit.standing for limit in limits]
-        """Below this a joint stands still."""
+        """Speeds below which the joints stand still."""
         self.joints: list[Witness] = []
         self.currents: list[CurrentWatch | None] = []
         for index, (nominal, limit) in enumerate(zip(self._nominals, limits, strict=True)):

@@ -1,4 +1,4 @@
-"""When TPDOs arrive: missing, late, twice. What they carry must not enter: equal data are no proof of a repetition."""
+"""Detects TPDOs that are missing, late or repeated. Their data must not enter: equal data do not prove a repetition."""
 
 from collections.abc import Callable, Collection
 

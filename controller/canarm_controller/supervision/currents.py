@@ -1,4 +1,4 @@
-"""Measured against commanded current of one joint: has the amplifier failed, or its sense?
+"""Compares measured and commanded current of one joint: has the amplifier failed, or its sense?
 
 Owns the winding's lag and the vote of the arm's acceleration. Sensors of the motion must not enter.
 """

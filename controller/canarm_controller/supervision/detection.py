@@ -1,7 +1,4 @@
-"""What can be detected, how, and what follows: the table of detectors as data.
-
-Owns names, reactions, thresholds' descriptions and debounce. How a residual is computed must not enter.
-"""
+"""The table of detectors: names, reactions, descriptions of thresholds, and debounce. Residuals must not enter."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -11,11 +8,11 @@ class Reaction(StrEnum):
     """What follows a detection, from the mildest to the strictest."""
 
     CONTINUE = "continue"
-    """It is noted."""
+    """It is only reported."""
     DEGRADED = "degraded"
     """The law goes on; the run is shown as degraded."""
     SUBSTITUTE = "substitute"
-    """A sensor is replaced by what the others and the model say; the run is shown as degraded."""
+    """A sensor is replaced by the others and the model; the run is shown as degraded."""
     HOLD = "safe-stop-hold"
     """The arm is brought to a standstill and held, then its torque is switched off."""
     OFF = "safe-stop-off"
@@ -29,7 +26,7 @@ class Reaction(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """What was noticed: by which detector, at which joint or node (None: the run as a whole), in which cycle."""
+    """A detection: detector, joint or node (None: the run as a whole), cycle, detail and reaction."""
 
     detector: str
     where: str | None
@@ -43,7 +40,7 @@ class Detection:
 
 @dataclass(frozen=True, slots=True)
 class Detector:
-    """A row of the table. `debounce_cycles` is how long the condition holds at least before the reaction."""
+    """A row of the table. `debounce_cycles` is how long the condition must hold before the reaction."""
 
     name: str
     reaction: Reaction
@@ -99,4 +96,4 @@ DETECTORS: dict[str, Detector] = dict(
         _row("both-sensors", Reaction.OFF, 4, "one is lost, and the other astray by twice its limit"),
     )
 )
-"""Every detector by its name. Names are an API: tests of users ask for them."""
+"""Every detector by its name. The names are an API: users' tests refer to them."""

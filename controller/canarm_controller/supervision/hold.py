@@ -1,6 +1,6 @@
-"""Bringing the arm to a standstill and holding it there: the reaction to a failure that leaves sensors and motors.
+"""Brings the arm to a standstill and holds it: the reaction to a failure that leaves sensors and motors usable.
 
-Owns the torque of a safe stop. Which state is to be believed, and when the stop is over, is decided elsewhere.
+Owns the torque of a safe stop; the trusted state, and the end of the stop, are decided elsewhere.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
-"""The speed has stepped away from the model: did the arm do that, or only its tachometer?
+"""The speed has stepped away from the model: was it the arm, or only its tachometer?
 
-Had the arm stepped, the angle would go with it. Owns the least squares of angle over step; what follows is decided
+Had the arm stepped, the angle would follow. Owns the least squares of angle over step; the reaction is decided
 elsewhere.
 """
 

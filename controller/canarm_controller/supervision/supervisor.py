@@ -1,4 +1,4 @@
-"""What makes the controller stop the robot, judged from the measurements and messages that it has.
+"""Judges cards, messages, measurements and commands of a run.
 
 Owns thresholds and verdicts, never the reaction: the controller turns a verdict into a safe stop.
 """
@@ -25,16 +25,16 @@ FOREIGN_MASTER = "foreign-master"
 TIME_STEP_NS = 1_000_000
 """TIME counts milliseconds."""
 LATEST_NS = 1_000_000_000
-"""A SYNC may be so much late that a TIME ahead of the cycles is still taken for its own."""
+"""A TIME that is ahead by more than this is another producer's, not that of a late SYNC."""
 OUTPUT_TYPES = (list, tuple, np.ndarray)
-"""What a law may return. Other things can be iterated as well: a dict would give its keys."""
+"""Types that a law may return. Others can be iterated as well, but a dict would give its keys."""
 SHOWN = 80
-"""Characters of what a law has returned."""
+"""Characters that are shown of a wrong result of a law."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Why the robot must stop: the detector's name, and what it saw."""
+    """Why the robot must stop: the detector's name, and its finding."""
 
     detector: str
     detail: str
@@ -50,7 +50,7 @@ EMERGENCIES: dict[int, str] = {
     ErrorCode.LIFE_GUARD_OR_HEARTBEAT: f", it missed this controller's heartbeat: {BUSY_MACHINE}",
     ErrorCode.OUTPUT_REFUSED: ", it was told to turn a joint both ways at once (direction bits 11)",
 }
-"""What an emergency code means for whoever reads why the robot was stopped."""
+"""Meaning of emergency codes in the reason of a stop."""
 
 
 class Supervisor:

@@ -1,6 +1,6 @@
-"""Does the arm go with a torque that is in doubt? Its speed, regressed on what that torque would make of it.
+"""Does the arm follow a doubtful torque? Its speed is regressed on the speed that this torque would cause.
 
-Owns the arithmetic only: which torque, and what follows, is decided elsewhere.
+Owns the arithmetic only; the torque and the reaction are decided elsewhere.
 """
 
 from collections.abc import Sequence

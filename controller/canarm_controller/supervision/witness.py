@@ -1,4 +1,4 @@
-"""One joint's potentiometer, tachometer and model as three witnesses: two that agree out-vote the third.
+"""One joint's potentiometer, tachometer and model as three witnesses: two that agree outvote the third.
 
 Owns the residuals of a joint and which sensor is to blame. Plain floats: `step` runs for every joint in every cycle.
 Names of joints and cards, and how the robot is stopped, must not enter.
