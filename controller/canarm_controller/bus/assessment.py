@@ -25,7 +25,7 @@ class JointFigures:
 
 
 def read_assessment(session: SdoSession, cell: Cell) -> dict[str, JointFigures]:
-    """The bench's figures by joint name. Raises `SdoAborted`, `BusError`, or `ProtocolError` for another cell's bench."""
+    """The bench's figures by joint name. Raises `SdoAborted`, `BusError`, or `ProtocolError` if the cell differs."""
 
     def number(index: int, subindex: int, format_: str = "<f") -> Any:
         data = session.upload(index, subindex)

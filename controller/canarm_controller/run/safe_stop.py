@@ -39,7 +39,7 @@ class SafeStop:
         self._cycles = self._still_cycles = 0
 
     def begin_cycle(self) -> bool:
-        """Begin a cycle of the stop; returns whether its inputs must still be measured: those of the first have been."""
+        """Begin a cycle of the stop; returns whether its inputs must be measured: those of the first already are."""
         self._cycles += 1
         return self._cycles > 1 or not self.holds
 
