@@ -13,7 +13,7 @@ from canarm_protocol.runs.histogram import Histogram
 LATE_FRACTION = 10
 """A SYNC is late if it is sent more than a tenth of the period after its deadline."""
 STALL_NS = 100_000_000
-"""A longer delay is a stall: the machine slept, or the process was stopped. As long as the cards' heartbeat time-out."""
+"""A longer delay is a stall: the machine slept, or the process stopped. As long as the cards' heartbeat time-out."""
 
 LAG_NS = 100_000_000
 """Lockstep may exceed its pace to catch up by this much after a hitch; more would be visible as a jump."""
