@@ -180,8 +180,7 @@ class ArmWatch:
 
     def safe_hold(self, cycle: Cycle) -> SafeHold:
         """What brakes the arm and holds it, from its present state on."""
-        fastest = [nominal.fastest_rad_s for nominal in self._nominals]
-        return SafeHold(self._arm, cycle, [joint.bias for joint in self.joints], fastest, self._timing.period_s)
+        return SafeHold(self._arm, cycle, [joint.bias for joint in self.joints], self._timing.period_s)
 
     def _from_rest(
         self, accelerations: Sequence[float], speed_rad_s: Sequence[float], acted_nm: Sequence[float]

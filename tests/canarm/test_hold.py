@@ -1,0 +1,37 @@
+"""A safe stop that holds: the arm is at rest at once, where it then is, and stays there until its torque goes."""
+
+import numpy as np
+import pytest
+
+from canarm import Rig
+
+STANDING_RAD_S = 0.125  # 5 % of the tachometers' 2.5 rad/s
+RAMP_S = 0.1  # what a dangerous fault has in all
+
+
+def held(cell: str, onset_s: float, truth: dict[str, float]) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+    """When the controller began to stop; times, speeds (n, joints) and commands (n, joints) from then on."""
+    with Rig(cell, seed=0, truth=truth) as rig:
+        rig.inject("joint3.potentiometer", "short-to-supply", at=onset_s)
+        rig.run(seconds=onset_s + 1.0)
+        stop = next(each for each in rig.noticed if each.detection.reaction.value == "safe-stop-hold")
+        spans = [joint.span("true_speed_rad_s") for joint in rig.joints.values()]
+        commands = [joint.span("command_a") for joint in rig.joints.values()]
+        since = spans[0].time_s >= stop.time_s
+        columns = (np.column_stack([each.value[since] for each in found]) for found in (spans, commands))
+        return (stop.time_s, spans[0].time_s[since], *columns)
+
+
+@pytest.mark.parametrize("onset_s", [1.3, 2.05, 2.8, 3.4])
+@pytest.mark.parametrize("truth", [{}, {"joint3.mass": 0.9}], ids=["nominal", "payload"])
+def test_a_hold_brings_the_arm_to_rest_within_100_ms_and_keeps_it_there(
+    onset_s: float, truth: dict[str, float]
+) -> None:
+    stop_s, time_s, speed_rad_s, command_a = held("konkuk1", onset_s, truth)
+    assert np.abs(speed_rad_s[0]).max() > 0.5  # it moved
+    off = np.flatnonzero((command_a == 0.0).all(axis=1))
+    assert off.size  # in the end the torque goes
+    fast = np.flatnonzero((np.abs(speed_rad_s[: off[0]]) >= STANDING_RAD_S).any(axis=1))
+    assert time_s[fast[-1] + 1] - stop_s <= RAMP_S
+    assert off[0] - fast[-1] > 4  # it is held for a while
+    assert np.abs(command_a).max() <= 0.98 * 1.5 + 1.5 / 255  # of the amplifier's 1.5 A, to a step of its DAC
