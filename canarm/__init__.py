@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 __all__ = ["BenchClient", "BusRig", "Rig", "State", "__version__"]
 
+SCAFFOLDING = ("__annotations__", "__builtins__", "__dir__", "__getattr__")
+"""Names of every module that tell nobody anything."""
 _load = loader(
     __name__, __all__, "canarm_controller.run.state", "canarm_protocol.faults.bench_client", ".rig.bus_rig", ".rig.rig"
 )
@@ -32,5 +34,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """What there is to be had, what is loaded only when it is asked for included."""
-    return sorted({*globals(), *__all__})
+    """What there is to be had, and what every package has; not what it takes to load that."""
+    return sorted({*__all__, *(name for name in globals() if name.startswith("__") and name not in SCAFFOLDING)})

@@ -34,15 +34,17 @@ __all__ = [
 ]
 
 
-def make_bench(cell: Cell, truth: Mapping[str, str], clock: Clock, seed: int, with_wire: bool = False) -> "FaultBench":
-    """The emulated bench. Raises `TruthError`.
+def make_bench(
+    cell: Cell, truth: Mapping[str, str], clock: Clock, seed: int, with_wire: bool = False, option: str = "--truth"
+) -> "FaultBench":
+    """The emulated bench; errors say that `truth` was given in `option`. Raises `TruthError`.
 
     The physics engine is loaded only here: a controller starts without it.
     """
     from canarm_emulator.faults.fault_bench import FaultBench
     from canarm_emulator.robot.truth import Truth
 
-    return FaultBench(cell, Truth.from_settings(cell, truth), clock, seed, with_wire)
+    return FaultBench(cell, Truth.from_settings(cell, truth, option), clock, seed, with_wire)
 
 
 def make_controller(

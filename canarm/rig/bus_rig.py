@@ -12,6 +12,7 @@ from typing import Any
 
 from canarm_controller.bus.assessment import JointFigures
 from canarm_controller.run.state import State
+from canarm_emulator.robot.truth import Truth
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import BusError, FaultError
@@ -61,7 +62,8 @@ class BusRig(AnyRig):
         if self._out is None:
             raise UsageError("out: over a bus there is always a run folder; name it")
         given = as_text(settings)
-        self.cell = load_cell(name, given)
+        self.cell = load_cell(name, given, option="settings")
+        Truth.from_settings(self.cell, self._true_settings, "truth")
         self.folder = Path(self._out)
         self.reason: str | None = None
         self._result: dict[str, Any] | None = None

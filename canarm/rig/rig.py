@@ -60,7 +60,7 @@ class Rig(AnyRig):
 
     def _open(self, cell: str | Path | Cell, settings: Mapping[str, object] | None) -> None:
         self.cell = rig_cell(cell, settings)
-        self._bench = make_bench(self.cell, self._true_settings, Clock.SYNC, self._seed, self._wire)
+        self._bench = make_bench(self.cell, self._true_settings, Clock.SYNC, self._seed, self._wire, "truth")
         self._controller = make_controller(self.cell, self._law, self._trajectory, self._feedforward, Clock.SYNC)
         self._assessor: Assessor = self._bench.assessor
         size = tick_count(self.cell, self._history_s, "history_s")
@@ -164,7 +164,7 @@ class Rig(AnyRig):
         self._check_unfinished("change_truth")
         check_mechanics(self.cell, key)
         settings = {**self._true_settings, key: value_text(value)}
-        self._bench.change_truth(Truth.from_settings(self.cell, settings))
+        self._bench.change_truth(Truth.from_settings(self.cell, settings, "change_truth"))
         self._true_settings = settings
         self.events.append(Event(self.time_s, "truth", f"{key} = {settings[key]}"))
         if self._recorders is not None:

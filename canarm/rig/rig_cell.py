@@ -23,7 +23,7 @@ def rig_cell(cell: str | Path | Cell, settings: Mapping[str, object] | None) -> 
         loaded, name = cell, cell.name
     else:
         name = str(cell)
-        loaded = load_cell(name, as_text(settings))
+        loaded = load_cell(name, as_text(settings), option="settings")
     warning = traffic_warning(loaded, name)
     if warning is not None:
         warnings.warn(warning, RigWarning, stacklevel=4)

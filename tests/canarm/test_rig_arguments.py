@@ -4,6 +4,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +12,11 @@ import pytest
 import canarm
 from canarm import Rig
 from canarm.rig.arguments import RigWarning
+from canarm_controller.errors import TrajectoryError
 from canarm_controller.laws.base import Cycle
 from canarm_controller.laws.pd import Pd
 from canarm_controller.run.controller import State
+from canarm_protocol.errors import CanarmError
 
 CYCLE_S = 0.0025
 
@@ -130,6 +133,49 @@ def test_a_finding_that_nobody_asks_warns_where_the_assert_is_missing() -> None:
             assert not rig.joints["joint2"].stays_below("current_a", 0.0).holds
 
 
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        ({"truth": {"joint3.mas": 1}}, "truth joint3.mas=1: no such key; did you mean 'joint3.mass'?"),
+        ({"truth": {"joint3.mass": "heavy"}}, "truth joint3.mass=heavy: must be a number from 0.001 to 1000 kg"),
+        ({"settings": {"control.damp": 1}}, "settings control.damp=1: no such key"),
+        (
+            {"settings": {"control.damping_ratio": -1}},
+            "konkuk1 with settings: control.damping_ratio = -1: must be",
+        ),
+        ({"law": "slotine-li", "feedforward": "table"}, "its feed-forward must be none, not table"),
+        ({"history_s": -1.0}, "history_s -1: must be at least one cycle"),
+    ],
+)
+def test_an_error_names_the_argument_that_is_wrong_and_no_word_of_the_command_line(
+    given: dict[str, Any], complaint: str
+) -> None:
+    with pytest.raises(CanarmError) as raised:
+        Rig("konkuk1", **given)
+    assert complaint in str(raised.value)
+    assert not {"--truth", "--set", "--seconds", "--feedforward"} & set(str(raised.value).split())
+
+
+@pytest.mark.parametrize(
+    ("angles", "complaint"),
+    [
+        (np.zeros((2, 100)), "an array of shape (2, 100); must be (n, 2) with n of at least 3: angles in rad, one row"),
+        (np.zeros((2, 100)), "one column per joint; give its transpose, .T"),
+        (np.zeros(5), "an array of shape (5,); must be (n, 2)"),
+        (np.full((100, 2), 30.0), "the array's angles are rad: are these degrees? Then np.radians(...)"),
+        (np.array([[0.0, 0.0], [0.0, np.nan], [0.0, 0.0]]), "row 1, joint3: nan; must be a finite number, in rad"),
+    ],
+)
+def test_an_array_that_is_no_motion_is_answered_with_the_shape_and_unit_that_would_be(
+    angles: np.ndarray, complaint: str
+) -> None:
+    with pytest.raises(TrajectoryError) as raised:
+        Rig("konkuk1", trajectory=angles)
+    assert complaint in str(raised.value)
+
+
 def test_the_package_says_what_it_has_and_which_version_it_is() -> None:
-    assert {"Rig", "__version__"} <= set(dir(canarm))
+    names = [name for name in dir(canarm) if not name.startswith("__")]
+    assert names == ["BenchClient", "BusRig", "Rig", "State"]
+    assert {"__all__", "__doc__", "__version__"} <= set(dir(canarm))
     assert canarm.__version__.count(".") == 2

@@ -146,13 +146,24 @@ def _given(spec: Any, limits: Limits) -> Trajectory:
             f"trajectory: {type(spec).__name__} is none; must be a name, a file, a DataFrame, an array or a function"
         ) from None
     joints = len(limits.joint_names)
-    if angles.ndim != 2 or angles.shape[1] != joints or len(angles) < 3 or not np.isfinite(angles).all():
+    if angles.ndim != 2 or angles.shape[1] != joints or len(angles) < 3:
+        turned = angles.ndim == 2 and angles.shape[0] == joints != angles.shape[1]
         raise TrajectoryError(
-            f"trajectory: an array of shape {angles.shape}; must be (n, {joints}) with n of at least 3 and finite: "
-            "angles in rad, one row per cycle"
+            f"trajectory: an array of shape {angles.shape}; must be (n, {joints}) with n of at least 3: angles in rad, "
+            f"one row per cycle, one column per joint{'; give its transpose, .T' if turned else ''}"
+        )
+    if not np.isfinite(angles).all():
+        row, joint = np.argwhere(~np.isfinite(angles))[0].tolist()
+        raise TrajectoryError(
+            f"trajectory: row {row}, {limits.joint_names[joint]}: {angles[row, joint]}; must be a finite number, in rad"
         )
     times: Floats = np.arange(len(angles), dtype=np.float64) * limits.period_s
-    return FileTrajectory(limits, times, angles, Interpolation.SAMPLES)
+    try:
+        return FileTrajectory(limits, times, angles, Interpolation.SAMPLES)
+    except TrajectoryError as error:
+        if np.abs(angles).max() <= 2.0 * np.pi:
+            raise
+        raise TrajectoryError(f"{error}; the array's angles are rad: are these degrees? Then np.radians(...)") from None
 
 
 def _path_of(spec: str) -> tuple[Path, Interpolation | None]:

@@ -63,8 +63,8 @@ class ControlLoop:
         self.feedforward_kind = feedforward or default_feedforward(cell, law)
         if self.feedforward_kind != "none" and not law.takes_feedforward:
             raise ControllerError(
-                f"law {law.name!r} supplies the torque of the model itself; use --feedforward none, "
-                f"not {self.feedforward_kind}"
+                f"law {law.name!r} supplies the torque of the model itself; its feed-forward must be "
+                f"none, not {self.feedforward_kind}"
             )
         limits_a = [joint.drive.max_current_a for joint in cell.joints]
         self.memory = MemoryImage(len(cell.joints), limits_a)

@@ -65,8 +65,8 @@ class Truth:
     dac: DacTruth = field(default_factory=DacTruth)
 
     @classmethod
-    def from_settings(cls, cell: Cell, settings: Mapping[str, str] | None = None) -> Self:
-        """Nominal values of `cell`, with `settings` ("joint3.mass" → "0.9") laid over them.
+    def from_settings(cls, cell: Cell, settings: Mapping[str, str] | None = None, option: str = "--truth") -> Self:
+        """Nominal values of `cell`, with `settings` ("joint3.mass" → "0.9"), given in `option`, laid over them.
 
         Raises `TruthError` with one line per problem: key, value, and what would be right.
         """
@@ -75,7 +75,7 @@ class Truth:
         values: dict[str, float] = {}
         for name, text in (settings or {}).items():
             try:
-                values[name] = parse_value(keys, name, text)
+                values[name] = parse_value(keys, name, text, option)
             except TruthError as error:
                 problems.append(str(error))
         if problems:

@@ -37,18 +37,18 @@ def shipped_cells() -> dict[str, str]:
     }
 
 
-def load_cell(name_or_path: str, settings: Mapping[str, str] | None = None) -> Cell:
+def load_cell(name_or_path: str, settings: Mapping[str, str] | None = None, *, option: str = "--set") -> Cell:
     """Load and validate a cell.
 
     `name_or_path` is the name of a shipped cell ("konkuk1") or the path of a TOML file. `settings` are keys laid over
-    it, dotted as on the command line ("control.mras.gamma_bias" → "10").
+    it, dotted as on the command line ("control.mras.gamma_bias" → "10"). `option` names them in errors.
 
     Raises `CellError` with one line per problem: file, key, value, and what would be right.
     """
     shipped = shipped_cells()
     source = printable(name_or_path) or "''"
     if name_or_path in shipped:
-        return parse_cell(shipped[name_or_path], f"cell {name_or_path}", settings)
+        return parse_cell(shipped[name_or_path], f"cell {name_or_path}", settings, option=option)
     path = Path(name_or_path)
     try:
         text = read_text(path, LARGEST_BYTES, "a cell")
@@ -59,10 +59,17 @@ def load_cell(name_or_path: str, settings: Mapping[str, str] | None = None) -> C
         raise CellError(f"{source}: cannot be read: {error.strerror}") from None
     except ValueError as error:
         raise CellError(f"{source}: {error}") from None
-    return parse_cell(text, source, settings, path.parent)
+    return parse_cell(text, source, settings, path.parent, option=option)
 
 
-def parse_cell(text: str, source: str, settings: Mapping[str, str] | None = None, folder: Path = Path()) -> Cell:
+def parse_cell(
+    text: str,
+    source: str,
+    settings: Mapping[str, str] | None = None,
+    folder: Path = Path(),
+    *,
+    option: str = "--set",
+) -> Cell:
     """Validate the TOML `text` of a cell; `source` names it in error messages. Raises `CellError`.
 
     URDF files that it names are found from `folder`.
@@ -73,7 +80,7 @@ def parse_cell(text: str, source: str, settings: Mapping[str, str] | None = None
         raise CellError(f"{source}: {printable(str(error))}") from None
     settings = settings or {}
     for key, value in settings.items():
-        _lay_over(table, key, value)
+        _lay_over(table, key, value, option)
     resolve_urdf(table, folder, source)
     table = _frozen(table, source)
     is_old = old_writing(table)
@@ -89,12 +96,12 @@ def parse_cell(text: str, source: str, settings: Mapping[str, str] | None = None
         if not found:
             return cell
         count = len(found)
-    raise CellError("\n".join(_lines(found[:MOST_PROBLEMS], count, source, settings)))
+    raise CellError("\n".join(_lines(found[:MOST_PROBLEMS], count, source, settings, option)))
 
 
-def _lines(found: Sequence[str], count: int, source: str, settings: Mapping[str, str]) -> list[str]:
+def _lines(found: Sequence[str], count: int, source: str, settings: Mapping[str, str], option: str) -> list[str]:
     """One line per problem in `found`, and how many of `count` are left out."""
-    lines = [f"{_source(line, source, settings)}: {printable(line)}" for line in found]
+    lines = [f"{_source(line, source, settings, option)}: {printable(line)}" for line in found]
     return [*lines, f"{source}: and {count - len(found)} more"] if count > len(found) else lines
 
 
@@ -131,8 +138,8 @@ def _too_deep(source: str) -> CellError:
     return CellError(f"{source}: tables or arrays are nested more than {DEEPEST} deep; those of a cell are not")
 
 
-def _lay_over(table: dict[str, Any], key: str, value: str) -> None:
-    where = printable(f"--set {key}={value}")
+def _lay_over(table: dict[str, Any], key: str, value: str, option: str) -> None:
+    where = printable(f"{option} {key}={value}")
     *parents, leaf = key.split(".")
     if not parents or parents[0] not in SETTABLE:
         raise CellError(f"{where}: keys begin with 'control.' or 'supervision.'; see `canarm check --keys`")
@@ -153,10 +160,10 @@ def _lay_over(table: dict[str, Any], key: str, value: str) -> None:
         raise CellError(f"{where}: {printable(repr(value))} is not a value such as {target.get(leaf, 1.0)}") from None
 
 
-def _source(line: str, source: str, settings: Mapping[str, str]) -> str:
+def _source(line: str, source: str, settings: Mapping[str, str], option: str) -> str:
     """Where a problem came from: the file, or a key laid over it."""
     key = line.split(" = ")[0]
-    return f"{source} with --set" if key in settings else source
+    return f"{source} with {option}" if key in settings else source
 
 
 def _is_echo(problem: Any) -> bool:
