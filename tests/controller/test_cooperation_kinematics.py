@@ -56,6 +56,20 @@ def test_tip_and_jacobian_are_those_of_pinocchio(chain: DhChain) -> None:
         np.testing.assert_allclose(jacobian, expected, rtol=0, atol=3e-15)
 
 
+def test_the_jacobian_of_a_point_beyond_the_tip_is_that_of_pinocchio() -> None:
+    """Such as B on the object, fixed in the master's tool frame."""
+    model, point = pinocchio_model(RHINO_XR), np.array([0.3, -0.1, 0.05])
+    tip = model.frames[model.getFrameId("tip")]
+    beyond = tip.placement * pinocchio.SE3(np.eye(3), point)
+    at_b = model.addFrame(pinocchio.Frame("b", tip.parentJoint, beyond, pinocchio.FrameType.OP_FRAME))
+    data = model.createData()
+    for q in random_angles(RHINO_XR, 50):
+        expected = pinocchio.computeFrameJacobian(model, data, q, at_b, pinocchio.LOCAL_WORLD_ALIGNED)[:3]
+        np.testing.assert_allclose(position_jacobian(RHINO_XR, q, point), expected, rtol=0, atol=3e-15)
+    with pytest.raises(CooperationError, match=r"point_m has shape \(2,\); must be \(3,\)"):
+        position_jacobian(RHINO_XR, q, [0.0, 0.0])
+
+
 @pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
 def test_a_hundred_thousand_poses_there_and_back_close_to_1e_12_on_every_branch(arm: FiveAxisArm) -> None:
     q = random_angles(arm, 100_000)

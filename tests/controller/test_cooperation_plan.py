@@ -12,6 +12,8 @@ from pathlib import Path as FilePath
 import numpy as np
 import pinocchio
 import pytest
+from hypothesis import event, given, settings
+from hypothesis import strategies as st
 
 from canarm.cooperation import (
     RHINO_XR,
@@ -347,6 +349,52 @@ def test_the_columns_of_a_plan_are_a_trajectory_in_degrees(tmp_path: FilePath) -
 def test_what_fits_nothing_is_refused_in_one_line(make: object, said: str) -> None:
     with pytest.raises(CooperationError, match=said):
         make()  # type: ignore[operator]
+
+
+LENGTHS_M = st.floats(0.1, 0.4)
+ANGLES_DEG = st.floats(-180.0, 180.0)
+
+
+@settings(max_examples=150)
+@given(
+    start_deg=st.tuples(*(ANGLES_DEG,) * 5),
+    away_m=st.tuples(st.floats(0.1, 0.5), st.floats(-0.4, 0.1)),
+    side_deg=ANGLES_DEG,
+    rpy_deg=st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0), ANGLES_DEG),
+    directions_deg=st.tuples(ANGLES_DEG, st.floats(-90.0, 90.0)),
+    lengths_m=st.tuples(LENGTHS_M, LENGTHS_M, LENGTHS_M),
+    signs=st.tuples(*(st.sampled_from((1, -1)),) * 4),
+)
+def test_a_plan_keeps_what_it_promises_or_is_refused(
+    start_deg: tuple[float, ...],
+    away_m: tuple[float, float],
+    side_deg: float,
+    rpy_deg: tuple[float, float, float],
+    directions_deg: tuple[float, float],
+    lengths_m: tuple[float, float, float],
+    signs: tuple[int, int, int, int],
+) -> None:
+    """Any two arms of the shape, a base anywhere about B, any object and posture: a reason, or a path that holds."""
+    arm = replace(RHINO_XR, a_m=(0.02, lengths_m[0], lengths_m[1], 0.0095, 0.0))
+    carried = CarriedObject(length_m=2 * lengths_m[2], theta_x_deg=directions_deg[0], theta_z_deg=directions_deg[1])
+    b = carried.frame(forward(RHINO_XR, np.radians(start_deg)))[:3, 3]
+    side = math.radians(side_deg)
+    x, y, z = (b + np.array([away_m[0] * math.cos(side), away_m[0] * math.sin(side), away_m[1]])).tolist()
+    base_m = (x, y, z)
+    pair = ArmPair(master=RHINO_XR, slave=arm, carried=carried, slave_base_m=base_m, slave_base_rpy_deg=rpy_deg)
+    posture = Posture(approach=signs[0], normal=signs[1], elbow=signs[2], facing=signs[3])
+    try:
+        plan = plan_cooperation(pair, circle(seconds=0.3), np.radians(start_deg), posture=posture)
+    except RefusedPlanError as refused:
+        event(refused.reason.name)
+        return
+    event("planned")
+    checks, limits = plan.checks(), PlanLimits()
+    assert max(checks.perpendicular_error, checks.normal_error) < 1e-9
+    assert max(checks.grasp_error_m, checks.point_error_m, checks.path_error_m) < 1e-12
+    assert max(checks.master_step_rad, checks.slave_step_rad) <= math.radians(limits.largest_step_deg)
+    assert checks.least_singular_value_m >= limits.least_singular_value_m
+    assert (np.sign(np.sin(plan.slave_rad[:, 2])) == signs[2]).all()
 
 
 def test_a_plan_knows_how_far_each_arm_moves() -> None:

@@ -9,6 +9,7 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 
+from canarm_controller.cooperation import read_path
 from canarm_controller.errors import ControllerError
 from canarm_controller.reference.trajectory_file import read_trajectory_csv
 from canarm_emulator.faults.fault_bench import FaultBench
@@ -126,6 +127,17 @@ def trajectories(data: bytes) -> None:
             _said(error)
 
 
+def paths(data: bytes) -> None:
+    """A path of two arms' object."""
+    with tempfile.TemporaryDirectory(dir=_memory()) as folder:
+        path = Path(folder) / "input.csv"
+        path.write_bytes(data)
+        try:
+            read_path(path)
+        except ControllerError as error:
+            _said(error)
+
+
 def packed(data: bytes) -> None:
     """A packed object of the bench node as its clients read it: the bytes themselves, and the bytes as its content."""
     for payload in (data, zlib.compress(data, 1)):
@@ -152,7 +164,8 @@ def _memory() -> str | None:
 
 
 TARGETS: dict[str, Callable[[bytes], None]] = {
-    each.__name__: each for each in (frames, socketcand, slcan, toml, conditions, trajectories, packed, run_folders)
+    each.__name__: each
+    for each in (frames, socketcand, slcan, toml, conditions, trajectories, paths, packed, run_folders)
 }
 
 SEEDS: dict[str, list[bytes]] = {
@@ -174,6 +187,7 @@ SEEDS: dict[str, list[bytes]] = {
     ],
     "conditions": [b"joint2.angle_deg > 30 and time_s > 1", b"not (abs(joint2.angle_deg) < 1e3)"],
     "trajectories": [b"time_s,joint2,joint3\n0,20,0\n3,20,0\n3.5,45,0\n"],
+    "paths": [b"time_s,x_mm,y_mm,z_mm\n0,20,0,1\n3,20,0,5e2\n3.5,45,0,0\n", b"z_m,time_s,x_m,y_m\n1,0,2,3\n1,1,2,3\n"],
     "packed": [b'{"event":"fault begins","set":"a","tap":"b","fault":"c","time_s":1.0,"cycle":400}\n'],
     "run_folders": [b'{"cell": "konkuk1", "state": "done", "ticks": 4096}', b"null", b'["cell"]'],
 }

@@ -42,11 +42,18 @@ def forward(chain: DhChain, q_rad: ArrayLike) -> Floats:
     return pose.reshape(*q.shape[:-1], 4, 4)
 
 
-def position_jacobian(chain: DhChain, q_rad: ArrayLike) -> Floats:
-    """∂p/∂q of the tip, (..., 3, joints), in m/rad: column i is z_{i−1} × (p − p_{i−1})."""
+def position_jacobian(chain: DhChain, q_rad: ArrayLike, point_m: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
+    """∂p/∂q, (..., 3, joints), in m/rad: column i is z_{i−1} × (p − p_{i−1}).
+
+    p is the tip, or a point that is fixed in the tip's frame, such as the master's B at `CarriedObject.offset_m`.
+    """
     q = checked_angles(chain, q_rad)
+    point = np.asarray(point_m, dtype=np.float64)
+    if point.shape != (3,):
+        raise CooperationError(f"point_m has shape {point.shape}; must be (3,)")
     *axes, tip = _frames(chain, q.reshape(-1, chain.joint_count))
-    columns = [np.cross(frame.z, tip.origin - frame.origin, axis=0).T for frame in axes]
+    place = tip.origin + point[0] * tip.x + point[1] * tip.y + point[2] * tip.z
+    columns = [np.cross(frame.z, place - frame.origin, axis=0).T for frame in axes]
     return np.stack(columns, axis=-1).reshape(*q.shape[:-1], 3, chain.joint_count)
 
 
