@@ -285,6 +285,14 @@ def canarm(tmp_path, starter) -> Iterator[Commands]:
     commands.close()
 
 
+@pytest.fixture(scope="module")
+def canarm_of_module(tmp_path_factory, starter) -> Iterator[Commands]:
+    """As `canarm`, for processes of which several tests ask something."""
+    commands = Commands(tmp_path_factory.mktemp("module"), starter)
+    yield commands
+    commands.close()
+
+
 @pytest.fixture
 def run_folder() -> type[RunFolder]:
     return RunFolder

@@ -120,8 +120,7 @@ def test_a_controller_whose_emulator_is_killed_says_so(canarm, run_folder, clock
     assert len(folder.signals("controller")["tick"]) == controller.json["ticks"]
 
 
-@CLOCKS
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(("clock", "number"), [("sync", signal.SIGINT), ("wall", signal.SIGTERM)])
 def test_an_emulator_that_is_asked_to_end_does_so_in_order(canarm, run_folder, clock, number):
     emulator = canarm.emulator(clock, "--out", "run", "--json")
     controller = canarm.controller(emulator, clock)
@@ -135,8 +134,9 @@ def test_an_emulator_that_is_asked_to_end_does_so_in_order(canarm, run_folder, c
     assert len(set(folder.signals("robot")["tick"])) == emulator.json["cycles"]
 
 
-@CLOCKS
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    ("clock", "number"), [("sync", signal.SIGTERM), ("wall", signal.SIGINT), ("sync", signal.SIGHUP)]
+)
 def test_a_controller_of_limited_length_that_is_asked_to_end_stops_safely(canarm, run_folder, clock, number):
     emulator = canarm.emulator(clock)
     controller = canarm.controller(emulator, clock, "--seconds", "3600", "--out", "run")
@@ -192,7 +192,7 @@ def test_controllers_come_one_after_the_other_while_the_arm_falls_in_between(can
     # Joint 2 hangs at -90 degrees when nothing holds it: it has to pass -60 before the next controller comes.
     with adc_of(emulator) as adc:
         until(lambda: angle_deg(adc, 1) < -60.0, "joint 2 below -60 degrees")
-    second = canarm.controller(emulator, "wall", "--seconds", "6", "--trajectory", "sine")
+    second = canarm.controller(emulator, "wall", "--seconds", "3", "--trajectory", "sine")
     assert second.wait() == 0, second
     assert second.json["state"] == "done"
     assert second.json["joints"]["joint2"]["rms_lsb"] is not None

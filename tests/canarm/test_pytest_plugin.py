@@ -29,7 +29,18 @@ def test_passes(canarm_rig):
 
 @pytest.fixture
 def run(pytester):
-    """Run pytest on a test file with this text."""
+    """Run pytest on a test file with this text, in this process, where everything is imported."""
+
+    def run_pytest(text: str, *options: str) -> pytest.RunResult:
+        pytester.makepyfile(text)
+        return pytester.runpytest_inprocess("-p", "no:cacheprovider", *options)
+
+    return run_pytest
+
+
+@pytest.fixture
+def run_process(pytester):
+    """Run pytest on a test file with this text, in a process of its own."""
 
     def run_pytest(text: str, *options: str) -> pytest.RunResult:
         pytester.makepyfile(text)
@@ -144,7 +155,7 @@ def test_an_option_that_cannot_be_is_refused_before_any_test(run, pytester, opti
     assert message in result.stderr.str()
 
 
-def test_tests_that_use_no_fixture_of_it_import_next_to_nothing(run) -> None:
+def test_tests_that_use_no_fixture_of_it_import_next_to_nothing(run_process) -> None:
     text = """
     import sys
     def test_imports():
@@ -153,7 +164,7 @@ def test_tests_that_use_no_fixture_of_it_import_next_to_nothing(run) -> None:
         light = {"canarm", "canarm.pytest_plugin", "canarm_protocol", "canarm_protocol.faces"}
         assert {name for name in loaded if name.startswith("canarm")} == light
     """
-    run(text).assert_outcomes(passed=1)
+    run_process(text).assert_outcomes(passed=1)
 
 
 @pytest.mark.slow
@@ -309,21 +320,24 @@ def test_a_command_may_be_a_line_in_which_host_and_port_are_replaced(run, pytest
     run(text).assert_outcomes(passed=1)
 
 
-@pytest.mark.parametrize(
-    ("command", "message"),
-    [
-        (
-            "no-such-program --port {port}",
-            "command no-such-program --port *: cannot be started: No such file or directory",
-        ),
-        ("python 'dumb.py", "command python 'dumb.py: No closing quotation"),
-        ("", "command: is empty; must be a program and its arguments"),
-    ],
-)
-def test_a_command_that_cannot_be_started_is_told_in_one_line(run, command: str, message: str) -> None:
-    result = run(f"def test_command(canarm_bench):\n    canarm_bench.start_controller({command!r})\n")
+def test_a_command_that_cannot_be_started_is_told_in_one_line(run) -> None:
+    text = """
+    import pytest
+    from canarm.usage import UsageError
+    def test_command(canarm_bench):
+        for command, message in (
+            ("python 'dumb.py", "command python 'dumb.py: No closing quotation"),
+            ("", "command: is empty; must be a program and its arguments"),
+        ):
+            with pytest.raises(UsageError, match=f"^{message}$"):
+                canarm_bench.start_controller(command)
+        canarm_bench.start_controller("no-such-program --port {port}")
+    """
+    result = run(text)
     result.assert_outcomes(failed=1)
-    result.stdout.fnmatch_lines([f"E*UsageError: {message}"])
+    result.stdout.fnmatch_lines(
+        ["E*UsageError: command no-such-program --port *: cannot be started: No such file or directory"]
+    )
     assert "program.py" not in result.stdout.str()
 
 
