@@ -1,4 +1,4 @@
-"""Faults through the rig: how they are asked for and refused, what is told of them, and questions about the outcome."""
+"""Faults through the rig: how they are asked for and refused, what is told, shown and recorded of them."""
 
 import inspect
 import json
@@ -13,7 +13,7 @@ import pytest
 
 from canarm import Rig
 from canarm.reports.run_plot import plot_run
-from canarm.rig.findings import Begun, Noticed, ask_detected
+from canarm.rig.findings import Noticed
 from canarm.rig.recorded import RecordedHistory, fault_events, noticed, read_events, recorded_joints
 from canarm.rig.rig import State
 from canarm.rig.rig_faults import FaultControl, read_script
@@ -311,7 +311,10 @@ def test_the_picture_shows_the_time_around_fault_and_detection() -> None:
     with Rig(law="mras") as rig:
         rig.inject("joint2.tachometer", "stuck", at=1.0)
         rig.run(2.0)
-        found = [Noticed(1.1, detection("tachometer-stuck", "joint2")), Noticed(1.2, detection("inputs-missing"))]
+        found = [
+            Noticed(1.1, Detection("tachometer-stuck", "joint2", 0, "", Reaction.CONTINUE)),
+            Noticed(1.2, Detection("inputs-missing", None, 0, "", Reaction.CONTINUE)),
+        ]
         root = ElementTree.fromstring(plot_run("title", rig.joints, rig.begun, found))
     lines = [each.get("points", "").split() for each in root.iter(f"{SVG}polyline")]
     assert len(lines) == 2 * 6
@@ -373,216 +376,6 @@ def test_a_broken_wire_ends_in_torque_off() -> None:
         rig.run(2.0)
         assert (rig.state, rig.torque_is_off) == (State.FAILED, True)
         assert rig.joints["joint2"].stays_below("command_a", 0.0, since=1.1)
-
-
-# What was detected
-
-
-def detection(name: str, where: str | None = None) -> Detection:
-    return Detection(name, where, 0, "", Reaction.CONTINUE)
-
-
-NOTICED = [
-    Noticed(0.5, detection("sensor-noise", "joint3")),
-    Noticed(1.0125, detection("tachometer-stuck", "joint2")),
-    Noticed(1.5, detection("tachometer-stuck", "joint3")),
-]
-BEGUN = [Begun(0.2, "joint3.latch", "stuck"), Begun(1.0, "joint2.tachometer", "stuck")]
-
-
-@pytest.mark.parametrize(
-    ("name", "joint", "count"),
-    [
-        (None, None, 3),
-        ("tachometer-stuck", None, 2),
-        ("tachometer-stuck", "joint3", 1),
-        (None, "joint3", 2),
-        ("heartbeat-lost", None, 0),
-    ],
-)
-def test_detections_are_found_by_name_and_joint(name: str | None, joint: str | None, count: int) -> None:
-    detected = ask_detected(NOTICED, BEGUN, name, joint, None)
-    assert (len(detected.found), bool(detected)) == (count, count > 0)
-
-
-@pytest.mark.parametrize(
-    ("name", "where", "message"),
-    [
-        ("tacho-stuck", None, "detected: no detector 'tacho-stuck'; did you mean 'tachometer-stuck'?"),
-        ("tachometer-stuck", "joint7", "detected: no joint, card or node 'joint7'; did you mean 'joint3'?"),
-        (None, "0x55", "detected: no joint, card or node '0x55'"),
-    ],
-)
-def test_a_question_that_could_never_be_true_is_refused(name: str | None, where: str | None, message: str) -> None:
-    with Rig(law="pd") as rig:
-        with pytest.raises(UsageError) as caught:
-            rig.detected(name, where)
-        assert str(caught.value).startswith(message)
-        assert "joint2" in str(caught.value) or where is None
-        assert not rig.detected("tachometer-stuck", "joint2")
-        assert not rig.detected("card-state", "adc")
-        assert not rig.detected("heartbeat-lost", "0x14")
-
-
-def test_within_counts_from_the_latest_fault_to_the_first_detection_after_it() -> None:
-    detected = ask_detected(NOTICED, BEGUN, "tachometer-stuck", None, None)
-    assert detected.within(0.0125)
-    assert not detected.within(0.0124)
-    assert detected.latency_s == pytest.approx(0.0125)
-
-
-def test_a_detection_before_the_latest_fault_is_not_taken_for_its_own() -> None:
-    detected = ask_detected(NOTICED, BEGUN, "sensor-noise", None, None)
-    assert detected
-    assert not detected.within(10.0)
-    assert ask_detected(NOTICED, BEGUN, "sensor-noise", None, 0.4).within(0.11)
-
-
-def test_nothing_is_within_anything_where_no_fault_has_begun() -> None:
-    assert not ask_detected(NOTICED, [], None, None, None).within(10.0)
-    assert ask_detected(NOTICED, [], None, None, 1.0).within(0.0125)
-
-
-def test_the_answers_say_what_was_detected_and_when() -> None:
-    detected = ask_detected(NOTICED, BEGUN, "tachometer-stuck", "joint2", None)
-    told = "tachometer-stuck at joint2 at 1.0125 s, 12.5 ms after joint2.tachometer stuck"
-    assert repr(detected) == f"<{told}>"
-    assert repr(detected.within(0.025)) == f"<{told}>"
-    assert repr(detected.within(0.01)) == f"<{told}; must be within 10 ms>"
-    missing = ask_detected(NOTICED[:1], BEGUN, "tachometer-stuck", None, None)
-    assert repr(missing) == "<tachometer-stuck not detected; detected: sensor-noise at joint3 at 0.5000 s>"
-
-
-def test_detections_of_a_run_have_the_time_of_their_cycle() -> None:
-    with Rig(law="mras") as rig:
-        rig.inject("can0.tx", "lost", at=1.0)
-        rig.run(2.0)
-        first = rig.noticed[0]
-        assert first.time_s == pytest.approx(first.detection.tick * CYCLE_S)
-        assert rig.detections == rig.controller.detections
-        assert [each.event for each in rig.events if each.event.startswith("detected")] == [
-            f"detected {each.detector}" for each in rig.detections
-        ]
-
-
-def test_a_clock_may_start_when_the_fault_begins_to_show() -> None:
-    detected = ask_detected(NOTICED, BEGUN, "tachometer-stuck", None, None)
-    assert detected.within(0.005, of=1.01)
-    assert not detected.within(0.002, of=1.01)
-    assert detected.within(0.0, of=1.3)
-    assert repr(detected.within(0.002, of=1.01)).endswith("at 1.0125 s, 2.5 ms after 1.0100 s; must be within 2 ms>")
-
-
-def test_a_clock_that_never_starts_is_refused_rather_than_exchanged_for_another() -> None:
-    detected = ask_detected(NOTICED, BEGUN, "tachometer-stuck", None, None)
-    expected = (
-        r"^within: of is None: the truth has not moved on since joint2\.tachometer stuck, so there is nothing to "
-    )
-    with pytest.raises(UsageError, match=expected):
-        detected.within(0.025, of=None)
-    assert "no fault has begun" in repr(ask_detected(NOTICED, [], None, None, None).within(0.025, of=None))
-
-
-# Histories
-
-
-def test_a_limit_that_was_violated_before_the_first_cycle_that_is_kept_does_not_pass() -> None:
-    with Rig(law="pd", history_s=1.0) as rig:
-        rig.run(1.0)
-        joint = rig.joints["joint2"]
-        early = float(np.abs(joint.true_angle_rad).max())
-        assert not joint.stays_below("true_angle_rad", 0.99 * early)
-        rig.run(0.5)
-        lost = r"^joint2\.{}: cycles before 0\.5000 s are no longer kept; .* since=, .* longer history_s$"
-        for signal in (*SIGNALS, "error_lsb"):
-            for span in ({}, {"since": 0.4975}, {"until": 0.3}):
-                with pytest.raises(UsageError, match=lost.format(signal)):
-                    joint.stays_below(signal, 1e9, **span)
-            with pytest.raises(UsageError, match=lost.format(signal)):
-                joint.departure(signal, 0.0, since=0.4)
-            assert joint.stays_below(signal, 1e9, since=0.5)
-        assert joint.departure("true_angle_rad", 1e-9, since=0.5) is not None
-
-
-def test_what_a_cycle_that_is_kept_violates_is_false_however_much_is_kept() -> None:
-    with Rig(law="pd", history_s=1.0) as rig:
-        rig.run(1.5)
-        joint = rig.joints["joint2"]
-        finding = joint.stays_below("true_angle_rad", 0.0)
-        assert not finding
-        assert "and beyond in 400 of 400 cycles that are kept; must stay below 0" in repr(finding)
-        assert "kept" not in repr(joint.stays_below("true_angle_rad", 0.0, since=0.5))
-
-
-def test_a_departure_is_when_a_signal_has_left_its_value() -> None:
-    with Rig(law="pd") as rig:
-        rig.run(2.0)
-        joint = rig.joints["joint2"]
-        speed = joint.true_speed_rad_s
-        expected = 400 + int(np.argmax(np.abs(speed[400:] - speed[400]) > 0.1))
-        assert joint.departure("true_speed_rad_s", 0.1, since=1.0) == pytest.approx(expected * CYCLE_S)
-        assert joint.departure("true_speed_rad_s", 100.0, since=1.0) is None
-        assert joint.departure("true_speed_rad_s", 0.0, since=5.0) is None
-
-
-def test_a_history_that_passes_its_limit_is_named_with_value_cycle_and_time() -> None:
-    with Rig(law="pd") as rig:
-        rig.run(2.0)
-        joint = rig.joints["joint2"]
-        current = np.abs(joint.current_a)
-        limit = float(current.max()) * 0.9
-        first = int(np.argmax(current > limit))
-        finding = joint.stays_below("current_a", limit)
-        assert not finding
-        assert f"joint2.current_a is {joint.current_a[first]:.4g} at {first * CYCLE_S:.4f} s (cycle {first})" in repr(
-            finding
-        )
-        assert f"in {int((current > limit).sum())} of 800 cycles; must stay below {limit:g}" in repr(finding)
-        assert joint.stays_below("current_a", float(current.max()))
-        assert joint.stays_within("current_a", float(joint.current_a.min()), float(joint.current_a.max()))
-        assert not joint.stays_within("current_a", float(joint.current_a.min()) + 1e-9, 10.0)
-
-
-def test_only_the_time_asked_for_is_looked_at() -> None:
-    with Rig(law="pd") as rig:
-        rig.run(1.0)
-        joint = rig.joints["joint2"]
-        late = float(np.abs(joint.true_angle_rad[200:]).max())
-        early = float(np.abs(joint.true_angle_rad[:200]).max())
-        assert joint.stays_below("true_angle_rad", late, since=0.5)
-        assert joint.stays_below("true_angle_rad", early, until=0.5 - CYCLE_S)
-        assert bool(joint.stays_below("true_angle_rad", min(early, late))) is False
-
-
-def test_a_true_history_goes_on_through_the_stop_cycle_by_cycle() -> None:
-    with Rig(law="pd") as rig:
-        rig.run(1.0)
-        rig.controller.interrupt("test")
-        rig.run(1.0)
-        for signal in SIGNALS[:TRUE_SIGNALS]:
-            span = rig.joints["joint2"].span(signal)
-            assert span.cycle.tolist() == list(range(len(span.cycle)))
-            assert span.time_s == pytest.approx(span.cycle * CYCLE_S)
-            assert len(span.value) > len(rig.joints["joint2"].true_angle_rad) == 400
-        assert len(rig.joints["joint2"].span("reference_rad").value) == 400
-
-
-def test_a_value_that_is_no_number_stays_nowhere() -> None:
-    with Rig(law="pd") as rig:
-        rig.run(0.1)
-        rig._history.rows[7, 1:] = np.nan
-        assert "is nan at 0.0175 s (cycle 7)" in repr(rig.joints["joint2"].stays_below("current_a", 10.0))
-
-
-def test_questions_that_have_no_answer_are_refused() -> None:
-    with Rig(law="pd") as rig:
-        with pytest.raises(UsageError, match=r"joint2.current_a: no cycle from 0 s to inf s; run\(\) first"):
-            rig.joints["joint2"].stays_below("current_a", 1.0)
-        rig.run(0.1)
-        with pytest.raises(UsageError, match=r"no cycle from 5 s to inf s; there are those to 0\.0975 s$"):
-            rig.joints["joint2"].stays_below("current_a", 1.0, since=5.0)
-        with pytest.raises(UsageError, match="no history 'curent_a'; did you mean 'current_a'"):
-            rig.joints["joint2"].stays_below("curent_a", 1.0)
 
 
 # The record

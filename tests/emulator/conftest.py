@@ -19,6 +19,7 @@ from canarm_protocol.canopen.sdo import download
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.faults.script import FaultSpec, parse_faults
+from tests.emulator.lone_node import Node
 
 
 @pytest.fixture
@@ -134,3 +135,15 @@ def fault_text() -> Callable[..., str]:
         return "\n".join(["[[set]]", *lines, "[[set.fault]]", f'tap = "{tap}"', f'fault = "{fault}"', *values, ""])
 
     return make
+
+
+@pytest.fixture
+def node() -> Node:
+    """The DAC card's node, alone."""
+    return Node()
+
+
+@pytest.fixture
+def adc() -> Node:
+    """The ADC card's node, alone."""
+    return Node("adc0809")
