@@ -13,7 +13,7 @@ from pathlib import Path
 
 from canarm.draws import CONFIDENCE
 from canarm.matrix.campaign import Campaign, run_campaign
-from canarm.matrix.golden import differences, golden_text, read_golden
+from canarm.matrix.golden import differences, draws_of, golden_text, read_golden
 from canarm.matrix.naming import Part
 from canarm.matrix.plan import Scenario, cells_of
 from canarm.matrix.progress import Progress
@@ -26,14 +26,14 @@ from canarm.matrix.undetectable import BEYOND_CONTROL, DECLARED_UNDETECTABLE, De
 ROOT = Path(__file__).parent.parent
 GOLDEN = ROOT / "tests" / "canarm" / "golden" / "matrix-konkuk1.csv"
 PAGE = ROOT / "docs" / "fault-matrix.md"
-DRAWS, DRAW_SEED = 1, 0
-"""What the golden copy is of; one draw is the scenario of `canarm fault matrix` alone."""
+DRAW_SEED = 0
 
 
-def golden_scenarios() -> tuple[Scenario, ...]:
-    """The draws of the golden copy."""
+def golden_scenarios(draws: int | None = None) -> tuple[Scenario, ...]:
+    """The draws of the golden copy, as many as it has unless given; one is the scenario of the command alone."""
     base = Scenario()
-    return drawn(base, base.load(), DRAWS, DRAW_SEED) if DRAWS > 1 else (base,)
+    count = draws or (draws_of(read_golden(GOLDEN.read_text(encoding="utf-8"))) if GOLDEN.exists() else 1)
+    return drawn(base, base.load(), count, DRAW_SEED) if count > 1 else (base,)
 
 
 def with_figures(page: str, matrix: Matrix, scenarios: Sequence[Scenario]) -> str:
@@ -99,10 +99,14 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--update-golden", action="store_true", help="write the golden copy and the page's figures again"
     )
+    parser.add_argument("--draws", type=int, help="of the new golden copy; as many as it has unless given")
     arguments = parser.parse_args(words)
-    scenarios, progress = golden_scenarios(), Progress()
+    if arguments.draws is not None and not (arguments.update_golden and arguments.draws > 0):
+        parser.error("--draws: is for --update-golden, and at least 1")
+    scenarios, progress = golden_scenarios(arguments.draws), Progress()
     cell = scenarios[0].load()
-    campaign = Campaign(scenarios, tuple(cells_of(cell)), about=f"{DRAWS} draws, draw seed {DRAW_SEED}")
+    about = f"{len(scenarios)} draws, draw seed {DRAW_SEED}" if len(scenarios) > 1 else ""
+    campaign = Campaign(scenarios, tuple(cells_of(cell)), about=about)
     matrix = run_campaign(campaign, arguments.jobs, progress)
     if matrix.runs_left:
         progress.leave()

@@ -56,6 +56,11 @@ def read_golden(text: str) -> dict[str, Expected]:
     }
 
 
+def draws_of(golden: Iterable[str]) -> int:
+    """How many draws a cell has in a golden copy, from its names."""
+    return max(int(name.rpartition(" ")[2]) for name in golden)
+
+
 def differences(rows: Iterable[Row], golden: dict[str, Expected], cycle_ms: float) -> list[str]:
     """One line for every run that differs, is new, or is gone; in the order of the rows."""
     found, lines = {_name(row.name, row.draw): Expected.of(row) for row in rows}, []

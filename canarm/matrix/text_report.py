@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from statistics import median
 
 from .judgement import Verdict
 from .naming import Part
@@ -40,13 +41,29 @@ def as_text(matrix: Matrix) -> str:
 
 
 def as_they_should_be(matrix: Matrix) -> list[str]:
-    """How many cells are, and where a cell has several draws how many runs, with their bounds."""
-    cells = matrix.cells
+    """What was noticed how fast, how many cells are as they should be, and of several draws how many runs."""
+    cells, lines = matrix.cells, [*_noticed(matrix.rows)]
     good = sum(cell.worst.passes for cell in cells)
     if len(matrix.rows) == len(cells):
-        return [f"{good} of {len(cells)} cells as they should be"]
+        return [*lines, f"{good} of {len(cells)} cells as they should be"]
     runs = Share(len(matrix.rows) - len(matrix.failed), len(matrix.rows))
-    return [f"{good} of {len(cells)} cells as they should be in every draw", f"runs as they should be: {runs}"]
+    return [*lines, f"{good} of {len(cells)} cells as they should be in every draw", f"runs as they should be: {runs}"]
+
+
+def _noticed(rows: Sequence[Row]) -> Iterable[str]:
+    dangers = [row for row in rows if row.dangerous]
+    unnoticed = [row for row in dangers if row.verdict is Verdict.MISSED]
+    if dangers:
+        yield f"dangerous and unnoticed: {len(unnoticed)} of {len(dangers)} dangerous runs"
+    slowest = max((row for row in rows if _took(row) is not None), key=lambda row: _took(row) or 0.0, default=None)
+    if slowest is not None:
+        middle = median(took for took in map(_took, rows) if took is not None)
+        yield f"noticed, where not tolerated: median {middle:g} ms, worst {_took(slowest):g} ms ({slowest.name})"
+
+
+def _took(row: Row) -> float | None:
+    """The latency in ms of a detection that was called for."""
+    return None if row.verdict in (Verdict.TOLERATED, Verdict.BOTH) else row.latency_ms
 
 
 def part_of(matrix: Matrix) -> str:

@@ -18,6 +18,7 @@ from canarm.matrix.campaign import Campaign, run_campaign
 from canarm.matrix.evidence import Notice
 from canarm.matrix.files import claimed, write
 from canarm.matrix.forking import CAN_FORK, in_copy
+from canarm.matrix.golden import draws_of, golden_text, read_golden
 from canarm.matrix.html_report import as_html
 from canarm.matrix.judgement import Verdict
 from canarm.matrix.naming import FITTING, Part, is_named_right, part_of
@@ -146,6 +147,15 @@ def test_a_cell_has_its_share_with_bounds_in_table_page_and_text(tmp_path: Path)
         names = [path.name for path in write(tmp_path, matrix)]
     assert names == ["matrix.csv", "matrix.html", "matrix-draws.csv"]
     assert len((tmp_path / "matrix-draws.csv").read_text().splitlines()) == 1 + len(rows)
+
+
+def test_the_summary_has_the_latency_and_what_is_dangerous_and_unnoticed() -> None:
+    missed = dataclasses.replace(DETECTED, verdict=Verdict.MISSED, detector="", latency_ms=None, draw=3)
+    tolerated = dataclasses.replace(DETECTED, verdict=Verdict.BOTH, latency_ms=390.0, draw=4)
+    harmless = dataclasses.replace(missed, dangerous=False, draw=5)
+    text = as_text(Matrix("title", (DETECTED, LATE, missed, tolerated, harmless), 0, ()))
+    assert "dangerous and unnoticed: 1 of 4 dangerous runs" in text
+    assert "noticed, where not tolerated: median 30 ms, worst 40 ms (joint2.tachometer stuck)" in text  # of 20 and 40
 
 
 def test_the_draws_of_a_partial_matrix_are_kept_under_another_name(tmp_path: Path) -> None:
@@ -277,6 +287,14 @@ def test_the_page_is_given_the_draws_the_shares_and_the_names() -> None:
         "| `joint2.tachometer` | stuck | 1 of 2 | late | 2 | late |",
     ):
         assert text in page
+
+
+def test_the_golden_copy_says_how_many_draws_it_is_of() -> None:
+    golden = read_golden(golden_text([DETECTED, LATE]))
+    assert draws_of(golden) == 2
+    assert len(script.golden_scenarios(3)) == 3
+    with pytest.raises(SystemExit):
+        script.main(["--draws", "3"])  # a copy of other draws cannot be compared with
 
 
 @pytest.mark.parametrize(
