@@ -42,7 +42,8 @@ DEFINITIONS = (
     (
         "tolerated",
         f"The controller goes on, and the true angle stays within {TOLERATED_LSB:g} LSB of the potentiometer from the "
-        "reference from the injection to the end. A stop ends the reference: what it follows is not tolerated.",
+        "reference, or from where the twin is (a law that errs without any fault errs with it), from the injection to "
+        "the end. A stop ends the reference: what it follows is not tolerated.",
     ),
     (
         "detected",
@@ -62,11 +63,11 @@ DEFINITIONS = (
         "Torque off (no amplifier is asked for current) or hold (standstill after the controller has begun to stop), "
         f"for good; |current| at most {SAFE_CURRENT_A:g} A throughout. A dangerous fault has to end there within the "
         f"FTTI, {FTTI_S * 1e3:g} ms from the clock's start, unless it is tolerated, or the arm is by then, and stays, "
-        f"within {TOLERATED_LSB:g} LSB of the reference. Until then no joint becomes faster by more than "
-        f"{GROWTH_RAD_S:g} rad/s than it was when the fault began, or than the twin is; once torque is off no drive "
-        "puts energy into the arm, but for what its winding still holds. How fast an arm falls then is gravity's: "
-        f"told, not judged. A joint that has a brake is never faster than {SAFE_SPEED_RAD_S:g} rad/s from the clock's "
-        "start on, whatever the fault.",
+        f"within {TOLERATED_LSB:g} LSB of the reference or of the twin. Until then no joint becomes faster by more "
+        f"than {GROWTH_RAD_S:g} rad/s than it was when the fault began, or than the twin is; once torque is off no "
+        "drive puts energy into the arm, but for what its winding still holds. How fast an arm falls then is "
+        f"gravity's: told, not judged. A joint that has a brake is never faster than {SAFE_SPEED_RAD_S:g} rad/s from "
+        "the clock's start on, whatever the fault.",
     ),
     (
         "peaks",
@@ -101,7 +102,8 @@ class Findings:
 
     `clock_s` is from injection to the clock's start, `latency_s` from there to the first detection, `safe_s` from there
     to the safe state. `safe_by` is "off", "hold" or "tracking". Peaks are those since the injection, of the worst
-    joint; that of the error only while a reference runs.
+    joint; that of the error only while a reference runs. `astray_lsb` is as the error, from reference or twin,
+    whichever is nearer.
     """
 
     verdict: Verdict
@@ -116,6 +118,7 @@ class Findings:
     peak_current_a: float
     peak_speed_rad_s: float
     is_running: bool
+    astray_lsb: float | None = None
 
 
 def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool, may_mislead: bool = True) -> Findings:
@@ -131,15 +134,17 @@ def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool, may_mis
     passed = since & (sensor_error(cell, run) | departure[0] | departure[1])
     clock = int(np.argmax(passed)) if passed.any() else None
     error_lsb = np.abs(motion.angle_rad - _reference_rad(motion, twin.motion)) / steps_rad
-    is_tolerated = run.is_running and bool((error_lsb[since] <= TOLERATED_LSB).all())
+    astray_lsb = _astray_lsb(motion, twin.motion, error_lsb, steps_rad)
+    is_tolerated = run.is_running and bool((astray_lsb[since] <= TOLERATED_LSB).all())
     notices = [each for each in run.notices if each.cycle >= run.injected_cycle]
     first = notices[0] if notices else None
     latency_s = None if first is None else _latency_s(cell, motion, clock, first)
     stop = _stop_cycle(notices)
     has_reference = since if stop is None else since & (motion.cycle <= stop)
     drives_arm = is_dangerous or (may_mislead and bool((has_reference & departure[0]).any()))
-    found = Safety() if clock is None else _safety(cell, run, twin.motion, clock, stop, error_lsb)
-    error_lsb = error_lsb[has_reference & _all(np.isfinite(error_lsb))]
+    found = Safety() if clock is None else _safety(cell, run, twin.motion, clock, stop, astray_lsb)
+    told = has_reference & _all(np.isfinite(error_lsb))
+    error_lsb, astray_lsb = error_lsb[told], astray_lsb[told]
     return Findings(
         verdict=_verdict(is_tolerated, latency_s),
         first=first,
@@ -150,6 +155,7 @@ def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool, may_mis
         safety=found,
         is_safe=found.is_safe or (found.is_slow_enough and (is_tolerated or not drives_arm)),
         peak_error_lsb=float(error_lsb.max()) if error_lsb.size else None,
+        astray_lsb=float(astray_lsb.max()) if astray_lsb.size else None,
         peak_current_a=float(np.abs(motion.current_a[since]).max(initial=0.0)),
         peak_speed_rad_s=float(np.abs(motion.speed_rad_s[since]).max(initial=0.0)),
         is_running=run.is_running,
@@ -201,6 +207,12 @@ def _reference_rad(motion: Motion, twin: Motion) -> Floats:
     return np.where(_has_twin(motion, twin)[:, np.newaxis], twin.angle_rad[_rows(motion, twin)], np.nan)
 
 
+def _astray_lsb(motion: Motion, twin: Motion, error_lsb: Floats, steps_rad: Floats) -> Floats:
+    """How far the true angle is from the reference or from the twin, whichever is nearer; NaN without a reference."""
+    from_twin_lsb = np.abs(motion.angle_rad - twin.angle_rad[_rows(motion, twin)]) / steps_rad
+    return np.where(_has_twin(motion, twin)[:, np.newaxis], np.minimum(error_lsb, from_twin_lsb), error_lsb)
+
+
 def _has_twin(motion: Motion, twin: Motion) -> Bools:
     """Which rows of `motion` are of cycles that the twin has as well."""
     return np.asarray(motion.cycle <= twin.cycle[-1])
@@ -226,7 +238,7 @@ def _latency_s(cell: Cell, motion: Motion, clock: int | None, first: Notice) -> 
     return 0.0 if clock is None else max(first.cycle - int(motion.cycle[clock]), 0) * cell.bus.cycle_s
 
 
-def _safety(cell: Cell, run: Evidence, twin: Motion, clock: int, stop: int | None, error_lsb: Floats) -> Safety:
+def _safety(cell: Cell, run: Evidence, twin: Motion, clock: int, stop: int | None, astray_lsb: Floats) -> Safety:
     """Whether the run is safe in time.
 
     A hold is a standstill (all speeds below the tachometer's floor) after the controller has begun to stop. Where it
@@ -237,7 +249,7 @@ def _safety(cell: Cell, run: Evidence, twin: Motion, clock: int, stop: int | Non
     if stop is not None:
         holding = _all(np.abs(motion.speed_rad_s) <= _floors(cell)[1]) & (motion.cycle >= stop)
     if run.is_running:
-        tracking = _all(error_lsb <= TOLERATED_LSB)
+        tracking = _all(astray_lsb <= TOLERATED_LSB)
     injected = int(np.searchsorted(motion.cycle, run.injected_cycle))
     twin_rad_s = np.where(_has_twin(motion, twin)[:, np.newaxis], twin.speed_rad_s[_rows(motion, twin)], 0.0)
     return safety(cell, motion, twin_rad_s, injected, clock, holding, tracking)

@@ -23,9 +23,9 @@ def why(found: Findings) -> str:
 def _intolerable(found: Findings) -> str:
     if not found.is_running:
         return "stopped"
-    if found.peak_error_lsb is None:
+    if found.astray_lsb is None:
         return "no reference to the end"
-    return f"error {found.peak_error_lsb:.3g} LSB > {TOLERATED_LSB:g} LSB"
+    return f"error {found.astray_lsb:.3g} LSB > {TOLERATED_LSB:g} LSB"
 
 
 def _unsafe(found: Safety) -> Iterator[str]:

@@ -120,6 +120,21 @@ def test_verdicts_are_as_defined(error_lsb: float, notice: int | None, verdict: 
     assert judged(evidence).verdict is verdict
 
 
+@pytest.mark.parametrize(("error_lsb", "verdict"), [(12.9, Verdict.TOLERATED), (13.1, Verdict.MISSED)])
+def test_a_law_that_errs_without_a_fault_too_may_go_on_erring(error_lsb: float, verdict: Verdict) -> None:
+    """The twin is 10 LSB from the reference: what is within 3 LSB of that is as good as no fault."""
+    twin, run = a_run(), a_run()
+    twin.motion.angle_rad[:, 0] = 10.0 * LSB_RAD
+    run.motion.angle_rad[:, 0] = error_lsb * LSB_RAD
+    found = judge(CELL, run, twin, True)
+    assert found.verdict is verdict
+    assert found.peak_error_lsb == pytest.approx(error_lsb)
+    if verdict is Verdict.MISSED:
+        assert "error 3.1 LSB > 3 LSB" in why(found)
+    else:
+        assert found.is_safe
+
+
 def test_a_detection_before_the_clock_counts_as_no_latency() -> None:
     evidence = a_run((noticed(140),))
     evidence.motion.angle_rad[150:, 0] = 4 * LSB_RAD
