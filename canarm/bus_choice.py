@@ -1,4 +1,4 @@
-"""Which buses a rig of separate processes runs over, as one word says it. Light: parsing of options waits for it."""
+"""Which buses a rig of separate processes runs over, parsed from one word. Imports little: option parsing needs it."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ class BusChoice:
 
     @property
     def flags(self) -> list[str]:
-        """What emulator and controller are told beside the address."""
+        """Extra options for emulator and controller, besides the address."""
         if self.channels is None:
             return []
         robot, bench = self.channels
@@ -34,4 +34,4 @@ class BusChoice:
 
 
 VIRTUAL_BUSES = BusChoice()
-"""The emulator's own."""
+"""The buses that the emulator itself serves."""

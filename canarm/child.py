@@ -1,4 +1,4 @@
-"""Our own commands as child processes: starting one, waiting for what it says, ending it. Nothing of what they do."""
+"""Our own commands as child processes: start one, wait for its output, end it. What they do is not known here."""
 
 import contextlib
 import os
@@ -17,26 +17,26 @@ from .cli import ENVIRONMENT_PREFIX, LOG_LEVEL
 from .usage import UsageError
 
 START_S = 300.0
-"""How long a process may take until it says that it is ready: a cold start reads a physics engine from disk, and an
+"""How long a process may take to report that it is ready: a cold start reads a physics engine from disk, and an
 emulated machine may be 25 times slower than its host."""
 END_S = 10.0
-"""How long a process may take to end when it is asked to; a safe stop takes 2 s."""
+"""How long a process may take to end once asked; a safe stop takes 2 s."""
 KEPT = 256 * 1024
-"""Bytes that are kept of what a process says; a summary has some hundred a joint."""
+"""Bytes of a process's output that are kept; a summary takes about a hundred per joint."""
 LAST_WORDS_S = 1.0
-"""How long a pipe may stay open after its process: something that the process has started may hold it."""
+"""How long a pipe may stay open after its process has ended: a grandchild may hold it."""
 
 
 class Child:
-    """`canarm command …` as a process in a session of its own: Ctrl-C at the terminal does not reach it by itself.
+    """`canarm command …` as a process in its own session, which Ctrl-C at the terminal does not reach.
 
-    It ends when this process does, and never waits for its output to be read. With `quiet`, what it says on stderr is
+    It ends when this process does, and never blocks on unread output. With `quiet`, its stderr is
     kept in `complaints` instead of shown. Leaving a `with` statement ends it.
     """
 
     def __init__(self, command: str, arguments: Sequence[str], quiet: bool = False) -> None:
         self.command = command
-        # -P: what lies in the working folder must not be taken for our own packages.
+        # -P: a file in the working folder must not shadow our packages.
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "canarm", command, *arguments, "--with-parent"],
             stdin=subprocess.DEVNULL,
@@ -56,23 +56,23 @@ class Child:
 
     @property
     def printed(self) -> str:
-        """What the process has printed, at most the last `KEPT` bytes of it."""
+        """The last `KEPT` bytes of its stdout."""
         return self._output.text
 
     @property
     def complaints(self) -> str:
-        """What a quiet process has said on stderr, at most the last `KEPT` bytes of it."""
+        """The last `KEPT` bytes of a quiet process's stderr."""
         return "" if self._errors is None else self._errors.text
 
     def wait_for(self, pattern: str, limit_s: float) -> re.Match[str] | None:
-        """The first match in what the process prints; None when it ends, or `limit_s` passes, without one."""
+        """The first match in the process's stdout; None if it ends, or `limit_s` passes, without one."""
         match = self._output.wait_for(pattern, limit_s)
         if match is None and self._output.has_ended:
             self.wait(END_S)
         return match
 
     def wait(self, limit_s: float) -> bool:
-        """Wait for the end of the process and of what it says; False where it has not ended within `limit_s`."""
+        """Wait until the process and its output have ended; False if they have not within `limit_s`."""
         try:
             self._process.wait(limit_s)
         except subprocess.TimeoutExpired:
@@ -83,7 +83,7 @@ class Child:
         return True
 
     def end(self) -> None:
-        """Ask the process to end, and insist when it does not. May be called again."""
+        """Ask the process to end, and kill it if it does not. May be called again."""
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGTERM)
         if not self.wait(END_S):
@@ -98,9 +98,9 @@ class Child:
 
 
 def offered_port(emulator: Child) -> int:
-    """The port on which an emulator offers its buses, from the line in which it says so.
+    """The port on which an emulator serves its buses, from the line that it prints.
 
-    Ends one that does not, and raises `UsageError` for what it was asked for, else `BusError`.
+    Ends an emulator that prints none, and raises `UsageError` if its arguments were wrong, else `BusError`.
     """
     found = emulator.wait_for(r"^bench .*port=(\d+)\b", START_S)
     if found is not None:
@@ -113,12 +113,12 @@ def offered_port(emulator: Child) -> int:
 
 
 def ended_too_early(child: Child, text: str) -> Exception:
-    """The error for a process that has ended; what was wrong usage to it is wrong usage to us."""
+    """The error for a process that has ended: its wrong usage is ours."""
     return (UsageError if child.status == ExitStatus.WRONG_INPUT else BusError)(text)
 
 
 class _Drain:
-    """Reads a pipe as fast as it fills, in a thread of its own, and keeps the last `KEPT` bytes."""
+    """Reads a pipe in a thread as fast as it fills, and keeps the last `KEPT` bytes."""
 
     def __init__(self, pipe: IO[bytes]) -> None:
         self._pipe = pipe
@@ -133,7 +133,7 @@ class _Drain:
         return self._kept.decode(errors="replace")
 
     def wait_for(self, pattern: str, limit_s: float) -> re.Match[str] | None:
-        """The first match in what is kept; None at the end of the pipe, or after `limit_s`."""
+        """The first match in the bytes kept; None at the end of the pipe, or after `limit_s`."""
         deadline_s = time.monotonic() + limit_s
         with self._news:
             while (match := re.search(pattern, self.text, re.MULTILINE)) is None:
@@ -159,7 +159,7 @@ class _Drain:
 
 
 def _environment() -> dict[str, str]:
-    """Ours, without the options given in it: those are passed on by name, to the command that they are for."""
+    """Our environment without canarm's options: those are passed explicitly to the command they are for."""
     return {
         name: value
         for name, value in os.environ.items()

@@ -57,9 +57,9 @@ COMMANDS = {
     "export": "Describe a cell to other tools: EDS and DCF for CANopen masters, DBC for decoders.",
 }
 WITH_STOP_REQUEST = ("emulator", "controller")
-"""Commands that open nothing before their own handler of signals stands."""
+"""Commands that open nothing before their own signal handler is installed."""
 RUNS = ("demo", "emulator", "controller")
-"""Commands that do their work whether somebody reads what they print or not."""
+"""Commands that do their work whether or not their output is read."""
 for _name, _help in COMMANDS.items():
     _module = _name.replace("-", "_")
     app.command(f"canarm.commands.{_module}:{_module}", name=_name, help=_help)
@@ -86,7 +86,7 @@ def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status. Every error ends in a line on stderr, never in a traceback."""
     try:
         if list(arguments) == ["--version"]:
-            print(version())  # the parser would load what formats a page of help
+            print(version())  # the parser would load the formatting of help pages
             return 0
         _import_command(arguments)
         _set_up_logging()
@@ -111,7 +111,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _import_command(arguments: Sequence[str]) -> None:
-    """Import what a command needs, and only then let signals become an exception: an import need not pass one on."""
+    """Import what a command needs before signals become exceptions, which an import may swallow."""
     for name in ("_".join(arguments[:words]) for words in (1, 2)):
         if name in (*COMMANDS, "fault_matrix"):
             importlib.import_module(f"canarm.commands.{name.replace('-', '_')}")
@@ -121,7 +121,7 @@ def _import_command(arguments: Sequence[str]) -> None:
 
 
 def _leave_threads_behind(status: int) -> None:
-    # A control law may have started one that never ends; the interpreter would wait for it.
+    # A control law may have started a thread that never ends; the interpreter would wait for it.
     with contextlib.suppress(OSError, ValueError):
         sys.stderr.flush()
     os._exit(status)
@@ -135,8 +135,8 @@ def _set_up_logging() -> None:
 
 
 def _lose_stdout(error: OSError) -> int:
-    """A reader that wants no more says so by leaving; other trouble is told."""
-    # What is left in the buffer would be tried again, and complained about, when the interpreter ends.
+    """A reader that has left is no error; anything else is reported."""
+    # Otherwise the interpreter would flush the buffer again at exit, and complain.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return FAILED if isinstance(error, BrokenPipeError) else _complain(f"stdout: {error.strerror}", FAILED)
 

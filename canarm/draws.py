@@ -1,6 +1,6 @@
 """Robots drawn from a box: what may differ from nominal, a Latin hypercube over it, and the bound of a proportion.
 
-Owns the box, and what a place in it means for a cell. What is run with a draw, and how it is judged, must not enter.
+Owns the box and what a draw means for a cell. What is run with a draw, and how it is judged, is not known here.
 """
 
 import math
@@ -16,16 +16,16 @@ Value = float | int | str
 
 CONFIDENCE = 0.95
 BISECTIONS = 60
-"""Of a probability between 0 and 1: more than a float can tell."""
+"""Halvings of the interval 0 to 1: finer than a float resolves."""
 HEARTBEAT_CYCLES = 2
-"""A heartbeat is sent every second cycle at the most."""
+"""A heartbeat is sent every second cycle at most."""
 SHORT_DELAY_SHARE = 8
-"""Of a cycle: what the controller takes where the cell's own delay would be longer than a fifth."""
+"""The compute delay is one cycle over this if the cell's own delay exceeds a fifth of the cycle."""
 
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A quantity drawn evenly between two ends; a factor evenly in its logarithm: half is as likely as twice."""
+    """A quantity drawn uniformly between two ends; a factor uniformly in its logarithm: half is as likely as twice."""
 
     name: str
     low: float
@@ -46,7 +46,7 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One of some values, each as often as any other."""
+    """One of several values, all equally likely."""
 
     name: str
     values: tuple[Value, ...]
@@ -80,7 +80,7 @@ Axis = Span | Choice | Whole
 SEED = Whole("seed", 0, 2**31 - 1)
 CYCLE_MS = Span("cycle", 0.8, 10.0, "ms", is_factor=True)
 PAYLOAD = Span("payload", -0.5, 0.8)
-"""By what share of its mass the last link is heavier than the controller thinks."""
+"""How much heavier the last link is than the controller thinks, as a share of its mass."""
 JOINT_BOX: tuple[Axis, ...] = (
     Choice("wire", ("rigid", "elastic")),
     Span("wire_stiffness", 0.5, 2.0, is_factor=True),
@@ -91,14 +91,14 @@ JOINT_BOX: tuple[Axis, ...] = (
     Span("offset", -1.0, 1.0, "deg"),
     Span("start", -20.0, 20.0, "deg"),
 )
-"""What is drawn for each joint of its own: factors of the cell's nominal values, the error of the potentiometer's zero,
+"""Drawn separately for each joint: factors of the cell's nominal values, the error of the potentiometer's zero,
 and how far from its home pose the arm is parked."""
 LIMIT_MARGIN_DEG = 1.0
-"""No arm is parked nearer to a stop."""
+"""No arm is parked nearer than this to an end stop."""
 
 
 def robot_box(cell: Cell) -> list[Axis]:
-    """The box of whole robots of `cell`: the payload, and the axes of each joint, as `joint2.coulomb`."""
+    """The box for the robots of `cell`: the payload, and the axes of each joint, such as `joint2.coulomb`."""
     axes: list[Axis] = [PAYLOAD]
     for name in cell.joint_names:
         axes += [replace(axis, name=f"{name}.{axis.name}") for axis in JOINT_BOX]
@@ -108,7 +108,7 @@ def robot_box(cell: Cell) -> list[Axis]:
 def hypercube(axes: Sequence[Axis], count: int, seed: int) -> list[dict[str, Value]]:
     """`count` draws of a Latin hypercube: each axis is cut into `count` slices, and each slice is drawn from once.
 
-    An axis is drawn by its name and `seed` alone: one more axis leaves the others as they were.
+    A draw depends on the axis's name and `seed` alone, so adding an axis does not change the others.
     """
     columns = []
     for axis in axes:
@@ -162,7 +162,7 @@ def payload_truth(cell: Cell, share: float) -> dict[str, str]:
 
 
 def retimed(cell: Cell, cycle_us: int) -> Cell:
-    """The same cell with another cycle; heartbeat and delay go with it where they have to. Raises `CellError`."""
+    """The same cell with another cycle; heartbeat and delay are adjusted if needed. Raises `CellError`."""
     table = cell.model_dump(exclude_none=True)
     bus = table["bus"]
     bus["cycle_us"] = cycle_us
@@ -177,7 +177,7 @@ def retimed(cell: Cell, cycle_us: int) -> Cell:
 
 
 def clopper_pearson(hits: int, count: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """The exact two-sided bounds of the probability of which `hits` of `count` were seen (Clopper, Pearson 1934)."""
+    """The exact two-sided confidence bounds of a probability after `hits` of `count` (Clopper and Pearson, 1934)."""
     tail = 0.5 * (1.0 - confidence)
     low = 0.0 if hits == 0 else _root(lambda p: 1.0 - _at_most(hits - 1, count, p) - tail)
     high = 1.0 if hits == count else _root(lambda p: tail - _at_most(hits, count, p))
@@ -185,7 +185,7 @@ def clopper_pearson(hits: int, count: int, confidence: float = CONFIDENCE) -> tu
 
 
 def _root(rising: Callable[[float], float]) -> float:
-    """Where a function that rises with a probability passes 0."""
+    """The zero between 0 and 1 of an increasing function."""
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
@@ -194,7 +194,7 @@ def _root(rising: Callable[[float], float]) -> float:
 
 
 def _at_most(hits: int, count: int, probability: float) -> float:
-    """The binomial distribution: how likely it is to see `hits` or fewer."""
+    """The binomial distribution: the probability of `hits` or fewer."""
     one, none = math.log(probability), math.log1p(-probability)
     logs = (_log_choose(count, k) + k * one + (count - k) * none for k in range(hits + 1))
     return math.fsum(math.exp(each) for each in logs)

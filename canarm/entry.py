@@ -1,6 +1,6 @@
-"""The program `canarm`, before anything else is imported: a signal then ends it as it does later, with a line.
+"""The program `canarm`, before anything else is imported: a signal ends it with a line, as it does later.
 
-Nothing belongs here that takes time to import.
+Nothing that is slow to import belongs here.
 """
 
 import gc
@@ -18,14 +18,14 @@ FAILED = 1
 def main() -> None:
     """Import the command line and run it. SIGINT and SIGTERM before a command has begun are status 1.
 
-    They end the process on the spot: an exception does not get through everywhere, the initialization of an extension
-    module for example makes an `ImportError` of it.
+    They end the process at once: an exception does not always get through; the initialization of an extension
+    module, for example, turns it into an `ImportError`.
     """
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _end_now)
     make_streams_safe()
-    gc.disable()  # until the command is imported: a tenth of the start would go into looking for garbage among modules
+    gc.disable()  # until the command is imported: collecting garbage among modules costs a tenth of the start
     sys.unraisablehook = _end_where_an_interrupt_is_lost
     try:
         from .cli import main as run_command_line
@@ -37,7 +37,7 @@ def main() -> None:
 
 
 class _Unraisable(Protocol):
-    """What `sys.unraisablehook` is given, as far as it is looked at here."""
+    """The part of `sys.unraisablehook`'s argument that is used here."""
 
     @property
     def exc_type(self) -> type[BaseException]: ...
@@ -53,7 +53,7 @@ def _end_now(number: int, frame: FrameType | None) -> None:
 
 
 def _end_where_an_interrupt_is_lost(unraisable: _Unraisable) -> None:
-    """Ctrl-C that falls into a finalizer or a callback of the garbage collector goes no further than there."""
+    """Ctrl-C during a finalizer or a callback of the garbage collector would be lost there."""
     if issubclass(unraisable.exc_type, KeyboardInterrupt):
         _end_now(signal.SIGINT, None)
     sys.__unraisablehook__(unraisable)  # type: ignore[arg-type]

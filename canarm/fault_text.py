@@ -1,4 +1,4 @@
-"""Faults in lines of text: the catalogue for people to read, and values as they are typed on a command line."""
+"""Faults as text: the catalogue for people to read, and values as typed on a command line."""
 
 import difflib
 import fnmatch
@@ -50,7 +50,7 @@ def select_taps(taps: Sequence[Mapping[str, Any]], pattern: str | None) -> list[
 
 
 def _nearest_tap(pattern: str, names: Sequence[str]) -> str:
-    """A hint at what was meant; of a pattern the first part counts, a joint or card."""
+    """A hint at what was meant, from the first part of the pattern: a joint or card."""
     if not any(sign in pattern for sign in "*?["):
         return nearest(pattern, names)
     head, dot, rest = pattern.partition(".")
@@ -83,7 +83,7 @@ def _limits(parameter: Mapping[str, Any]) -> str:
 
 
 def status_lines(status: Mapping[str, Any]) -> Iterator[str]:
-    """Whether a run is on, one line per set, and one per fault that acts now."""
+    """Whether a run is on, then a line per set and one per active fault."""
     is_on = status["running"]
     run = (
         f"a run is on, cycle {status['cycle']}" if is_on else "no run is on: at and cycle count from the next NMT start"

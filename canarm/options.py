@@ -1,4 +1,4 @@
-"""The options that several commands share, and what they become. Every one can come from the environment as well."""
+"""Options shared by several commands, and what they become. Each can also come from the environment."""
 
 import difflib
 import math
@@ -23,19 +23,19 @@ ROBOT_BUS, BENCH_BUS = "can0", "bench"
 LOSSY = "udp_multicast"
 """python-can's interface that may lose frames."""
 ALLOW_REMOTE = "allow_remote"
-"""Our own option of that interface: without it frames stay on this machine, and come from it."""
+"""Our own option of that interface: without it, frames stay on this machine and only its frames are taken."""
 
 SERIAL = "slcan"
 
 LONGEST_PORT = 20
-"""Digits of a port that are looked at; no number with more is one."""
+"""More digits cannot be a port."""
 LONGEST_S = 1e6
-"""Eleven days: waiting longer is not meant, and some systems cannot."""
+"""Eleven days: nobody means a longer wait, and some systems cannot wait longer."""
 
 SLOWEST_PACE = 0.01
-"""Of slow motion: a cycle of 2.5 ms takes a quarter of a second then, and nobody takes the controller for lost."""
+"""The slowest pace: a cycle of 2.5 ms then takes a quarter of a second, too short for anyone to give up on it."""
 DEFAULT_SYNC_TIMEOUT_S = 10.0
-"""Longer than a busy machine, a compiler or a page fault takes; a process that ends is noticed at once."""
+"""Longer than the delays of a busy machine, a compiler or paging; a process that ends is noticed at once."""
 
 
 def _positive(type_: object, value: float | None) -> None:
@@ -50,7 +50,7 @@ def not_negative(type_: object, value: int | None) -> None:
 
 
 def named_file(type_: object, tokens: Sequence[Token]) -> Path:
-    """The path that is given; an empty one, as of an unset variable of a shell, is not the working folder."""
+    """The given path; an empty one, as from an unset shell variable, is refused, not taken as the working folder."""
     text = tokens[0].value
     if not text:
         raise ValueError("the name of the file is empty.")
@@ -58,7 +58,7 @@ def named_file(type_: object, tokens: Sequence[Token]) -> Path:
 
 
 def _seconds_or_none(type_: object, tokens: Sequence[Token]) -> float:
-    """A number of seconds, or `none`, which is to wait for as long as it takes: infinity."""
+    """A number of seconds, or `none`, which waits for ever: infinity."""
     text = tokens[0].value
     try:
         value = math.inf if text.lower() == "none" else float(text)
@@ -82,7 +82,7 @@ def _pace(type_: object, tokens: Sequence[Token]) -> float:
 
 
 def whole_number(type_: object, tokens: Sequence[Token]) -> int:
-    """A whole number as it is written, in any base that Python has; 1.5 is none."""
+    """A whole number in any of Python's notations; 1.5 is refused."""
     try:
         return int(tokens[0].value, 0)
     except ValueError:
@@ -90,12 +90,12 @@ def whole_number(type_: object, tokens: Sequence[Token]) -> int:
 
 
 def wait_text(seconds: float) -> str:
-    """A time-out as its option takes it."""
+    """A time-out as its option spells it."""
     return f"{seconds:g}" if math.isfinite(seconds) else "none"
 
 
 def pace_text(pace: float) -> str:
-    """A pace as `--pace` takes it."""
+    """A pace as `--pace` spells it."""
     return f"{pace:g}" if math.isfinite(pace) else "max"
 
 
@@ -127,9 +127,9 @@ Address = Annotated[str, Parameter(metavar="HOST:PORT")]
 Seed = Annotated[int, Parameter(converter=whole_number, validator=not_negative, help="Seed of the sensor noise.")]
 Words = Annotated[list[str], Parameter(negative=(), metavar="KEY=VALUE", show_default=False)]
 Settings = Annotated[Words, Parameter(consume_multiple=False)]
-"""One KEY=VALUE an option."""
+"""One KEY=VALUE per option."""
 BusWords = Annotated[Words, Parameter(consume_multiple=True)]
-"""An option takes as many KEY=VALUE words as follow it, as python-can's own tools do."""
+"""An option takes all KEY=VALUE words that follow it, as python-can's own tools do."""
 MoreBusWords = Annotated[
     str, Parameter(help="Options KEY=VALUE of the robot's bus, as after --bus-kwargs.", show_env_var=False)
 ]
@@ -158,7 +158,7 @@ WithParent = Annotated[bool, Parameter(negative=(), show=False)]
 @Parameter(name="*")
 @dataclass(frozen=True)
 class CellOptions:
-    """Which cell, and which of its gains are other than in the file."""
+    """Which cell, and which of its gains differ from the file."""
 
     cell: Annotated[str, Parameter(metavar="NAME|FILE", help="Cell: a shipped name or a TOML file.")] = DEFAULT_CELL
     settings: Annotated[
@@ -178,7 +178,7 @@ class CellOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class ControlOptions:
-    """What the controller is to do."""
+    """What the controller does."""
 
     law: Annotated[
         str,
@@ -221,7 +221,7 @@ class WallClockOptions:
     ] = 0
 
     def check(self, clock: str, cell: Cell) -> None:
-        """Refuse what lockstep has no use for, and a spin that would never sleep. Raises `UsageError`."""
+        """Refuse options without effect in lockstep, and a spin that would never sleep. Raises `UsageError`."""
         if clock != "wall" and (self.realtime or self.spin):
             given = "--realtime" if self.realtime else f"--spin {self.spin}"
             raise UsageError(f"{given}: lockstep waits for no clock; leave it out, or take --clock wall")
@@ -232,7 +232,7 @@ class WallClockOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class OutputOptions:
-    """Where the run is recorded and how it is summed up."""
+    """Where the run is recorded and how it is summarized."""
 
     out: Annotated[Path | None, Parameter(metavar="DIR", help="Run folder to record into; must not hold a run.")] = None
     json: Annotated[Flag, Parameter(help="Last line on stdout is the summary as one JSON object.")] = False
@@ -241,7 +241,7 @@ class OutputOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class BusOptions:
-    """The robot's bus, by python-can's flags. `more` are further KEY=VALUE, given without --bus-kwargs."""
+    """The robot's bus, in python-can's flags. `more` are further KEY=VALUE words, given without --bus-kwargs."""
 
     interface: Annotated[
         str | None,
@@ -267,7 +267,7 @@ class BusOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class BenchBusOptions:
-    """The bench bus, by flags like those of the robot's."""
+    """The bench bus, in flags like those of the robot's bus."""
 
     bench_interface: Annotated[
         str | None, Parameter(metavar="NAME", help="python-can interface of the bench bus, such as socketcan.")
@@ -314,7 +314,7 @@ class BenchAttachOptions:
 
 @dataclass(frozen=True)
 class NamedBus:
-    """A bus as python-can names it; not yet open."""
+    """A bus in python-can's terms, not yet open."""
 
     interface: str
     channel: str | None
@@ -326,7 +326,7 @@ class NamedBus:
         return self.interface == LOSSY and bool(self.options.get(ALLOW_REMOTE))
 
     def allowing_remote(self) -> "NamedBus":
-        """The same bus, open to other machines where that has to be said."""
+        """The same bus, open to other machines if its interface has to be told."""
         return replace(self, options={**self.options, ALLOW_REMOTE: True}) if self.interface == LOSSY else self
 
     def open(self) -> BusPort:
@@ -335,7 +335,7 @@ class NamedBus:
 
 
 def check_pace(clock: str, pace: float | None) -> None:
-    """Refuse a pace where the wall clock sets it. Raises `UsageError`."""
+    """Refuse a pace on the wall clock. Raises `UsageError`."""
     if clock == "wall" and pace is not None and math.isfinite(pace):
         raise UsageError(f"--pace {pace_text(pace)}: the wall clock has one pace; leave it out, or take --clock sync")
 
@@ -352,7 +352,7 @@ def parse_address(option: str, text: str, any_port: bool = False, scheme: str = 
     """HOST:PORT behind `scheme`, with port 0 only where `any_port` says so. Raises `UsageError`."""
     host, colon, digits = text.removeprefix(scheme).rpartition(":")
     lowest = 0 if any_port else 1
-    # `isdigit` alone takes digits of other scripts, and superscripts; `int` takes no more than some thousand digits.
+    # `isdigit` alone accepts digits of other scripts and superscripts; `int` refuses a few thousand digits.
     is_number = digits.isascii() and digits.isdigit() and len(digits) <= LONGEST_PORT
     if not colon or not host or not is_number or not lowest <= int(digits) <= 0xFFFF:
         raise UsageError(

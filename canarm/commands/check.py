@@ -1,4 +1,4 @@
-"""`canarm check`: is a cell right, and what can be set in it."""
+"""`canarm check`: whether a cell is right, and what can be set in it."""
 
 from typing import Annotated
 

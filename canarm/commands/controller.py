@@ -140,7 +140,7 @@ def controller(
 
 
 class _Follower:
-    """Watches a run for its user: progress on stderr, events in the run folder, Ctrl-C."""
+    """Follows a run: progress on stderr, events into the run folder, Ctrl-C."""
 
     def __init__(
         self,
@@ -150,7 +150,7 @@ class _Follower:
         stop: StopRequest,
     ) -> None:
         self.recorder: ControllerRecorder | None = None
-        """Where events go, from when the buses are open."""
+        """Takes the events once the buses are open."""
         self._controller, self._ticks = controller, ticks
         self._progress, self._stop = progress, stop
         self._period_s = controller.loop.period_s
@@ -169,7 +169,7 @@ class _Follower:
             _tell(state.name.lower().replace("_", " "))
 
     def should_stop(self) -> str | None:
-        """Why to stop safely now, or None."""
+        """The reason to stop safely now, or None."""
         if self._progress and self._controller.controlled_ticks * self._period_s >= self._next_s:
             approach_s = self._controller.loop.trajectory.approach_s
             total = "" if self._ticks is None else f" of {self._ticks * self._period_s + approach_s:g}"
@@ -216,7 +216,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def _start_recording(folder: Path, controller: Controller, given: Mapping[str, Any]) -> ControllerRecorder:
-    """A recorder. A run that has found no bus leaves none: an emulator may record into the folder later."""
+    """A recorder. A run that found no bus leaves no files: an emulator may record into the folder later."""
     update_run_file(folder, "controller", {**provenance(), **given})
     recorder = ControllerRecorder(folder, controller)
     controller.on_tick = recorder.tick
@@ -224,7 +224,7 @@ def _start_recording(folder: Path, controller: Controller, given: Mapping[str, A
 
 
 def _end_recording(folder: Path, recorder: ControllerRecorder, summary: Summary, result: RunResult) -> bool:
-    """Close the files and add the summary; False, and a line on stderr, where that cannot be written."""
+    """Close the files and add the summary; False, and a line on stderr, if they cannot be written."""
     steps = [recorder.close, lambda: update_run_file(folder, "summary", summary.as_json())]
     if result.pacing is not None:
         pacing = result.pacing.summary()

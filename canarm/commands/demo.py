@@ -50,14 +50,14 @@ from ..summary import Summary
 from ..usage import UsageError, parse_settings
 
 SLOWEST = 10.0
-"""A run may take this many times its robot time, and START_S, before it is given up."""
+"""A run is given up after this many times its robot time, plus START_S."""
 PACE_HELP = (
     "Lockstep: virtual time passes at most X times as fast as the wall clock; max does not wait. "
     "1 on a terminal, else max."
 )
 WRONG_USAGE = 2
 END_STATUS = {0: 0, WRONG_USAGE: WRONG_USAGE}
-"""Exit statuses of the controller that are passed on; every other one is a failed run."""
+"""Exit statuses of the controller that are passed on; any other is a failed run."""
 
 
 def demo(
@@ -120,7 +120,7 @@ def demo(
         for bus in (ROBOT_BUS, BENCH_BUS):
             _tell(f"to attach to {bus}: {attach_flags(bus, host, port)}")
         with Child("controller", arguments, quiet=with_dashboard) as controller:
-            # A debugger may hold what waits for ever.
+            # With no time-out, a debugger may hold it for ever.
             limit_s = START_S + SLOWEST * seconds / min(pace or 1.0, 1.0) if math.isfinite(sync_timeout) else math.inf
             deadline_s = time.monotonic() + limit_s
             try:
@@ -146,7 +146,7 @@ def _each(option: str, words: Sequence[str]) -> list[str]:
 
 
 def _is_terminal() -> bool:
-    """Whether there is a terminal to draw on, to type at and to print the summary to."""
+    """Whether stdin, stdout and stderr are a terminal."""
     return all(stream is not None and stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr))
 
 
@@ -159,17 +159,17 @@ def _controller_arguments(control: ControlOptions, address: str, seconds: float)
 
 
 def _check(cell: Cell, control: ControlOptions, clock: str, seconds: float, truth: Sequence[str]) -> None:
-    """Find what is wrong with the command line before any process starts."""
+    """Check the command line before any process starts."""
     tick_count(cell, seconds)
     TrueRobot.from_settings(cell, parse_settings("--truth", truth))
     make_controller(cell, control.law, control.trajectory, control.feedforward, Clock[clock.upper()])
 
 
 def _served_host(serve: str) -> str:
-    """The host of `--serve`. Raises `UsageError` for one that other machines reach."""
+    """The host of `--serve`. Raises `UsageError` if other machines can reach it."""
     host, _ = parse_address("--serve", serve, any_port=True)
     is_open = False
-    with contextlib.suppress(ValueError):  # a name is the emulator's to look up
+    with contextlib.suppress(ValueError):  # the emulator looks names up
         is_open = is_remote(host)
     if is_open:
         raise UsageError(f"--serve {serve}: a demo is for this machine; canarm emulator has --allow-remote")
@@ -191,7 +191,7 @@ def _show_dashboard(cell: Cell, host: str, port: int, controller: Child, deadlin
 
 
 def _of_summary(emulator: Child, key: str) -> Any:
-    """A figure of the emulator's summary; None where it has left none."""
+    """A figure of the emulator's summary; None if there is no summary."""
     with contextlib.suppress(IndexError, ValueError, KeyError, TypeError):
         return json.loads(emulator.printed.splitlines()[-1])[key]
     return None

@@ -63,7 +63,7 @@ WINDOWS_PORT = re.compile(r"com\d+:?", re.IGNORECASE)
 @Parameter(name="*")
 @dataclass(frozen=True)
 class WorldOptions:
-    """The robot as it truly is, and what drives its time."""
+    """The true robot, and what drives its time."""
 
     clock: ClockName = "wall"
     sync_timeout: SyncTimeout = DEFAULT_SYNC_TIMEOUT_S
@@ -171,7 +171,7 @@ def emulator(
 
 
 def _run(runner: EmulatorRunner, recorder: Recorder | None, folder: Path | None) -> str | None:
-    """Serve until the end; why that came too early, if the run could not be recorded: a full disk for example."""
+    """Serve until the end; if recording failed (a full disk, for example) and ended the run, returns why."""
     if recorder is None or folder is None:
         runner.run()
         return None
@@ -185,7 +185,7 @@ def _serve(host: str, port: int, allow_remote: bool) -> Hub:
 
 
 def _offer_slcan(where: bool | str, allow_remote: bool) -> SlcanPort:
-    """An adapter at a path or `socket://HOST:PORT`; with `True`, on a terminal with the usual name."""
+    """An adapter at a path or `socket://HOST:PORT`; with `True`, a pseudo-terminal with the default name."""
     if where == "":
         raise UsageError("--slcan: the path is empty; give one, or --slcan alone for the usual name")
     if isinstance(where, str) and where.startswith(SOCKET_URL):
@@ -207,7 +207,7 @@ def _start_recording(folder: Path, cell: Cell, given: Mapping[str, Any]) -> Reco
 
 
 def _announce(hub: Hub, ports: Mapping[str, Sequence[BusPort]]) -> None:
-    """How to attach, in one piece: a reader that takes the first line and goes must not end the emulator."""
+    """Print how to attach, in one write: a reader that leaves after the first line must not end the emulator."""
     lines = []
     for bus in (ROBOT_BUS, BENCH_BUS):
         lines.append(f"{bus:<6} {attach_flags(bus, *hub.address)}")
@@ -244,7 +244,7 @@ def _wire_text(figures: Mapping[str, Any]) -> str:
 
 
 def _figures(bench: FaultBench, runner: EmulatorRunner) -> dict[str, Any]:
-    """Of the whole session, but for `cycles`: SYNCs since the cards were started last."""
+    """Figures of the whole session, except `cycles`: SYNCs since the last NMT start."""
     steps = bench.world.saturated_steps
     return {
         "cycles": bench.cycle + 1,

@@ -39,7 +39,7 @@ def list_(
 
     Needs no running bench.
     """
-    # Reads every fault there is, which the other commands leave to the bench.
+    # Imports every fault; the other commands leave that to the bench.
     from canarm_emulator.faults.catalogue import as_plain, catalogue_of
 
     taps = select_taps(as_plain(catalogue_of(cell.load())), tap)
@@ -154,7 +154,7 @@ def _checked_file(path: Path) -> FaultScript:
 
 
 def _free_name(wanted: str, status: Mapping[str, Any]) -> str:
-    """`wanted`, with a number behind it if sets are named so already."""
+    """`wanted`, with a number appended if a set already has that name."""
     taken = {each["set"] for each in status["sets"]}
     number, name = 1, wanted
     while name in taken:

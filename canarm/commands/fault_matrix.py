@@ -107,7 +107,7 @@ def matrix(
 
 
 def _chosen(nominal: Cell, only: Sequence[str], name: str) -> "tuple[MatrixCell, ...]":
-    """The cells to be run. Raises `UsageError` for a pattern that fits none: it may be a slip of the pen."""
+    """The cells to run. Raises `UsageError` for a pattern that matches none: it may be mistyped."""
     from ..matrix.plan import cells_of
 
     idle = [pattern for pattern in only if not cells_of(nominal, [pattern])]
@@ -118,7 +118,7 @@ def _chosen(nominal: Cell, only: Sequence[str], name: str) -> "tuple[MatrixCell,
 
 
 def _cores() -> int:
-    """Cores that this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

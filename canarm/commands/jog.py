@@ -77,7 +77,7 @@ def jog(
 
 
 def _session(driver: Driver, master: Jog, parser: Parser, given: list[Command] | None) -> int:
-    """Carry out what is given, or what comes from stdin; the exit status. Raises `ControllerError`, `BusError`."""
+    """Carry out the given commands, or those from stdin; the exit status. Raises `ControllerError`, `BusError`."""
     driver.carry_out(master.begin(LISTEN_NS))
     if given is not None:
         _carry_out(driver, master, given)
@@ -109,7 +109,7 @@ def _session(driver: Driver, master: Jog, parser: Parser, given: list[Command] |
 
 
 def _carry_out(driver: Driver, master: Jog, commands: list[Command]) -> bool:
-    """False once the user has had enough."""
+    """Carry out `commands`; False after `quit`."""
     for command in commands:
         if isinstance(command, Quit):
             return False
@@ -126,7 +126,7 @@ def _told(done: int) -> str:
 
 @contextlib.contextmanager
 def _interruptible(master: Jog) -> Iterator[None]:
-    """Ctrl-C ends a step instead of the session; pressed again, or where nothing steps, the session."""
+    """Ctrl-C ends a running step; without one, or pressed again, it ends the session."""
 
     def on_signal(number: int, frame: FrameType | None) -> None:
         if master.is_interrupted or not master.is_stepping:
@@ -141,7 +141,7 @@ def _interruptible(master: Jog) -> Iterator[None]:
 
 
 def _lines(driver: Driver, is_terminal: bool) -> Iterator[str]:
-    """What the user types, until the end of stdin; the bus is kept alive meanwhile."""
+    """Lines from stdin until its end; the bus is kept alive meanwhile."""
     if is_terminal:
         with contextlib.suppress(ImportError):  # history and editing, where the platform has them
             importlib.import_module("readline")

@@ -40,8 +40,8 @@ def new_cell(
         int | None,
         Parameter(metavar="US", help="Period of SYNC in us; unless given 2500, or the next that the bus can carry."),
     ] = None,
-    bitrate: Annotated[int, Parameter(metavar="BIT/S", help="Of the robot's bus.")] = DEFAULT_BITRATE,
-    bits: Annotated[int, Parameter(help="Of the converters, 8 to 16.")] = DEFAULT_BITS,
+    bitrate: Annotated[int, Parameter(metavar="BIT/S", help="Bit rate of the robot's bus.")] = DEFAULT_BITRATE,
+    bits: Annotated[int, Parameter(help="Resolution of the converters, 8 to 16.")] = DEFAULT_BITS,
     sensors: Annotated[
         tuple[Kinds, ...],
         Parameter(
@@ -89,7 +89,7 @@ def _check_free(out: Path) -> None:
 
 
 def _sensing(sensors: Sequence[str], position_sensor: str | None) -> Sensing:
-    """The kinds of sensor, the one that measures the angle first where one is named."""
+    """The kinds of sensor; if one is named for the angle, it comes first."""
     if position_sensor is not None:
         sensors = [position_sensor, *(kind for kind in sensors if kind not in POSITION_KINDS)]
     return tuple(dict.fromkeys(sensors))

@@ -1,4 +1,4 @@
-"""Driving the cards by hand: the commands, what they do, and the edge that joins both to a bus.
+"""Driving the cards by hand: the commands, what they do, and the driver that joins them to a bus.
 
 `parsing` and `jog` have no input or output; `driver` owns bus and clock; the prompt is `canarm.commands.jog`'s.
 """

@@ -1,4 +1,4 @@
-"""What the cards hold, asked by SDO, and how it reads in a line of text. Conversations as the master's."""
+"""What the cards hold, read by SDO, as a line of text. Conversations are generators, as in the master."""
 
 import math
 from collections.abc import Generator
@@ -21,7 +21,7 @@ UNITS = {Quantity.POSITION: "deg", Quantity.VELOCITY: "rad/s", Quantity.CURRENT:
 
 
 class JogError(ControllerError):
-    """A command could not be carried out; the outputs are as they were, or off where the message says so."""
+    """A command could not be carried out; the outputs are unchanged, or off if the message says so."""
 
     exit_status = ExitStatus.FAILED
 
@@ -34,7 +34,7 @@ def error_register(node: CardNode) -> Generator[Ask, Frame, int]:
 def read_outputs(
     cell: Cell, node: CardNode, codes: list[int], directions: list[DirectionBits]
 ) -> Generator[Ask, Frame, None]:
-    """What the card's outputs hold now, into `codes` and `directions` of the joints. Raises `JogError`."""
+    """Read the card's present outputs into `codes` and `directions` of the joints. Raises `JogError`."""
     card = node.card
     if not card.kind.is_output:
         return
@@ -49,7 +49,7 @@ def read_outputs(
 
 
 def access_object(command: SdoRead | SdoWrite) -> Generator[Ask, Frame, str]:
-    """Read or write any object; a value in words, as the EDS types it. Raises `JogError`."""
+    """Read or write any object; returns its value as text, by its type in the EDS. Raises `JogError`."""
     node, index, subindex = command.node, command.index, command.subindex
     variable = variable_at(node.dictionary, index, subindex)
     name = "" if variable is None else f" {variable.name}"
@@ -77,7 +77,7 @@ def input_text(cell: Cell, slot: InputSlot, code: int) -> str:
 
 
 def output_text(cell: Cell, joint: int, code: int, direction: DirectionBits) -> str:
-    """Code, direction and the current that both ask for."""
+    """Code, direction and the current that they command."""
     sign = {DirectionBits.CLOCKWISE: -1.0, DirectionBits.COUNTER_CLOCKWISE: 1.0}.get(direction, 0.0)
     name = DIRECTION_NAMES.get(direction, "illegal")
     current_a = sign * command_scale(cell, joint)(code) + 0.0

@@ -1,4 +1,4 @@
-"""The edge of jogging: joins a `Jog` to an open bus and the wall clock, and keeps it alive while its user thinks."""
+"""Joins a `Jog` to an open bus and the wall clock, and keeps it alive while its user thinks."""
 
 import _thread
 import contextlib
@@ -18,7 +18,7 @@ from .jog import Jog, Work
 
 INTERRUPT_AGAIN_S = 0.5
 POLL_S = 0.005
-"""How often a wait looks whether a heartbeat is due: a quarter of the shipped cells' heartbeat time."""
+"""How often a wait checks whether a heartbeat is due: a quarter of the shipped cells' heartbeat time."""
 
 
 class Driver:
@@ -29,7 +29,7 @@ class Driver:
         self._lost: BusError | None = None
 
     def carry_out(self, work: Work) -> list[str]:
-        """Run a command to its end. Raises what it raises, and `BusError`."""
+        """Run a command to its end. Raises its errors, and `BusError`."""
         jog = self._jog
         jog.now_ns = time.monotonic_ns()
         try:
@@ -45,13 +45,13 @@ class Driver:
             self._flush(())
 
     def look(self) -> None:
-        """Read what has come. Raises `JogError` for an alarm, and `BusError`."""
+        """Read the frames that have arrived. Raises `JogError` for an alarm, and `BusError`."""
         self._receive(0.0)
         self._flush(())
         self._jog.check()
 
     def ask_user(self, read: Callable[[], str]) -> str:
-        """What `read` brings; heartbeats go out meanwhile, what arrives is taken in. In the main thread only.
+        """The result of `read`; meanwhile heartbeats are sent and frames received. Main thread only.
 
         Raises what `read` raises, and `BusError` as soon as the bus is lost.
         """
@@ -79,7 +79,7 @@ class Driver:
                 raise self._lost
 
     def end(self) -> None:
-        """Leave the cards safe; on a lost bus they protect themselves."""
+        """Leave the cards safe; if the bus is lost, they protect themselves."""
         with contextlib.suppress(BusError):
             self._port.send(self._jog.end())
 
@@ -95,7 +95,7 @@ class Driver:
         return None
 
     def _receive(self, timeout_s: float, ask: Ask | None = None) -> Frame | None:
-        """Hand what arrives to the master; the first frame that answers `ask`."""
+        """Hand arriving frames to the master; returns the first that answers `ask`."""
         answer = None
         for _, frame in self._port.receive(timeout_s):
             self._jog.receive(frame, time.monotonic_ns())
@@ -116,15 +116,15 @@ class Driver:
                 self._flush(self._jog.heartbeat_if_due())
         except BusError as error:
             self._lost = error
-            # Ends a read from the terminal, which would hide the loss until the user types something. A signal that
-            # comes just before the read is not seen by it, so it is repeated.
+            # Interrupts a read from the terminal, which would hide the loss until the user types something. A signal
+            # just before the read has no effect on it, so it is repeated.
             interrupt_main()
             while not end.wait(INTERRUPT_AGAIN_S):
                 interrupt_main()
 
 
 def interrupt_main() -> None:
-    """As Ctrl-C does."""
+    """Interrupt the main thread, as Ctrl-C does."""
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
     else:

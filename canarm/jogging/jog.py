@@ -1,6 +1,6 @@
 """Driving the cards by hand, without any input or output: commands and frames go in, frames and lines of text come out.
 
-`Jog` is the CANopen master of a bus that has no other. It owns what is wanted of every output and what the cards said
+`Jog` is the CANopen master of a bus that has no other. It owns the commanded outputs and what the cards sent
 last; bus and wall clock belong to `driver`, the prompt to `canarm.commands.jog`.
 """
 
@@ -37,18 +37,18 @@ from .parsing import (
 )
 
 Work = Generator[Ask, Frame, list[str]]
-"""A command on its way: yields what to send and what to wait for, returns what to show. See `master` for `Ask`."""
+"""A command being carried out: yields what to send and await (`Ask`, see `master`), returns the lines to show."""
 
 TIME_NS = 2_000_000_000
-"""How long lockstep may wait for TIME."""
+"""How long to wait for TIME in lockstep."""
 IDLE_HEARTBEAT_NS = 100_000_000
-"""In lockstep, where no card's time passes between commands: often enough that another controller hears us."""
+"""In lockstep no time passes for the cards between commands; this is often enough for another controller to hear us."""
 
 
 class Jog:
-    """The master. Whoever drives it sets `now_ns`, hands in every frame, and sends what gathers in `outbox`.
+    """The master. Its driver sets `now_ns`, hands in every frame, and sends the frames in `outbox`.
 
-    `is_driving` says whether the cards are in OPERATIONAL by our doing. `is_over` says that the bus has another master.
+    `is_driving`: we have put the cards into OPERATIONAL. `is_over`: the bus has another master.
     """
 
     def __init__(self, cell: Cell, nodes: tuple[CardNode, ...], clock: Clock) -> None:
@@ -87,14 +87,14 @@ class Jog:
         return self._start()
 
     def end(self) -> list[Frame]:
-        """What leaves the cards safe; nothing while they are not ours."""
+        """The frames that leave the cards safe; none while they are not ours."""
         if not self._has_cards:
             return []
         self._drop_outputs()
         return stop_frames(self._nodes)
 
     def receive(self, frame: Frame, now_ns: int) -> None:
-        """Take one frame from the bus. An alarm puts the outputs off and is raised by the next command."""
+        """Take one frame from the bus. An alarm switches the outputs off and is raised by the next command."""
         self.now_ns = now_ns
         can_id, data, is_extended, is_remote = frame
         if is_extended or is_remote or not self._has_cards:
@@ -114,19 +114,19 @@ class Jog:
                 self._raise_alarm("virtual time did not move by a cycle: somebody else moves it, or it ran on")
 
     def _is_off_beat(self, time: bytes) -> bool:
-        """Whether virtual time did not move on by the cycle that a step is. A late SYNC would be somebody else's."""
+        """Whether virtual time moved by anything but one cycle since our last SYNC: then somebody else moves it."""
         return self._supervisor.time(time) is not None or bool(self._supervisor.late_ns)
 
     def heartbeat_if_due(self) -> list[Frame]:
-        """Our heartbeat when it is time for one: from the first start to the end."""
+        """Our heartbeat if one is due: from the first start to the end."""
         if self._next_heartbeat_ns is None or self.now_ns < self._next_heartbeat_ns:
             return []
         return [self._heartbeat()]
 
     def run(self, command: Command) -> Work:
-        """Carry out one command, `Quit` excepted. Raises `JogError`, or another `ControllerError` of the master's.
+        """Carry out one command other than `Quit`. Raises `JogError`, or another `ControllerError` of the master.
 
-        What a command has to show is not shown when the cards went safe meanwhile.
+        If the cards went safe meanwhile, its lines are not shown.
         """
         self.check()
         try:
@@ -137,13 +137,13 @@ class Jog:
         return lines
 
     def check(self) -> None:
-        """Raises `JogError` for an alarm since the last look."""
+        """Raises `JogError` for an alarm since the last check."""
         alarm, self._alarm = self._alarm, None
         if alarm is not None:
             raise JogError(alarm)
 
     def interrupt(self) -> None:
-        """The `step` that runs ends after its present cycle."""
+        """End the running `step` after its present cycle."""
         self.is_interrupted = True
 
     def _obey(self, command: Command) -> Work:
@@ -265,7 +265,7 @@ class Jog:
                 yield Ask(tuple(frames), lambda frame: False, max(pacer.next_ns - self.now_ns, 0))
 
     def _read(self) -> Work:
-        """In OPERATIONAL inputs are converted at SYNC alone: on the wall clock one goes out, before waiting outputs."""
+        """In OPERATIONAL inputs are converted only at SYNC: on the wall clock one is sent, before pending outputs."""
         if self.is_driving and self.clock is Clock.WALL:
             yield from self._one_cycle(Pacer(self.cell.bus.cycle_ns, lambda: self.now_ns), with_outputs=False)
             self.check()
@@ -277,7 +277,7 @@ class Jog:
         return [input_text(self.cell, slot, self._inputs[slot]) for slot in slots]
 
     def _read_inputs(self) -> Generator[Ask, Frame, None]:
-        """All inputs by SDO."""
+        """Read all inputs by SDO."""
         self._refuse_if_stopped()
         for slot in self._slots:
             node = next(node for node in self._nodes if node.card.node_id == slot.node_id)
@@ -348,7 +348,7 @@ class Jog:
         self._raise_alarm(text)
 
     def _raise_alarm(self, text: str) -> None:
-        """Outputs off, cards in PRE-OPERATIONAL; `text` is told when the next command, or the present one, looks."""
+        """Outputs off, cards in PRE-OPERATIONAL; the present or the next command reports `text`."""
         if self._alarm is None:
             self._alarm = f"{text}; outputs are off"
             self.outbox += stop_frames(self._nodes)

@@ -1,6 +1,6 @@
 """The commands of `canarm jog`: from a line of text to a value that says what to do, checked against the cell.
 
-Nothing here drives anything. A line that is wrong raises `UsageError` with one line and has no effect.
+Nothing is driven here. A wrong line raises `UsageError` with one line and has no effect.
 """
 
 import difflib
@@ -19,7 +19,7 @@ from canarm_protocol.cell.wiring import CardNode, DirectionBits, command_codec
 from ..usage import UsageError
 
 MOST_STEPS = 100_000
-"""Cycles of one `step`: 250 s at 2.5 ms. More is a run, and a run wants a supervisor."""
+"""Cycles of one `step`: 250 s at 2.5 ms. A longer run needs supervision."""
 DIRECTIONS = {
     "ccw": DirectionBits.COUNTER_CLOCKWISE,
     "cw": DirectionBits.CLOCKWISE,
@@ -27,13 +27,13 @@ DIRECTIONS = {
 }
 DIRECTION_NAMES = {bits: name for name, bits in DIRECTIONS.items()}
 LONGEST_NUMBER = 40
-"""Characters; `int` takes no more than some thousand."""
+"""Characters; `int` refuses a few thousand."""
 _INTEGER = re.compile(r"[+-]?(0[xX][0-9a-fA-F]+|[0-9]+)", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """Set DAC code and direction of a joint (index in `cell.joints`); what is None stays."""
+    """Set DAC code and direction of a joint (index in `cell.joints`); None leaves a value unchanged."""
 
     joint: int
     code: int | None
@@ -47,19 +47,19 @@ class AllOff:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """So many SYNC cycles."""
+    """Run a number of SYNC cycles."""
 
     cycles: int
 
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """All inputs."""
+    """Read all inputs."""
 
 
 @dataclass(frozen=True, slots=True)
 class ShowState:
-    """Cards and outputs."""
+    """Show cards and outputs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ class SdoWrite:
 
 @dataclass(frozen=True, slots=True)
 class Help:
-    """What there is."""
+    """List the commands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,7 +230,7 @@ USAGE = {
     "help": ("help", "this"),
     "quit": ("quit", "outputs off, cards in PRE-OPERATIONAL, end"),
 }
-"""Commands: how they are written, what they do."""
+"""Command: syntax, effect."""
 
 _PLAIN: dict[str, Callable[[], Command]] = {
     "read": Read,
@@ -270,7 +270,7 @@ def _integer(command: str, what: str, text: str, low: int, high: int) -> int:
 
 
 def _value(node: CardNode, index: int, subindex: int, text: str) -> bytes:
-    """The bytes of an integer object. Raises `UsageError` where the EDS has none, or the number does not fit."""
+    """The bytes of an integer object. Raises `UsageError` if the EDS has none, or the number does not fit."""
     variable = variable_at(node.dictionary, index, subindex)
     where = f"sdo write 0x{index:04X}:{subindex:02X}"
     if variable is None:

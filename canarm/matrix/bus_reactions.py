@@ -1,6 +1,6 @@
-"""What a controller does about a fault, as far as it is seen on the bus: nothing of how it works is known.
+"""How a controller reacts to a fault, as seen on the bus, without knowing how it works.
 
-These stand for detections where the controller is not ours.
+They count as the detections of a foreign controller.
 """
 
 from collections.abc import Iterable, Sequence
@@ -17,7 +17,7 @@ from canarm_protocol.errors import FrameError
 from .evidence import Evidence, Floats, Ints, Notice, Received
 
 ZERO_CYCLES = 4
-"""Outputs that are zero for so many frames in a row are off; a current that changes its sign passes zero faster."""
+"""Outputs that are zero for this many frames in a row are off; a current that changes sign passes zero faster."""
 OUTPUTS_ZERO, NMT_STOP, EMERGENCY, HEARTBEAT, ENDED, SILENT = (
     "outputs-zero",
     "nmt-stop",
@@ -27,9 +27,9 @@ OUTPUTS_ZERO, NMT_STOP, EMERGENCY, HEARTBEAT, ENDED, SILENT = (
     "silent",
 )
 END_OF_DRIVING = (NMT_STOP, HEARTBEAT, ENDED, SILENT)
-"""Reactions after which a controller drives no more; outputs may be zero for a while, and an error may go."""
+"""Reactions after which a controller no longer drives; zero outputs and errors may be temporary."""
 SAME_CYCLES = ZERO_CYCLES
-"""What run and twin both do within so many cycles of each other is the same act: its time may shift by a pause."""
+"""Reactions of run and twin within this many cycles of each other are the same: a pause may shift their time."""
 
 
 def reactions(cell: Cell, frames: Sequence[Received], cycle: Ints, time_s: Floats) -> list[Notice]:
@@ -55,7 +55,7 @@ def reactions(cell: Cell, frames: Sequence[Received], cycle: Ints, time_s: Float
 
 
 def beside_twin(run: Evidence, twin: Evidence) -> Evidence:
-    """The run without what its fault-free twin does as well, at the same time and place: that is no reaction."""
+    """The run without what its fault-free twin also does at the same time: that is no reaction to the fault."""
     notices = tuple(each for each in run.notices if not any(is_same(each, its) for its in twin.notices))
     is_running = not any(each.stops and each.cycle >= run.injected_cycle for each in notices)
     return replace(run, notices=notices, is_running=is_running)
@@ -67,12 +67,12 @@ def is_same(mine: Notice, its: Notice) -> bool:
 
 
 def cycle_at(stamp_s: float, cycle: Ints, time_s: Floats) -> int:
-    """The cycle in which something came at `stamp_s`."""
+    """The cycle at time stamp `stamp_s`."""
     return int(cycle[max(int(np.searchsorted(time_s, stamp_s, side="right")) - 1, 0)])
 
 
 def _zero_outputs(cell: Cell, frames: Iterable[Received]) -> list[float]:
-    """When the outputs of all joints went to zero for at least `ZERO_CYCLES` frames; of several DACs, the last one."""
+    """When the outputs of all joints went to zero for at least `ZERO_CYCLES` frames; with several DACs, at the last."""
     layouts = {
         layout.cob_id: (layout, node.card.codec)
         for node in card_nodes(cell)

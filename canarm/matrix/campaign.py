@@ -1,4 +1,4 @@
-"""Runs the whole matrix, on one core or on all. The results do not depend on how many there are, nor on their order."""
+"""Runs the whole matrix on one or all cores. The results depend neither on their number nor on the order of runs."""
 
 import contextlib
 import functools
@@ -22,7 +22,7 @@ from .table import FalseAlarm, Matrix, Row
 
 FAULT_FREE_RUNS = 20
 PAYLOAD_FACTORS = (1.0, 0.5, 1.5, 0.75, 1.25)
-"""What the last link weighs in the fault-free runs, as a multiple of what the controller thinks; in turns."""
+"""Mass of the last link in the fault-free runs, as a multiple of what the controller thinks; used in turn."""
 FIRST_ALARM_SEED = 1
 OnProgress = Callable[[int, int], None]
 OnNote = Callable[[str], None]
@@ -44,7 +44,7 @@ class Campaign:
 
     @property
     def title(self) -> str:
-        """What it is about, in a line."""
+        """Its title, in one line."""
         first = self.scenarios[0]
         who = f"law {first.law}, {first.trajectory}" if self.controller is None else self.controller
         return f"{first.cell}, {self.about or f'{who}, seed {first.seed}'}"
@@ -214,7 +214,7 @@ def _onset(scenario: Scenario, with_wire: bool) -> AtOnset:
 
 @functools.lru_cache(maxsize=2)
 def _twin(scenario: Scenario, with_wire: bool) -> Evidence:
-    """The fault-free run of our own controller; once per process."""
+    """The fault-free run of our own controller; run once per process."""
     if not CAN_FORK:
         return run_in_rig(scenario, _load(scenario), None, with_wire)
     onset = _onset(scenario, with_wire)

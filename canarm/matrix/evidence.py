@@ -1,6 +1,6 @@
-"""What is known of one run: the true motion, what the controller was told of it, and what it noticed.
+"""What is known of one run: the true motion, what the controller received, and what it noticed.
 
-The same whether the run was a rig's or that of processes on a bus. No judgement enters here.
+It is the same for a rig and for processes on a bus. Nothing is judged here.
 """
 
 import functools
@@ -26,9 +26,9 @@ _HALF_NS = 0.5e-9
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The truth, a row a SYNC: cycles and times (n,), the rest (n, joints). NaN where there is no reference.
+    """The truth, one row per SYNC: cycles and times (n,), the rest (n, joints). NaN where there is no reference.
 
-    After the last SYNC rows may follow that have its cycle number and times of their own.
+    Rows after the last SYNC have its cycle number, but their own times.
     """
 
     cycle: Ints
@@ -48,7 +48,7 @@ def motion_of(cycle: Ints, time_s: Floats, joints: Floats, reference_rad: Floats
 
 
 class Notice(NamedTuple):
-    """Something that the controller has noticed, or that it did: by which detector, where, in which cycle.
+    """Something that the controller noticed or did: by which detector, where, in which cycle.
 
     `stops` says whether the run ends by it.
     """
@@ -62,7 +62,7 @@ class Notice(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """One run. `seen` has, a sensor, what the controller last received by the end of each cycle, in the sensor's unit,
+    """One run. For each sensor, `seen` is what the controller last received by the end of each cycle, in its unit,
     shape (n, joints); NaN before the first. `injected_cycle` is the first in which the fault acted.
     """
 
@@ -82,9 +82,9 @@ class Received(NamedTuple):
 
 
 def seen_by_controller(cell: Cell, frames: Iterable[Received], time_s: Floats) -> dict[Quantity, Floats]:
-    """What of `frames`, in order of time, had arrived before the SYNC that follows each of `time_s`; see `Evidence`.
+    """What had arrived of `frames` (in order of time) before the SYNC that follows each of `time_s`; see `Evidence`.
 
-    Frames that are no usable process data are left out, as the controller leaves them out.
+    Frames without usable process data are ignored, as the controller ignores them.
     """
     layouts, slots = inputs_of(cell)
     lowest = {slot.cob_id: slot.codec.lowest_value for slot in slots}

@@ -15,23 +15,23 @@ from .table import Matrix, as_csv, cells_csv
 fcntl: ModuleType | None
 try:
     import fcntl
-except ImportError:  # no POSIX: an empty claim that a killed campaign has left is then as good as one that is held
+except ImportError:  # no POSIX: an empty claim left by a killed campaign then looks like one that is held
     fcntl = None
 
 CSV_FILE, HTML_FILE, DRAWS_FILE = "matrix.csv", "matrix.html", "matrix-draws.csv"
 PARTIAL_CSV_FILE, PARTIAL_HTML_FILE = "matrix-partial.csv", "matrix-partial.html"
 PARTIAL_DRAWS_FILE = "matrix-partial-draws.csv"
-"""What an interrupted campaign leaves."""
+"""Files of an interrupted campaign."""
 
 OTHER_FILES = (HTML_FILE, DRAWS_FILE, PARTIAL_CSV_FILE, PARTIAL_HTML_FILE, PARTIAL_DRAWS_FILE)
 
 
 @contextlib.contextmanager
 def claimed(folder: Path) -> Iterator[None]:
-    """Make the folder, and keep it for one matrix: of several that try at the same time, all but one are refused.
+    """Make the folder, and reserve it for one matrix: of several campaigns at the same time, all but one are refused.
 
-    A claim that nothing was written into is given back; one that a killed campaign has left is taken over. Raises
-    `UsageError` where there is a matrix already, or no folder can be made.
+    An unused claim is given back; one left by a killed campaign is taken over. Raises
+    `UsageError` if there is a matrix already, or the folder cannot be made.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -71,7 +71,7 @@ def write(folder: Path, matrix: Matrix) -> list[Path]:
 
 
 def _fill_claim(path: Path, data: bytes) -> None:
-    """The table's file stays the one that is claimed."""
+    """Write into the claimed file, without replacing it."""
     with os.fdopen(open_own(path), "wb", buffering=0) as file:
         try:
             write_all(file.fileno(), data)
@@ -81,7 +81,7 @@ def _fill_claim(path: Path, data: bytes) -> None:
 
 
 def _claim(folder: Path) -> int:
-    """The descriptor of the table's file, still empty, which is ours as long as it is open. Raises `UsageError`."""
+    """The descriptor of the table's empty file, which is ours as long as it is open. Raises `UsageError`."""
     path = folder / CSV_FILE
     try:
         try:
@@ -101,7 +101,7 @@ def _claim(folder: Path) -> int:
 
 
 def _is_ours(fcntl: ModuleType, held: int, path: Path) -> bool:
-    """Whether nobody else holds the file, nothing is in it, and it is the one that is there."""
+    """Whether nobody else holds the file, it is empty, and it is still the one at `path`."""
     try:
         fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
         return not os.fstat(held).st_size and os.path.samestat(os.fstat(held), path.stat())

@@ -1,4 +1,4 @@
-"""One run of the matrix with a controller that is not ours: the emulator and the controller's command as processes.
+"""One run of the matrix with a foreign controller: the emulator and the controller's command as processes.
 
 The run is in lockstep. The truth comes from the emulator's run folder, reactions from the frames on the bus.
 """
@@ -33,9 +33,9 @@ from .evidence import Evidence, Motion, Notice, Received, motion_of, seen_by_con
 from .plan import OBSERVED_S, MatrixCell, Scenario
 
 FIRST_SYNC_S = 30.0
-"""How long a controller may take to its first cycles: an interpreter, its libraries and three cards to configure."""
+"""How long a controller may take to its first cycles: it loads libraries and configures three cards."""
 SILENT_S = 15.0
-"""A run that has not moved for so long is over: the emulator itself gives a silent sender of SYNC 2 s."""
+"""A run that has not moved for this long is over: the emulator gives a silent sender of SYNC 2 s."""
 LOOK_S = 0.05
 _TRUE_COLUMNS = 6
 _STANDARD_DIGITS = 3
@@ -46,7 +46,7 @@ def run_foreign(
 ) -> Evidence:
     """One run against `command`, in which {host} and {port} are replaced; CANARM_CONNECT has both, as HOST:PORT.
 
-    Without a reference of the controller's own its error is counted against the twin. Raises `UsageError` for a command
+    Without a reference from the controller, its error is measured against the twin. Raises `UsageError` for a command
     that cannot be started, `BusError` for one that drives no cycle.
     """
     injected_cycle, last_cycle = _watched_cycles(scenario, cell)
@@ -72,7 +72,7 @@ def run_foreign(
 
 
 def words_of(command: str) -> list[str]:
-    """The words of a command line, as a shell takes them. Raises `UsageError` for none, and for what is no line."""
+    """The words of a command line, split as by a shell. Raises `UsageError` if empty or malformed."""
     try:
         words = shlex.split(command)
     except ValueError as error:
@@ -83,7 +83,7 @@ def words_of(command: str) -> list[str]:
 
 
 def require_whole(twin: Evidence, scenario: Scenario, cell: Cell, command: str) -> None:
-    """Refuse a controller whose fault-free run is over before the observation is: its end would look like a reaction.
+    """Refuse a controller whose fault-free run ends before the observation: its end would look like a reaction.
 
     Raises `UsageError`.
     """
@@ -123,7 +123,7 @@ def _script(fault: MatrixCell, cycle: int) -> FaultScript:
 
 @contextlib.contextmanager
 def _started(command: str, port: str, said: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """The controller as a process group of its own, ended at the end."""
+    """The controller in its own process group, which is killed on exit."""
     words = [word.replace("{host}", DEFAULT_HOST).replace("{port}", port) for word in words_of(command)]
     environment = {**os.environ, "CANARM_CONNECT": f"{DEFAULT_HOST}:{port}"}
     with said.open("wb") as output:
@@ -146,14 +146,14 @@ def _started(command: str, port: str, said: Path) -> Iterator[subprocess.Popen[b
                 os.killpg(process.pid, signal.SIGTERM)
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     process.wait(END_S)
-        finally:  # whatever of the group is left, also when the wait is interrupted
+        finally:  # what is left of the group, also if the wait is interrupted
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
 
 
 def _watch(process: subprocess.Popen[bytes], truth: Path, last_cycle: int) -> str:
-    """Wait for the last cycle (""), the end of the process (`ENDED`), or until nothing moves (`SILENT`)."""
+    """Wait for the last cycle (""), the end of the process (`ENDED`), or a standstill (`SILENT`)."""
     moved_s, limit_s, tick = time.monotonic(), FIRST_SYNC_S, 0
     while tick < last_cycle:
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -169,7 +169,7 @@ def _watch(process: subprocess.Popen[bytes], truth: Path, last_cycle: int) -> st
 
 
 def _settle(truth: Path) -> None:
-    """The emulator lets time run on when the controller has left; wait until it has written no more for a while."""
+    """The emulator lets time run on after the controller has left; wait until it has stopped writing."""
     limit_s, still_s = time.monotonic() + SILENT_S, time.monotonic()
     size = 0
     while time.monotonic() < min(still_s + 10 * LOOK_S, limit_s):
@@ -205,7 +205,7 @@ def _evidence(cell: Cell, motion: Motion, log: Path, end: str, injected_cycle: i
 
 
 def _motion(truth: Path, joints: int, last_cycle: int) -> Motion | None:
-    """The truth up to the last cycle; None where no cycle has been driven. What follows the last cycle is left out."""
+    """The truth up to the last cycle; None if no cycle was driven."""
     lines = truth.read_text(encoding="ascii").splitlines()[1:] if truth.exists() else []
     if not lines:
         return None
@@ -218,7 +218,7 @@ def _motion(truth: Path, joints: int, last_cycle: int) -> Motion | None:
 
 
 def _frames(log: Path) -> Iterator[Received]:
-    """The frames of a candump log, but those that tell of errors."""
+    """The frames of a candump log, without error frames."""
     for line in log.read_text(encoding="ascii").splitlines():
         stamp, _, text = line.split()
         identifier, _, data = text.partition("#")

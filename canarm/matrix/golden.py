@@ -21,7 +21,7 @@ class Expected:
 
     @classmethod
     def of(cls, row: Row) -> Self:
-        """What a run says."""
+        """The entry for a run."""
         return cls(row.verdict.value, row.detector, row.latency_ms)
 
     def __str__(self) -> str:
@@ -30,7 +30,7 @@ class Expected:
         return f"{self.verdict} by {self.detector} after {self.latency_ms:g} ms"
 
     def agrees(self, other: "Expected", cycle_ms: float) -> bool:
-        """Whether all is the same, latency to a cycle."""
+        """Whether all is equal, latency to within a cycle."""
         if (self.verdict, self.detector) != (other.verdict, other.detector):
             return False
         if self.latency_ms is None or other.latency_ms is None:

@@ -1,6 +1,6 @@
-"""What became of a fault: every definition of the matrix in one place, each with its sentence.
+"""Judges the outcome of a fault: every definition of the matrix in one place, each with its sentence.
 
-Runs nothing and prints nothing: evidence in, findings out.
+Evidence in, findings out; nothing is run or printed.
 """
 
 from collections.abc import Sequence
@@ -17,13 +17,13 @@ from .evidence import SENSORS, Evidence, Floats, Ints, Motion, Notice
 from .safety import FTTI_S, GROWTH_RAD_S, SAFE_CURRENT_A, SAFE_SPEED_RAD_S, Bools, Safety, safety
 
 DETECTION_S = 0.025
-"""A fault is to be detected within this time from the clock's start."""
+"""A fault must be detected within this time from the clock's start."""
 POTENTIOMETER_FLOOR_LSB = 3.0
 TACHOMETER_FLOOR = 0.05
 CURRENT_FLOOR = 0.1
-"""Floors of the sensors, the last two as shares of full scale: below them a wrong value is no finding."""
+"""Floors of the sensors, the last two as shares of full scale: a smaller error is no finding."""
 TOLERATED_LSB = 3.0
-"""A fault is tolerated while the true angle stays within so many steps of the reference."""
+"""A fault is tolerated while the true angle stays within this many steps of the reference."""
 _EXACT = 1.0 + 1e-9
 _REACTIONS = [reaction.value for reaction in Reaction]
 
@@ -75,11 +75,11 @@ DEFINITIONS = (
         "arm whose torque has been switched off.",
     ),
 )
-"""Every definition in words, for reports."""
+"""Every definition as text, for reports."""
 
 
 class Verdict(StrEnum):
-    """What a cell of the matrix comes to, from good to bad."""
+    """The verdict on a cell of the matrix, from good to bad."""
 
     TOLERATED = "tolerated"
     BOTH = "tolerated+detected"
@@ -88,7 +88,7 @@ class Verdict(StrEnum):
     LATE = "late"
     MISSED = "MISSED"
     BROKEN = "BROKEN"
-    """The run itself broke off: a defect of the bench, not a finding."""
+    """The run itself failed: a defect of the bench, not a finding."""
 
     @property
     def passes(self) -> bool:
@@ -98,7 +98,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What the evidence of one run says. Times in s; None where there is nothing of the kind.
+    """The findings from the evidence of one run. Times in s; None where not applicable.
 
     `clock_s` is from injection to the clock's start, `latency_s` from there to the first detection, `safe_s` from there
     to the safe state. `safe_by` is "off", "hold" or "tracking". Peaks are those since the injection, of the worst
@@ -122,9 +122,9 @@ class Findings:
 
 
 def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool, may_mislead: bool = True) -> Findings:
-    """Judge a run by its fault-free `twin`, which has the same seed; `is_dangerous` is as the fault is declared.
+    """Judge a run against its fault-free `twin`, which has the same seed; `is_dangerous` as the fault is declared.
 
-    The fault counts as dangerous where it is declared so, or where it `may_mislead` controller or drives and moves the
+    The fault counts as dangerous if it is declared so, or if it `may_mislead` controller or drives and moves the
     arm away from the twin by more than the potentiometer's floor before the controller begins to stop. A dangerous
     fault that passes its floor and is not tolerated has to end in a safe state.
     """
@@ -163,7 +163,7 @@ def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool, may_mis
 
 
 def sensor_error(cell: Cell, run: Evidence) -> Bools:
-    """In which cycles a sensor tells the controller something beyond its floor from the truth; shape (n,).
+    """In which cycles a sensor's value at the controller is off the truth by more than its floor; shape (n,).
 
     "True residual (a): what the controller last received for that sensor against the true value." A sample is taken at
     some time between two SYNCs, so the truth is the range from this SYNC's value to the next one's. The current sense
@@ -201,7 +201,7 @@ def true_departure(cell: Cell, motion: Motion, twin: Motion) -> tuple[Bools, Boo
 
 
 def _reference_rad(motion: Motion, twin: Motion) -> Floats:
-    """The controller's reference; where it tells none at all, the true angle of its own fault-free run."""
+    """The controller's reference; if it reports none, the true angle of its fault-free run."""
     if np.isfinite(motion.reference_rad).any():
         return motion.reference_rad
     return np.where(_has_twin(motion, twin)[:, np.newaxis], twin.angle_rad[_rows(motion, twin)], np.nan)
@@ -214,12 +214,12 @@ def _astray_lsb(motion: Motion, twin: Motion, error_lsb: Floats, steps_rad: Floa
 
 
 def _has_twin(motion: Motion, twin: Motion) -> Bools:
-    """Which rows of `motion` are of cycles that the twin has as well."""
+    """Which rows of `motion` belong to cycles that the twin also has."""
     return np.asarray(motion.cycle <= twin.cycle[-1])
 
 
 def _rows(motion: Motion, twin: Motion) -> Ints:
-    """The twin's row of the same cycle; its last one after its end."""
+    """The twin's row for the same cycle; after its end, its last row."""
     return np.asarray(np.searchsorted(twin.cycle, np.minimum(motion.cycle, twin.cycle[-1])))
 
 
@@ -241,8 +241,8 @@ def _latency_s(cell: Cell, motion: Motion, clock: int | None, first: Notice) -> 
 def _safety(cell: Cell, run: Evidence, twin: Motion, clock: int, stop: int | None, astray_lsb: Floats) -> Safety:
     """Whether the run is safe in time.
 
-    A hold is a standstill (all speeds below the tachometer's floor) after the controller has begun to stop. Where it
-    goes on, being back within 3 LSB of the reference counts as well.
+    A hold is a standstill (all speeds below the tachometer's floor) after the controller has begun to stop. If it
+    goes on instead, being back within 3 LSB of the reference also counts.
     """
     motion = run.motion
     holding = tracking = np.zeros(len(motion.cycle), dtype=np.bool_)
@@ -256,12 +256,12 @@ def _safety(cell: Cell, run: Evidence, twin: Motion, clock: int, stop: int | Non
 
 
 def _stop_cycle(notices: Sequence[Notice]) -> int | None:
-    """The cycle in which the controller has begun to stop."""
+    """The cycle in which the controller begins to stop."""
     return min((each.cycle for each in notices if each.stops), default=None)
 
 
 def _all(condition: Bools) -> Bools:
-    """Whether it holds for every joint; (n, joints) to (n,)."""
+    """Whether `condition` holds for every joint; (n, joints) to (n,)."""
     return np.asarray(condition.all(axis=1))
 
 

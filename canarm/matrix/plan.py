@@ -16,7 +16,7 @@ INJECTED_S = 2.8
 sine both joints move then, at 83 and 60 % of their highest speeds, and accelerate at 56 and 80 % of their highest
 accelerations."""
 OBSERVED_S = 2.2
-"""For how long it acts: nearly a period of either joint, so that every stretch of the motion meets it."""
+"""How long it acts: nearly a period of either joint, so that every part of the motion meets it."""
 
 
 OF_THE_ARM = frozenset(
@@ -32,7 +32,7 @@ OF_THE_ARM = frozenset(
         TapKind.LINK,
     )
 )
-"""Taps behind the cards' outputs: nothing there is told to anybody. What drives the arm there is declared dangerous."""
+"""Taps behind the cards' outputs: faults there mislead nobody. Those that drive the arm are declared dangerous."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +64,9 @@ class MatrixCell:
     family: str
     needs_wire: bool
     is_dangerous: bool
-    """Declared to be able to drive the arm."""
+    """Whether it is declared able to drive the arm."""
     may_mislead: bool = True
-    """Whether it makes controller or cards believe what is not so."""
+    """Whether it gives controller or cards wrong information."""
 
     @property
     def name(self) -> str:
@@ -77,7 +77,7 @@ class MatrixCell:
 def cells_of(cell: Cell, only: Sequence[str] = ()) -> list[MatrixCell]:
     """The matrix of `cell` in the order of the signal path.
 
-    Of it, where `only` is given, what fits one of its patterns (`*`, `?`) by tap, fault, family or "TAP FAULT".
+    With `only`, just the cells that match one of its patterns (`*`, `?`) by tap, fault, family or "TAP FAULT".
     """
     everything = [
         MatrixCell(

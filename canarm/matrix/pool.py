@@ -1,4 +1,4 @@
-"""Runs tasks on several cores, and ends what runs when it is left early. Knows nothing of what the tasks do."""
+"""Runs tasks on several cores, and ends running ones when it is left early. What they do is not known here."""
 
 import contextlib
 import multiprocessing
@@ -15,11 +15,11 @@ from typing import TypeVar
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
 ORPHAN_S = 5.0
-"""Seconds that a task is given to end in, once the process that wanted its result is no more."""
+"""Seconds that a task gets to end in once the process that wanted its result is gone."""
 
 
 class LostWorkerError(RuntimeError):
-    """A process that ran a task was ended from outside: killed, told to end, or out of memory."""
+    """A worker process was ended from outside: killed, told to end, or out of memory."""
 
 
 def results_of(
@@ -30,8 +30,8 @@ def results_of(
 ) -> Generator[tuple[int, _Result], None, None]:
     """Number and result of every task, as they come; with one job, or one task, in this process.
 
-    `run` is a function of a module, and tasks and results can be pickled. Closing the iterator early, or an interrupt,
-    ends the tasks that run: `SystemExit` is raised in each of them, once, so that its `with` statements are left.
+    `run` is a module-level function; tasks and results must be picklable. Closing the iterator early, or an interrupt,
+    ends the running tasks: `SystemExit` is raised once in each, so that its `with` statements are left.
     A worker that is ended from outside takes nothing else with it: what it may have run is tried once more by itself,
     and where that ends its worker again, `lost` gives the result (without it, `LostWorkerError` is raised).
     """
@@ -48,7 +48,7 @@ def results_of(
                 else:
                     waiting.remove(place)
                     yield place, result
-        for place in suspects:  # each by itself, so that none pays for what ran beside it
+        for place in suspects:  # each by itself, so that none suffers from another
             waiting.remove(place)
             ((_, result),) = _until_broken(run, tasks, [place], 1)
             if isinstance(result, LostWorkerError):
@@ -61,13 +61,13 @@ def results_of(
 def _until_broken(
     run: Callable[[_Task], _Result], tasks: Sequence[_Task], waiting: Sequence[int], jobs: int
 ) -> Generator[tuple[int, _Result | LostWorkerError], None, None]:
-    """Number and result of the tasks that wait, or `LostWorkerError` for those that an ended worker may have run.
+    """Number and result of the waiting tasks, or `LostWorkerError` for those that a lost worker may have run.
 
-    An executor whose worker is killed is of no use any more: it ends then, and tasks that had not begun have no result.
+    An executor that has lost a worker is unusable: it ends, and tasks that had not begun get no result.
     """
     strangers = set(multiprocessing.active_children())
     executor = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _begin_worker)
-    # Not `concurrent.futures.wait`: an interrupt in it leaves futures locked, and the shutdown would wait for ever.
+    # Not `concurrent.futures.wait`: an interrupt inside it leaves futures locked, and shutdown would hang.
     done: SimpleQueue[Future[_Result]] = SimpleQueue()
     try:
         with _interrupts_ignored():  # by the workers from their beginning: they inherit it
@@ -79,7 +79,7 @@ def _until_broken(
             try:
                 result: _Result | LostWorkerError = future.result()
             except BrokenProcessPool:
-                # Tasks begin in the order in which they were handed in: those that ran are the first without a result.
+                # Tasks begin in the order of submission: those that ran are the first without a result.
                 for place in list(places.values())[:jobs]:
                     yield place, LostWorkerError("its process was ended from outside")
                 break
@@ -108,10 +108,10 @@ def _interrupts_ignored() -> Iterator[None]:
 
 
 class _Worker:
-    """What a worker process knows of itself.
+    """The state of a worker process.
 
-    Being told to end, it leaves its task and then asks for the next one as ever, until the executor has none: ended
-    anywhere else it may hold a lock of the executor, and all the others would wait for it for ever.
+    Told to end, it leaves its task and then asks for the next one as usual, until the executor has none: ended
+    anywhere else, it might hold a lock of the executor, and all others would wait for ever.
     """
 
     def __init__(self) -> None:
@@ -121,7 +121,7 @@ class _Worker:
 
     def tell(self, number: int, frame: FrameType | None) -> None:
         was_told, self.is_told = self.is_told, True
-        if self.is_in_task and not was_told:  # once: the way out is not to be interrupted
+        if self.is_in_task and not was_told:  # once: leaving must not be interrupted
             raise SystemExit(1)
 
     def end_with_parent(self) -> None:

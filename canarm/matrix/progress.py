@@ -1,4 +1,4 @@
-"""How far a campaign is, on stderr: a bar on a terminal, elsewhere a line for every tenth. The one wall clock here."""
+"""Progress of a campaign on stderr: a bar on a terminal, else a line per tenth. Only here is the wall clock read."""
 
 import sys
 import time
@@ -9,7 +9,7 @@ TENTHS = 10
 
 
 class Progress:
-    """Told after every run; see `run_campaign`."""
+    """Called after every run; see `run_campaign`."""
 
     def __init__(self) -> None:
         self._is_terminal = sys.stderr is not None and sys.stderr.isatty()
@@ -17,7 +17,7 @@ class Progress:
         self._told = 0
 
     def note(self, text: str) -> None:
-        """Something that is worth a line of its own."""
+        """Show `text` on its own line."""
         if sys.stderr is not None:
             print(f"canarm: {text}", file=sys.stderr, flush=True)
 
@@ -38,6 +38,6 @@ class Progress:
             self.note(f"{done * 100 // total} % ({done} of {total} runs), {left_s:.0f} s left")
 
     def leave(self) -> None:
-        """End the line of the bar, where it stands for good."""
+        """End the line of the bar, which then stays."""
         if self._is_terminal and self._begun_s is not None:
             print(file=sys.stderr, flush=True)

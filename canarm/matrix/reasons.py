@@ -1,4 +1,4 @@
-"""Why a cell of the matrix is not as it should be, in words and numbers. Judges nothing: findings in, a phrase out."""
+"""Why a cell of the matrix does not pass, in words and numbers. Findings in, a phrase out; nothing is judged."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ from .safety import FTTI_S, GROWTH_RAD_S, SAFE_CURRENT_A, SAFE_SPEED_RAD_S, Safe
 
 
 def why(found: Findings) -> str:
-    """What keeps the run from passing, such as "late: 70 ms > 25 ms; not tolerated: stopped"; empty where it passes."""
+    """What keeps the run from passing, such as "late: 70 ms > 25 ms; not tolerated: stopped"; empty if it passes."""
     phrases = []
     if found.verdict is Verdict.LATE and found.latency_s is not None:
         phrases.append(f"late: {_ms(found.latency_s)} > {_ms(DETECTION_S)}")

@@ -18,7 +18,7 @@ SPARE_S = 1.0
 
 
 class _ObservedRig(Rig):
-    """A rig that keeps the whole truth, can keep every frame, and lets time run on when the controller has ended."""
+    """A rig that keeps the whole truth, can keep every frame, and lets time run on after the controller has ended."""
 
     def __init__(self, scenario: Scenario, cell: Cell, wire: bool) -> None:
         self.truths: list[CycleTruth] = []
@@ -33,11 +33,11 @@ class _ObservedRig(Rig):
         )
 
     def keep_frames(self) -> None:
-        """Forget the frames so far, and keep all that come."""
+        """Forget the frames so far, and keep all from now on."""
         self._records: deque[Record] = deque()
 
     def run_on(self) -> None:
-        """Nobody sends SYNC any more: until after the cards' own protection has acted."""
+        """Let time run without SYNC until the cards' own protection has acted."""
         self._bench.run_on()
 
     def load_faults(self) -> None:
@@ -110,7 +110,7 @@ def run_in_rig(scenario: Scenario, cell: Cell, fault: MatrixCell | None, with_wi
 def false_alarms(scenario: Scenario, cell: Cell, payload_factor: float) -> tuple[Notice, ...]:
     """What is noticed in a fault-free run whose last link weighs `payload_factor` times what the controller thinks.
 
-    As long as a run with a fault. A run that ends is noticed at least by what has ended it.
+    It is as long as a run with a fault. A run that stops is noticed at least by the reason of its stop.
     """
     truth: dict[str, object] = dict(scenario.truth)
     truth[f"{cell.joint_names[-1]}.mass"] = cell.joints[-1].mass_kg * payload_factor

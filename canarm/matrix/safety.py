@@ -1,6 +1,6 @@
-"""Whether a run is safe in time: what the drives do, apart from what gravity does. No fault is known here, no detector.
+"""Whether a run is safe in time: what the drives do, as opposed to gravity. Faults and detectors are not known here.
 
-Motion in, findings out; where the clock starts and where the controller begins to stop is decided elsewhere.
+Motion in, findings out; when the clock starts and when the controller begins to stop is decided elsewhere.
 """
 
 from dataclasses import dataclass
@@ -18,19 +18,19 @@ FTTI_S = 0.1
 """The fault-tolerant time interval: "safe within the FTTI" counts from the clock's start."""
 SAFE_CURRENT_A = 1.5
 SAFE_SPEED_RAD_S = 3.0
-"""A joint with a brake is never faster, from the clock's start on."""
+"""A joint with a brake is never faster than this from the clock's start on."""
 GROWTH_RAD_S = 1.5
 """Until the safe state is reached, in the FTTI, a joint's speed grows by no more than half of `SAFE_SPEED_RAD_S`."""
 LEAK = 0.01
-"""Of the amplifier's highest current: what a winding that has been switched off may still have, besides its decay."""
+"""Residual current of a switched-off winding, besides its decay, as a share of the amplifier's highest current."""
 _EXACT = 1.0 + 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Safety:
-    """What becomes of a run from the clock's start on; the defaults are those of a run without one.
+    """The outcome of a run from the clock's start on; the defaults are for a run whose clock never starts.
 
-    `safe_s` is from the clock's start to the safe state, None where it is never reached for good; `by` is "off", "hold"
+    `safe_s` is from the clock's start to the lasting safe state, None if never reached; `by` is "off", "hold"
     or "tracking". `growth_rad_s` is by how much a joint without a brake has become faster than it was when the fault
     began, or than its twin is, until the safe state or the end of the FTTI; `braked_rad_s` the highest speed of a joint
     with a brake. `driven_w` is the most that a drive puts into the arm after its torque is off, over what its winding's
@@ -47,7 +47,7 @@ class Safety:
 
     @property
     def is_slow_enough(self) -> bool:
-        """Whether every joint that has a brake keeps its limit, which it has to whatever breaks."""
+        """Whether every joint with a brake keeps its limit, as it must whatever breaks."""
         return self.braked_rad_s <= SAFE_SPEED_RAD_S
 
 

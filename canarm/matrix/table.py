@@ -22,7 +22,7 @@ RIGHT, WRONG = "right", "wrong"
 class Row:
     """A run: which fault, what became of it. Empty where there is nothing of the kind; times in ms, safe_s in s.
 
-    `why` is what keeps the cell from being as it should be, `note` an excuse, or what has broken the run off. `part` is
+    `why` is what keeps the cell from passing, `note` its declaration, or the error that ended the run. `part` is
     what has failed, `named` whether the first detection says so: `RIGHT`, `WRONG`, or empty where there is none or
     nobody asks. `draw` counts the scenarios from 1, `repeat` is the command that runs this again.
     """
@@ -54,7 +54,7 @@ class Row:
 
     @classmethod
     def of(cls, cell: MatrixCell, found: Findings, is_named_right: bool | None = None) -> Self:
-        """What was found, with the reason where it is declared undetectable, or beyond any controller."""
+        """The findings, with the reason if the fault is declared undetectable or beyond any controller."""
         verdict, safety, notes, is_excused = found.verdict, found.safety, [], False
         if verdict in (Verdict.MISSED, Verdict.LATE) and (reason := declared(cell)) is not None:
             verdict = Verdict.UNDETECTABLE
@@ -88,7 +88,7 @@ class Row:
 
     @classmethod
     def broken(cls, cell: MatrixCell, error: BaseException) -> Self:
-        """The run broke off with `error`."""
+        """The row of a run that failed with `error`."""
         note = named_error(error)
         verdict = Verdict.BROKEN
         return cls(cell.tap, cell.fault, cell.family, cell.is_dangerous, verdict, is_safe=False, note=note)
@@ -100,14 +100,14 @@ class Row:
 
     @property
     def passes(self) -> bool:
-        """Tolerated, detected in time or declared, and safe in time where that was called for and can be.
+        """Tolerated, detected in time or declared; and safe in time where that is required and possible.
 
-        What cannot be detected has to be safe all the same.
+        An undetectable fault must be safe all the same.
         """
         return self.verdict.passes and (self.is_safe or self.is_excused)
 
     def as_plain(self) -> dict[str, Any]:
-        """Its columns by name."""
+        """The columns by name."""
         return {name: getattr(self, name) for name in COLUMNS}
 
 
@@ -174,7 +174,7 @@ def _badness(row: Row) -> tuple[bool, bool, int, bool, float, float]:
 
 @dataclass(frozen=True, slots=True)
 class FalseAlarm:
-    """Something that was noticed in a fault-free run: in which run, by which detector, where, when."""
+    """A detection in a fault-free run: which run, which detector, where, when."""
 
     run: str
     detector: str
@@ -213,17 +213,17 @@ class Matrix:
 
     @property
     def alarmed_runs(self) -> int:
-        """Fault-free runs in which anything was noticed."""
+        """Number of fault-free runs in which anything was noticed."""
         return len({each.run for each in self.false_alarms})
 
     @property
     def passes(self) -> bool:
-        """Whether it is whole, every row is as it should be, and no fault-free run raised an alarm."""
+        """Whether it is complete, every row passes, and no fault-free run raised an alarm."""
         return not (self.runs_left or self.failed or self.false_alarms)
 
     @property
     def runs(self) -> int:
-        """Runs that were made, with a fault and without."""
+        """Number of runs made, with and without a fault."""
         return len(self.rows) + self.fault_free_runs
 
 

@@ -67,12 +67,12 @@ def _took(row: Row) -> float | None:
 
 
 def part_of(matrix: Matrix) -> str:
-    """How much of an interrupted matrix there is."""
+    """How much of an interrupted matrix was run."""
     return f"interrupted after {matrix.runs} of {matrix.runs + matrix.runs_left} runs"
 
 
 def out_of_date(rows: Sequence[Row]) -> list[str]:
-    """Declarations of undetectable faults that cover cells of the run, none of which needs it."""
+    """Declarations of undetectable faults that no cell of the run needs any more."""
     stale = []
     for each in DECLARED_UNDETECTABLE:
         covered = [row for row in rows if each.covers(row.tap, row.fault)]

@@ -1,6 +1,6 @@
-"""Faults that no controller can find with these sensors, or make safe, each with the reason. Data, kept by hand.
+"""Faults that no controller can detect with these sensors, or make safe, each with the reason. Kept by hand.
 
-A declaration covers a cell of the matrix only while it is neither tolerated nor detected in time; one that covers no
+A declaration covers a cell of the matrix only if it is neither tolerated nor detected in time; one that covers no
 cell any more is out of date, and the summary says so.
 """
 
@@ -13,14 +13,14 @@ from .plan import MatrixCell
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """Patterns of tap and fault, and why nobody can tell."""
+    """Patterns of tap and fault, and why they are undetectable."""
 
     tap: str
     fault: str
     reason: str
 
     def covers(self, tap: str, fault: str) -> bool:
-        """Whether the fault at the tap is one of these."""
+        """Whether it covers the fault at the tap."""
         return fnmatchcase(tap, self.tap) and fnmatchcase(fault, self.fault)
 
 
