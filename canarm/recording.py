@@ -1,4 +1,4 @@
-"""What becomes of a run whose record cannot be written: it is told, and nothing else is lost with it."""
+"""A run whose record cannot be written: the failure is reported, and the run goes on."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,7 +7,7 @@ from canarm_protocol.runs.run_folder import RunFolderError
 
 
 def recording_failure(folder: Path, write: Callable[[], None]) -> str | None:
-    """Call `write`, which writes into the run folder; why that failed, on one line, or None."""
+    """Call `write`, which writes into the run folder; returns the reason of a failure on one line, or None."""
     try:
         write()
     except RunFolderError as error:

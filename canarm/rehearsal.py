@@ -1,4 +1,4 @@
-"""A cell is tried out before it is called right: bench and controller are built of it, and run for a moment.
+"""Tries a cell before it is called right: bench and controller are built from it and run briefly.
 
 Whatever passes runs, and detects nothing where nothing is wrong; rules that can be told from the file alone belong to
 the schema and its checks, those that take the arm's model to `soundness.py`.
@@ -19,7 +19,7 @@ from .soundness import unsound
 from .usage import DEFAULT_LAW, UsageError
 
 REHEARSED_S = 3.0
-"""The entry into the motion, and a second of it: what the robot cannot follow at all has shown by then."""
+"""The entry into the motion and a second of it: a motion that the robot cannot follow shows by then."""
 
 
 def rehearse(cell: Cell, laws: Iterable[str] = tuple(LAWS)) -> Iterator[str]:
@@ -58,7 +58,7 @@ def rehearse(cell: Cell, laws: Iterable[str] = tuple(LAWS)) -> Iterator[str]:
 
 
 def _trouble(cell: Cell, law: str, motion: str) -> str | None:
-    """What goes wrong with a law on a motion, without any fault; None where nothing does."""
+    """What goes wrong with a law on a motion without any fault; None if nothing does."""
     try:
         with Rig(cell, law, motion) as rig:
             rig.run(REHEARSED_S)

@@ -1,6 +1,6 @@
-"""What an emulator's buses are open to, in words: how to attach, and who else can.
+"""Texts about an emulator's buses: how to attach, and who else can.
 
-Texts only; sockets belong to the emulator.
+Sockets belong to the emulator.
 """
 
 import ipaddress
@@ -13,17 +13,17 @@ from .options import BENCH_BUS, LOSSY, ROBOT_BUS, NamedBus
 
 EVERY_ADDRESS = ("0.0.0.0", "::")
 ELSEWHERE = ("192.0.2.1", 9)
-"""An address of RFC 5737, for documentation: nothing is sent there."""
+"""A documentation address of RFC 5737: nothing is sent to it."""
 WHAT_IS_OPEN = {ROBOT_BUS: "drive the robot and read its bus", BENCH_BUS: "set faults and read everything"}
 
 
 def attach_flags(bus: str, host: str, port: int) -> str:
-    """The flags with which python-can's tools, and ours, attach to a virtual bus."""
+    """The flags with which python-can's tools and ours attach to a virtual bus."""
     return bus_flags("canarm", bus, {"host": reachable_host(host), "port": port})
 
 
 def reachable_host(host: str) -> str:
-    """What a client takes as host: for every address of this machine the one towards its network, or its name."""
+    """The host for a client: if all addresses are served, the one towards the network, or the machine's name."""
     if host not in EVERY_ADDRESS:
         return host
     try:
@@ -35,14 +35,14 @@ def reachable_host(host: str) -> str:
 
 
 def is_remote(host: str) -> bool:
-    """Whether other machines reach what listens on `host`, a numeric address."""
+    """Whether other machines can reach a listener on `host`, a numeric address."""
     return not ipaddress.ip_address(host.partition("%")[0]).is_loopback
 
 
 def exposure_lines(
     hub: tuple[str, int], adapter: tuple[str, int] | None, buses: Mapping[str, NamedBus | None]
 ) -> list[str]:
-    """A line for each address, and for each bus on a network, that others can reach."""
+    """A line for each address, and for each bus on a network, that other machines can reach."""
     lines = []
     if is_remote(hub[0]):
         what = f"drive the robot, {WHAT_IS_OPEN[BENCH_BUS]}"

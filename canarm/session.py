@@ -67,7 +67,7 @@ def make_controller(
 
 
 def tick_count(cell: Cell, seconds: float, source: str = "--seconds") -> int:
-    """How many cycles `seconds`, given in `source`, are. Raises `UsageError` for less than one, and for no number."""
+    """The number of cycles in `seconds`, given in `source`. Raises `UsageError` for less than one, or no number."""
     ticks = round(seconds / cell.bus.cycle_s) if math.isfinite(seconds) else 0
     if ticks < 1:
         raise UsageError(f"{source} {seconds:g}: must be at least one cycle, {cell.bus.cycle_s:g} s")
@@ -75,7 +75,7 @@ def tick_count(cell: Cell, seconds: float, source: str = "--seconds") -> int:
 
 
 def traffic_warning(cell: Cell, name: str) -> str | None:
-    """What to say before a run of a cell whose cyclic traffic is too much for its bit rate; `name` is what to check."""
+    """The warning before a run of a cell whose cyclic traffic exceeds its bit rate; `name` is its name or file."""
     if cell_verdict(cell).fits:
         return None
     return (
@@ -85,7 +85,7 @@ def traffic_warning(cell: Cell, name: str) -> str | None:
 
 
 def provenance() -> dict[str, Any]:
-    """What made a run, for its record: versions, machine and command line."""
+    """The origin of a run, for its record: versions, machine and command line."""
     ours = ("canarm", "canarm-protocol", "canarm-emulator", "canarm-controller")
     packages = (*ours, "mujoco", "numpy", "python-can", "canopen")
     return {

@@ -1,4 +1,4 @@
-"""What a cell's numbers must be to each other so that a sound robot runs without a false alarm, by arithmetic.
+"""How a cell's numbers must relate so that a sound robot runs without a false alarm, by arithmetic.
 
 It needs the arm's model, so that it is no part of the schema. What only a run can show, `rehearsal.py` finds.
 """
@@ -14,22 +14,22 @@ from canarm_protocol.cell.model import Cell, Joint
 from canarm_protocol.cell.sensing import joint_sensors
 
 CROSSOVER = 2.4
-"""Of a joint's loop over its natural frequency: there its gain is 1, and what is late costs phase."""
+"""Gain crossover frequency of a joint's loop over its natural frequency: delay costs phase there."""
 PHASE_MARGIN_RAD, PHASE_SHARE = 1.3, 0.75
-"""Of the loop without any lag, and how much of it lags may take up: what is left damps the loop."""
+"""Phase margin of the loop without lag, and the share that lag may take: the rest damps the loop."""
 LATE_CYCLES = 2.0
-"""From a reading to the command that follows from it, on average: it acts at the next SYNC, and until the one after."""
+"""Average delay from a reading to its command, which acts from the next SYNC to the one after."""
 STEP_SHARE = 1.0
-"""Of the amplifier's current, what one step of the position sensor may move the command by: beyond, its noise alone
+"""How far one step of the position sensor may move the command, as a share of the highest current: beyond, noise alone
 drives the amplifier from one end to the other."""
 SENSE_SHARE = 0.5
-"""Of the amplifier's current, how much may pass unseen by its sense: else the sense shows no current that fails."""
+"""Highest current that the sense may miss, as a share of the amplifier's: else it shows no failing current."""
 SUPPLY_SHARE = 0.9
-"""Of the supply, what holding may take: the rest is there to move."""
+"""Share of the supply that holding may take: the rest is for motion."""
 POSITION_OCCURS, POSITION_DRIFT_OCCURS, SPEED_OCCURS, SPEED_DRIFT_OCCURS = 2.5, 0.55, 3.3, 1.6
-"""Grains: a sound robot's residuals with a third on top of what was measured, see `supervision.thresholds`."""
+"""In grains: a sound robot's residuals plus a third, see `supervision.thresholds`."""
 CURRENT_SIGMAS, ACCELERATION_SIGMAS = 5.0, 2.5
-"""Of the noise of a sense, and of an acceleration told from two readings: what occurs in a run."""
+"""Standard deviations that occur in a run: of a sense's noise, and of an acceleration from two readings."""
 
 
 def unsound(cell: Cell) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""The real stdout, kept for the summary of a run. Nothing of what is in a summary."""
+"""The real stdout, kept for the summary of a run."""
 
 import contextlib
 import os
@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 
 def keep_stdout() -> Callable[[str], None]:
-    """Send to stderr what anybody prints from now on, user code's exit handlers included.
+    """Send everything printed from now on to stderr, exit handlers of user code included.
 
-    Returns a function that prints a text and a line end to the real stdout; what nobody reads is dropped, other
-    trouble raises `OSError`.
+    Returns a function that prints a text and a line end to the real stdout; unread text is dropped, any
+    other failure raises `OSError`.
     """
     try:
         fd = sys.stdout.fileno()

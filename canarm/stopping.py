@@ -1,4 +1,4 @@
-"""Ending a process on request: signals, a parent that has gone, a time limit, user code that does not return."""
+"""Ending a process on request: signals, a vanished parent, a time limit, user code that does not return."""
 
 import os
 import signal
@@ -8,16 +8,16 @@ from collections.abc import Callable
 from types import FrameType
 
 STUCK_S = 6
-"""Seconds without a question after which the asking loop is taken for stuck: less than a parent waits for an end."""
+"""Seconds after which a loop that does not ask counts as stuck: less than a parent waits for the end."""
 AGAIN_S = 0.5
-"""A signal so soon after the first is the same one: timeout(1) sends it to the process and to its group."""
+"""A signal this soon after the first is the same one: timeout(1) sends it to the process and to its group."""
 
 
 class StopRequest:
-    """Asked by a running loop whether it should end, and why. Takes over SIGINT, SIGTERM and SIGHUP.
+    """Tells a running loop whether it should end, and why. Takes over SIGINT, SIGTERM and SIGHUP.
 
-    A loop that runs user code gives `place`, which says how far it has come. Then the process ends at once, with
-    status 1, on a second SIGINT or SIGTERM, and where the loop asks nothing for `STUCK_S` although it should end or
+    A loop that runs user code passes `place`, which tells how far it has come. Then the process ends at once, with
+    status 1, on a second SIGINT or SIGTERM, or if the loop does not ask for `STUCK_S` although it should end or
     nobody watches it (`with_parent`).
     """
 
@@ -34,14 +34,14 @@ class StopRequest:
         self._is_over = threading.Event()
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             number = getattr(signal, name, None)
-            # What nohup has switched off stays off.
+            # A signal that nohup ignores stays ignored.
             if number is not None and not (name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN):
                 signal.signal(number, self._on_signal)
         if with_parent:
             self._start_watch()
 
     def reason(self) -> str | None:
-        """Why to stop, or None."""
+        """The reason to stop, or None."""
         self._questions += 1
         if self._reason is None:
             if self._parent is not None and os.getppid() != self._parent:
@@ -55,11 +55,11 @@ class StopRequest:
         return self.reason() is not None
 
     def ask(self, reason: str) -> None:
-        """Ask for the end from inside the process; an earlier reason stays."""
+        """Request the end from inside the process; an earlier reason is kept."""
         self._reason = self._reason or reason
 
     def is_over(self) -> None:
-        """Say that the loop has ended and will ask no more."""
+        """The loop has ended and will not ask again."""
         self._is_over.set()
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
@@ -68,7 +68,7 @@ class StopRequest:
         if self._signalled_s is None:
             self._signalled_s = now_s
             self._start_watch()
-        # A terminal that closes sends SIGHUP more than once.
+        # A closing terminal sends SIGHUP more than once.
         elif (
             self._place is not None
             and number in (signal.SIGINT, signal.SIGTERM)
@@ -82,12 +82,12 @@ class StopRequest:
             self._watch.start()
 
     def _watch_questions(self, place: Callable[[], str]) -> None:
-        """Count seconds without a question, rather than look at a clock: a suspended machine is not stuck."""
+        """Count seconds in which the loop does not ask, without a clock: a suspended machine is not stuck."""
         asked, silent_s = -1, 0
         while silent_s < STUCK_S:
             if self._is_over.wait(1.0):
                 return
-            # What comes before the first question has limits of its own, unless the end was asked for.
+            # Before the first question other limits apply, unless the end was requested.
             if self._questions != asked or (not asked and self._signalled_s is None):
                 asked, silent_s = self._questions, 0
             else:
@@ -96,14 +96,14 @@ class StopRequest:
 
 
 def interrupt_on_terminate() -> None:
-    """Let SIGINT and SIGTERM raise `KeyboardInterrupt`, for a command that has something to put away then."""
+    """Let SIGINT and SIGTERM raise `KeyboardInterrupt`, for a command that must clean up."""
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 def _end_now(why: str) -> None:
-    """End the process whatever its other threads do: not even the interpreter's own clean-up can be waited for."""
+    """End the process whatever its other threads do, without the interpreter's clean-up."""
     text = f"canarm: {why}: ended without a safe stop; the cards protect themselves\n"
     try:
         os.write(2, text.encode(errors="replace"))

@@ -1,6 +1,6 @@
-"""stdout and stderr that end no run: what nobody reads is dropped, what cannot be shown is replaced.
+"""stdout and stderr that cannot end a run: unread text is dropped, unprintable characters are replaced.
 
-Which texts go where is everybody's own; the summary's way past what a law prints is `stdout`'s.
+`stdout` keeps the summary apart from what a law prints.
 """
 
 import contextlib
@@ -12,10 +12,10 @@ LAST_STANDARD_FD = 2
 
 
 def make_streams_safe() -> None:
-    """To be called once, before anything is printed.
+    """Call once, before anything is printed.
 
-    A standard descriptor that is closed is opened on nothing: the next file to be opened would get its number, and
-    with it whatever is printed. Then a reader who has gone, or a full disk behind stderr, no longer raises.
+    A closed standard descriptor is opened on the null device: the next file opened would get its number, and
+    with it all output. Afterwards a reader that has left, or a full disk behind stderr, no longer raises.
     """
     for fd in range(LAST_STANDARD_FD + 1):
         try:
@@ -36,7 +36,7 @@ def _safe(stream: TextIO | None, fd: int, lost: type[OSError]) -> Any:
 
 
 class _Dropping:
-    """A text stream whose reader may go: from then on what is written to it goes nowhere."""
+    """A text stream whose reader may leave: from then on output is dropped."""
 
     def __init__(self, stream: TextIO, lost: type[OSError]) -> None:
         self._stream, self._lost = stream, lost
@@ -58,7 +58,7 @@ class _Dropping:
             self._drop()
 
     def _drop(self) -> None:
-        """What is left in the stream's buffer would be tried again, at the latest when the interpreter ends."""
+        """Drop the output, and the stream's buffer, which would be flushed again at the latest at exit."""
         self.has_lost_its_reader = True
         with contextlib.suppress(OSError, ValueError):
             nothing = os.open(os.devnull, os.O_WRONLY)

@@ -8,12 +8,12 @@ from canarm_controller.bus.assessment import JointFigures
 from canarm_controller.supervision.detection import Detection
 
 MOST_DETECTIONS = 8
-"""A summary for people shows this many of the first ones."""
+"""A summary for people shows this many detections, the first ones."""
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What `--json` prints."""
+    """The summary of a run, as printed with `--json`."""
 
     cell: str
     law: str
@@ -28,18 +28,18 @@ class Summary:
     late: int
     real_time_factor: float | None
     starved: str | None = None
-    """Why many cycles were left out, if they were."""
+    """Why many cycles were skipped, if they were."""
     approach_s: float = 0.0
-    """How long the way to the first pose of a trajectory file took, from cycle 0 on; the file begins after it."""
+    """Duration of the approach to the first pose of a trajectory file, from cycle 0; the file begins after it."""
     joints: Mapping[str, JointFigures] = field(default_factory=dict)
     out: str | None = None
     faults: int | None = None
-    """How many faults have begun; None where not known."""
+    """Number of faults that have begun; None if not known."""
     detections: Sequence[Mapping[str, Any]] = ()
-    """What the controller has noticed, oldest first: detector, where, tick, reaction."""
+    """The controller's detections, oldest first: detector, where, tick, reaction."""
 
     def as_json(self) -> dict[str, Any]:
-        """A JSON object, numbers rounded to what they mean."""
+        """A JSON object, with numbers rounded to significant digits."""
         return {key: _rounded(value) for key, value in asdict(self).items()}
 
     def as_text(self) -> str:
@@ -80,7 +80,7 @@ class Summary:
 
 
 def detections_as_plain(detections: Iterable[Detection]) -> tuple[dict[str, Any], ...]:
-    """Detections as they stand in a summary."""
+    """Detections as plain values for a summary."""
     return tuple(
         {"detector": each.detector, "where": each.where, "tick": each.tick, "reaction": each.reaction.value}
         for each in detections

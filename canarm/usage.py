@@ -1,4 +1,4 @@
-"""What is asked for when nothing is said, and the error for what cannot be. Light: `canarm --help` waits for it."""
+"""Defaults, and the error for impossible requests. Imports little: `canarm --help` needs it."""
 
 from collections.abc import Iterable, Sequence
 
@@ -8,11 +8,11 @@ DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY = "konkuk1", "mras", "sine"
 
 
 class UsageError(CanarmError, ValueError):
-    """What the user asked for cannot be: exit status 2, and in Python a `ValueError`."""
+    """An impossible request by the user: exit status 2, and in Python a `ValueError`."""
 
 
 LONGEST_SHOWN = 200
-"""Characters of what a user gave that an answer repeats."""
+"""Characters of a user's text that an error message repeats."""
 
 
 def shortened(text: str) -> str:
@@ -21,7 +21,7 @@ def shortened(text: str) -> str:
 
 
 def parse_settings(option: str, words: Sequence[str]) -> dict[str, str]:
-    """`key=value` words as a dict. Raises `UsageError` for what is none, and for a key given twice."""
+    """`key=value` words as a dict. Raises `UsageError` for any other word, and for a key given twice."""
     return key_values(words, f"{option} ", "; keys: canarm check --keys")
 
 
@@ -39,6 +39,6 @@ def key_values(words: Iterable[str], before: str, hint: str) -> dict[str, str]:
 
 
 def value_text(value: object) -> str:
-    """One value: a switch is true or false there, and numpy's numbers are numbers."""
+    """One value as text: bools as true or false, numpy's numbers as plain numbers."""
     plain = value.item() if hasattr(value, "item") else value
     return str(plain).lower() if isinstance(plain, bool) else str(plain)

@@ -1,4 +1,4 @@
-"""Cells for arms that nobody has made a cell for: drives by arithmetic, cards and channels as many as it takes."""
+"""Cells for new arms: drives sized by arithmetic, and as many cards and channels as needed."""
 
 from .request import NewCellError, Request, Sensing
 from .writing import write_cell

@@ -1,4 +1,4 @@
-"""Arms to write cells for: of a URDF file, or made up from a number of joints. No drives, no cards."""
+"""Arms to write cells for: from a URDF file, or made up for a number of joints. No drives, no cards."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from .request import Arm, ArmJoint
 Vector = tuple[float, float, float]
 ALONG_X, UP = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 PITCH, YAW, ROLL = (0.0, -1.0, 0.0), UP, ALONG_X
-"""A joint that lifts, one that turns the arm about its base, one that turns what is beyond it about itself."""
+"""Axes of a joint that lifts, one that turns the arm about its base, and one that rolls the links beyond it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +45,13 @@ SEGMENTS: dict[int, tuple[Segment, ...]] = {
     6: (COLUMN, UPPER_ARM, FOREARM, FOREARM_ROLL, HAND, TOOL),
     7: (COLUMN, SHORT_UPPER_ARM, UPPER_ARM_ROLL, FOREARM, FOREARM_ROLL, HAND, TOOL),
 }
-"""Base to tip, by the number of joints: the usual arms of so many."""
+"""Base to tip, by the number of joints: the usual arm of each."""
 PITCH_HOME_DEG = 20.0
-"""Joints that lift stand a little bent: stretched out, an arm is in a pose that no other is like."""
+"""Lifting joints are slightly bent at home: a stretched arm is singular."""
 
 
 def made_up_arm(joint_count: int) -> Arm:
-    """An arm of 1 to 7 joints for a laboratory bench; the numbers are nobody's."""
+    """A made-up arm of 1 to 7 joints for a laboratory bench."""
     origin: Vector = (0.0, 0.0, 0.0)
     joints = []
     for segment in SEGMENTS[joint_count]:
@@ -87,7 +87,7 @@ def cylinder(segment: Segment) -> tuple[float, float, float, float, float, float
 
 
 def arm_of_urdf(path: Path, named: str) -> Arm:
-    """The arm in the file `path`, which the cell is to know as `named`. Raises `CellError`."""
+    """The arm in the file `path`, which the cell refers to as `named`. Raises `CellError`."""
     joints = [
         ArmJoint(
             name=joint.name,
@@ -108,7 +108,7 @@ def arm_of_urdf(path: Path, named: str) -> Arm:
 
 
 def _home_deg(limits_deg: Sequence[float]) -> float:
-    """0 where there is a tenth of the travel to both limits, else the middle."""
+    """0 if it is at least a tenth of the travel from both limits, else the middle."""
     low, high = limits_deg
     margin = 0.1 * (high - low)
     return 0.0 if low + margin <= 0.0 <= high - margin else float(math.floor((low + high) / 2.0 + 0.5))

@@ -1,4 +1,4 @@
-"""Which cards an arm takes, in which slots, and what each channel is wired to. Timing and text must not enter."""
+"""Which cards an arm needs, in which slots, and what each channel is wired to. Nothing of timing or text."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ JOINTS_A_CARD, INPUTS_A_CARD = 4, 8
 """Channels of a DAC, latch or counter card, and of an ADC card."""
 USUAL_FIRST_SLOT = 2
 PARTS_BITS = 8
-"""Of the DAC0808 and the ADC0809; any other resolution is that of cards that stand for no part."""
+"""Bits of the DAC0808 and the ADC0809; cards of any other resolution model no specific part."""
 CONVERSION_US = 100
-"""Of the ADC0809 at 640 kHz."""
+"""Conversion time of the ADC0809 at 640 kHz."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedCard:
-    """A card with the signals at its channels, the first at channel 1."""
+    """A card with the signals at its channels, from channel 1."""
 
     name: str
     model: str
@@ -27,10 +27,10 @@ class PlannedCard:
 
 
 def plan_cards(joint_names: Sequence[str], sensing: Sequence[str], bits: int) -> list[PlannedCard]:
-    """DAC and latch cards for the drives, counters for encoders, ADC cards for other sensors, each as few as can be.
+    """DAC and latch cards for the drives, counters for encoders, ADC cards for other sensors, as few as possible.
 
     Sensors go round the ADC cards, positions first: all cards sample them soon after SYNC, and scan for as short as can
-    be. Raises `NewCellError` where the slots do not suffice.
+    be. Raises `NewCellError` if the slots do not suffice.
     """
     inputs = [f"{joint}.{kind}" for kind in sensing if kind != ENCODER for joint in joint_names]
     adc_count = -(-len(inputs) // INPUTS_A_CARD)

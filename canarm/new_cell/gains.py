@@ -1,4 +1,4 @@
-"""Gains and limits of a new cell's controller, as tables of its file. How gains follow from an arm, the laws say."""
+"""Gains and limits of a new cell's controller, as tables of its file. The laws derive their gains from the arm."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -21,9 +21,9 @@ PLACEHOLDER: dict[str, dict[str, Any]] = {
         1.0,
     ),
 }
-"""What a cell must have before there is an arm to take gains from."""
+"""What a cell must have before there is an arm to derive gains from."""
 MISSING_S, LEAST_MISSING = 0.04, 4
-"""Time without an input after which the controller stops, and the number of cycles that are always granted."""
+"""Time without an input after which the controller stops, and the least number of cycles."""
 MARGIN_DEG = 3.0
 LARGEST_STEP_DEG = 8.0
 

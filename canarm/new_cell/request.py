@@ -1,4 +1,4 @@
-"""What is asked for: an arm, and how its cell is to be timed and wired. What becomes of it must not enter."""
+"""The request for a new cell: an arm, and how its cell is to be timed and wired."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ Sensing = tuple[str, ...]
 
 
 class NewCellError(UsageError):
-    """No cell can be made as asked for: what does not fit, the arithmetic, and what would."""
+    """No cell can be made as requested: what does not fit, the arithmetic, and what would fit."""
 
 
 @dataclass(frozen=True, slots=True)
 class ArmJoint:
-    """One joint as it is before it has a drive. `body` is a cell's table; None where a URDF file has it.
+    """One joint without a drive. `body` is a cell's table; None if a URDF file describes it.
 
-    `speed_rad_s` is the fastest that it is to move, and the friction what its maker says; None where nobody said.
+    `speed_rad_s` is its highest speed; it and the friction are None where not stated.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Arm:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """How the cell is to be: a `cycle_us` of None is 2500 us, or the next that fits."""
+    """What the cell is to be like: a `cycle_us` of None is 2500 us, or the next that fits."""
 
     cycle_us: int | None = None
     bitrate: int = DEFAULT_BITRATE

@@ -1,7 +1,7 @@
 """How strong a drive each joint of an arm needs, by arithmetic on its nominal model.
 
-The worst torque that holds the arm still takes at most 60 % of what the drive has, over all poses within the limits;
-the built-in motions take at most 80 %. Owns the numbers of motor, gear and amplifier; a cell's text must not enter.
+The worst holding torque over all poses within the limits is at most 60 % of the drive's torque;
+the built-in motions take at most 80 %. Owns the numbers of motor, gear and amplifier, but no text of a cell.
 """
 
 import math
@@ -21,21 +21,21 @@ Floats = NDArray[np.float64]
 
 HOLD_SHARE, MOTION_SHARE = 0.6, 0.8
 LEAST_RAD_S2 = 30.0
-"""A joint without weight to hold can still be driven at this acceleration at its home pose."""
+"""The drive of a joint with no weight to hold can still give it this acceleration at its home pose."""
 LEAST_NM = 0.2
-"""No drive of an arm is weaker: 4 mN m at the motor."""
+"""The weakest drive of an arm: 4 mN m at the motor."""
 GEAR_RATIO, GEAR_EFFICIENCY = 60.0, 0.85
 ROTOR_INERTIA_PER_NM = 1.25e-4
-"""kg m2 for each N m that the motor itself makes: that of a DC servo motor, 1.5e-5 at 0.12 N m."""
+"""kg m2 per N m of the motor's own torque: that of a DC servo motor, 1.5e-5 at 0.12 N m."""
 VISCOUS_SHARE, COULOMB_SHARE = 0.02, 0.025
-"""Friction at full speed, and the part that does not depend on it, as shares of the drive's torque."""
+"""Viscous friction at full speed, and Coulomb friction, as shares of the drive's torque."""
 CURRENTS_A = (1.5, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 50.0)
 SUPPLIES_V = (15.0, 24.0, 36.0, 48.0)
-"""Amplifiers and supplies there are to choose from; the first are the D669's."""
+"""Amplifiers and supplies to choose from; the first are the D669's."""
 WINDING_SHARE = 0.25
-"""Of the supply, what the winding's resistance takes at the greatest current."""
+"""Voltage across the winding's resistance at the highest current, as a share of the supply."""
 SUPPLY_SHARE = 0.95
-"""Of the supply, what the motor needs at full speed and the greatest current."""
+"""Voltage that the motor needs at full speed and the highest current, as a share of the supply."""
 WINDING_MS = 0.5
 """L/R of the winding."""
 STIFFNESS_PER_RAD = 33.0
@@ -48,7 +48,7 @@ MOTION_S, MOTION_STEP_S, ENTRY_S = 20.48, 0.01, 2.0
 
 @dataclass(frozen=True, slots=True)
 class DriveSize:
-    """Motor, gear and amplifier of one joint in the units of a cell, and the torques that they were chosen for."""
+    """Motor, gear and amplifier of one joint in a cell's units, and the torques they were chosen for."""
 
     hold_nm: float
     motion_nm: float
@@ -66,17 +66,17 @@ class DriveSize:
 
 @dataclass(frozen=True, slots=True)
 class Friction:
-    """Of one joint, where its maker states it; None where it is to be assumed."""
+    """Friction of one joint where its maker states it; None where it is assumed."""
 
     viscous_nm_s: float | None = None
     coulomb_nm: float | None = None
 
 
 def size_drives(cell: Cell, friction: Sequence[Friction], speed_rad_s: Sequence[float]) -> list[DriveSize]:
-    """A drive for each joint of the one robot of `cell`, whose own motors count for nothing.
+    """A drive for each joint of the single robot of `cell`, whose own motors are ignored.
 
-    `speed_rad_s` is the fastest that each joint is to move. Raises `NewCellError` where no drive is strong enough, and
-    `ControllerError` for an arm that no model can be made of.
+    `speed_rad_s` is each joint's highest speed. Raises `NewCellError` where no drive is strong enough, and
+    `ControllerError` if the arm cannot be modelled.
     """
     robot = cell.robot[0]
     arm = _links_only(robot)
@@ -97,7 +97,7 @@ def size_drives(cell: Cell, friction: Sequence[Friction], speed_rad_s: Sequence[
 
 
 def _links_only(robot: Robot) -> SerialArm:
-    """The robot with drives that weigh and rub next to nothing."""
+    """The robot with drives of negligible inertia and friction."""
     joints = tuple(
         joint.model_copy(
             update={
@@ -120,7 +120,7 @@ def worst_hold_nm(arm: SerialArm, robot: Robot) -> Floats:
     """The greatest torque of gravity at each joint over all poses within the limits, N·m.
 
     As a function of any one angle, gravity's torque is a + b·cos q + c·sin q: three values give its greatest one
-    between two limits. From many poses, one angle after the other is set to it until nothing grows any more.
+    between two limits. From many poses, one angle after another is set to it until the torque no longer grows.
     """
     low, high = (np.radians([joint.limits_deg[end] for joint in robot.joint]) for end in (0, 1))
     starts = np.random.default_rng(0).uniform(low, high, (POSES, arm.joint_count))
@@ -153,7 +153,7 @@ def _highest(arm: SerialArm, joint: int, sign: float, starts: Floats, low: Float
 def _motions(arm: SerialArm, cell: Cell) -> tuple[Floats, Floats, Floats]:
     """Torque of the links (N·m), speed (rad/s) and acceleration (rad/s²) through the built-in motions, (n, joints).
 
-    Each is entered from rest at the home pose, which takes more than the motion itself.
+    Each is entered from rest at the home pose, which takes more torque than the motion itself.
     """
     home_rad = [math.radians(joint.home_deg) for joint in cell.joints]
     parts: list[tuple[Floats, Floats, Floats]] = []
@@ -171,7 +171,7 @@ def _motions(arm: SerialArm, cell: Cell) -> tuple[Floats, Floats, Floats]:
 def _size(
     name: str, hold_nm: float, inertia_kg_m2: float, motion: Sequence[Floats], friction: Friction, fastest_rad_s: float
 ) -> DriveSize:
-    """The drive of one joint: its own rotor and friction are part of what it has to move, so that it takes rounds."""
+    """The drive of one joint, by iteration: its own rotor and friction are part of its load."""
     load_nm, speed, change = motion
     torque_nm = motion_nm = 0.0
     for _ in range(ROUNDS):
@@ -230,6 +230,6 @@ def _chosen(stated: float | None, assumed: float) -> float:
 
 
 def _up(value: float) -> float:
-    """`value`, rounded up to two digits."""
+    """`value` rounded up to two digits."""
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return math.ceil(value / unit - 1e-9) * unit

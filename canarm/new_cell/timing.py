@@ -1,4 +1,4 @@
-"""The shortest cycle that a cell's traffic and scans fit into. What the traffic is, the schedule of the cell says."""
+"""The shortest cycle that a cell's traffic and scans fit into. The traffic itself is in the cell's schedule."""
 
 from collections.abc import Callable
 
@@ -9,16 +9,16 @@ from canarm_protocol.errors import CellError
 from .request import DEFAULT_CYCLE_US, NewCellError, Request
 
 CYCLES_US = (2500, 3000, 4000, 5000, 8000, 10_000, 20_000, 40_000)
-"""Tried one after the other where none is asked for."""
+"""Tried one after another if none is requested."""
 HEARTBEAT_MS = 20
 CYCLES_A_HEARTBEAT = 2
 USUAL_DELAY_US = 500
 
 
 def fitting_cycle_us(request: Request, cell_of: Callable[[int], Cell]) -> int:
-    """The cycle that is asked for, or the shortest of the usual ones that fits; `cell_of` makes the cell of a cycle.
+    """The requested cycle, or the shortest of the usual ones that fits; `cell_of` makes the cell for a cycle.
 
-    Raises `NewCellError` with the arithmetic where the one that is asked for, or every one, does not fit.
+    Raises `NewCellError` with the arithmetic if the requested one, or every one, does not fit.
     """
     cycles = CYCLES_US if request.cycle_us is None else (request.cycle_us,)
     refusals: list[str] = []
@@ -43,16 +43,16 @@ def _problem(cell_of: Callable[[int], Cell], cycle_us: int) -> str | None:
         verdict = cell_verdict(cell_of(cycle_us))
     except CellError as error:
         return str(error)
-    # What each frame's response is says `canarm check`; here it is whether there is room at all.
+    # `canarm check` has each frame's response time; here the question is whether there is room at all.
     telling = (*verdict.lines[:3], *(line for line in verdict.lines if line.startswith("chain")))
     return None if verdict.fits else "\n".join(telling)
 
 
 def heartbeat_ms(cycle_us: int) -> int:
-    """The controller sends its heartbeat in its cycles: no more often than every second one."""
+    """The controller sends its heartbeat in its cycles: at most in every second one."""
     return max(HEARTBEAT_MS, -(-CYCLES_A_HEARTBEAT * cycle_us // 1000))
 
 
 def compute_delay_us(cycle_us: int) -> int:
-    """What the controller takes: konkuk1's fifth of a cycle; short cycles have no more than an eighth to spare."""
+    """The controller's compute delay: a fifth of a cycle, as on konkuk1; in short cycles an eighth."""
     return min(USUAL_DELAY_US, cycle_us // (5 if cycle_us >= DEFAULT_CYCLE_US else 8))

@@ -1,4 +1,4 @@
-"""The text of a new cell: what was planned and sized, with a comment at each value that somebody had to assume.
+"""The text of a new cell: what was planned and sized, with a comment at each assumed value.
 
 The arithmetic belongs to `sizing.py`, `cards.py` and `timing.py`; here it becomes a file that people read and change.
 """
@@ -26,24 +26,24 @@ from .timing import compute_delay_us, fitting_cycle_us, heartbeat_ms
 FULL_SCALE_V = 5.0
 NOISE_LSB = 0.3
 FASTEST_RAD_S = 2.5
-"""Where nobody says how fast a joint is to move: konkuk1's."""
+"""Assumed highest speed of a joint: konkuk1's."""
 ENCODER_LINES = 2048
 COUNTER_BITS = 16
 MOST_TURNS = 2 ** (COUNTER_BITS - 1) / (4 * ENCODER_LINES)
 SPARE_DEG = 5.0
-"""What a position sensor sees beyond the limits, at either end."""
+"""How far a position sensor sees beyond the limits at either end."""
 MOST_STEP_US = 650
 COLUMN = 46
-"""Where comments begin, where they can."""
+"""Column of the comments, if the value leaves room."""
 
 ENDLESS = DriveSize(0.0, 0.0, 1e6, 1e6, 1e-6, 1e-3, 1e-3, 0.0, 0.0, 1e6, 1e6, 1e9)
-"""A drive for an arm that is still to be measured: it never lacks torque."""
+"""A placeholder drive while the arm is measured: it never lacks torque."""
 
 
 def write_cell(arm: Arm, request: Request, folder: Path) -> tuple[str, Cell]:
-    """The TOML text of a cell for `arm`, and the cell that it is; a URDF file is found from `folder`.
+    """The TOML text of a cell for `arm`, and the cell itself; a URDF file is relative to `folder`.
 
-    Raises `NewCellError` for what does not fit, and `CellError` or `ControllerError` for an arm that cannot be.
+    Raises `NewCellError` if something does not fit, and `CellError` or `ControllerError` for an impossible arm.
     """
     cards = plan_cards([joint.name for joint in arm.joints], request.sensing, request.bits)
 
@@ -189,7 +189,7 @@ SENSOR_LINES = {
     "tachometer": _tachometer,
     "current_sense": _current_sense,
 }
-"""What is written of each kind of sensor."""
+"""The lines for each kind of sensor."""
 
 
 def _card(card: PlannedCard, robot: str, request: Request) -> list[str]:
@@ -217,7 +217,7 @@ def _fastest(joint: ArmJoint) -> float:
 
 
 def _value(key: str, value: Any, comment: str = "") -> str:
-    """A line of the file: floats with as many digits as they mean."""
+    """A line of the file: floats with significant digits only."""
     line = f"{key} = {_toml(value)}"
     return f"{line:<{COLUMN}} # {comment}" if comment else line
 

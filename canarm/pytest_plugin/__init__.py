@@ -1,4 +1,4 @@
-"""The pytest plugin: fixtures `canarm_rig` and `canarm_bench`, their options, and what is kept of a test that fails.
+"""The pytest plugin: fixtures `canarm_rig` and `canarm_bench`, their options, and what is kept of a failed test.
 
 pytest loads this module in every run of every project where canarm is installed, so it imports nothing else; what the
 fixtures need is imported by the first test that asks for one.
@@ -21,11 +21,11 @@ _KEEPER: pytest.StashKey["Keeper"] = pytest.StashKey()
 
 
 class FaultWarning(UserWarning):
-    """A fault that was injected has never begun, or was faulty: the test has not tested what it should."""
+    """An injected fault never began, or was itself faulty: the test has not tested what it should."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Options of the fixtures."""
+    """Add the options of the fixtures."""
     group = parser.getgroup("canarm", "canarm: robots on an emulated CAN bus")
     group.addoption(
         "--canarm-seed", type=int, default=0, metavar="N", help="Seed of noise and faults of every rig (default 0)."
@@ -49,7 +49,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Refuse options that cannot be before any test runs, and from where they are meant."""
+    """Refuse impossible options before any test runs, and resolve paths against the starting folder."""
     _settle_out(config)
     bus, seed = config.getoption("--canarm-bus"), config.getoption("--canarm-seed")
     if seed < 0:
@@ -65,7 +65,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _settle_out(config: pytest.Config) -> None:
-    """A relative --canarm-out is one of the folder in which pytest was started, wherever a test goes."""
+    """Resolve --canarm-out against the folder in which pytest was started: tests may change the working folder."""
     given: Path | None = config.getoption("--canarm-out")
     if given is None:
         return
@@ -73,7 +73,7 @@ def _settle_out(config: pytest.Config) -> None:
 
     out = config.invocation_params.dir / given
     config.option.canarm_out = out
-    if not hasattr(config, "workerinput"):  # a worker of pytest-xdist: looked at by the process that started it
+    if not hasattr(config, "workerinput"):  # a worker of pytest-xdist: its parent has checked already
         try:
             usable_folder(out)
         except OSError as error:
@@ -91,7 +91,7 @@ def _rigs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 @pytest.fixture
 def canarm_rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator["RigFactory"]:
-    """Makes a rig whenever it is called, with the arguments of `canarm.Rig`; they are finished after the test."""
+    """A factory of rigs, called with the arguments of `canarm.Rig`; they are finished after the test."""
     yield from _rigs(request, tmp_path_factory)
 
 
@@ -99,7 +99,7 @@ def canarm_rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPath
 def class_canarm_rig(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator["RigFactory"]:
-    """As `canarm_rig`, for rigs that all tests of a class share: run once, ask often."""
+    """As `canarm_rig`, for rigs that all tests of a class share."""
     yield from _rigs(request, tmp_path_factory)
 
 
@@ -113,7 +113,7 @@ def module_canarm_rig(
 
 @pytest.fixture
 def canarm_bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator["CanarmBench"]:
-    """The emulator alone, on a port of its own, for any program as its controller; see `CanarmBench`."""
+    """The emulator alone, on its own port, with any program as its controller; see `CanarmBench`."""
     from .foreign import CanarmBench
 
     keeper = _keeper(request, tmp_path_factory)
@@ -125,7 +125,7 @@ def canarm_bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPa
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, "_Outcome", None]:
-    """A test that has failed says where its runs are kept, those that it shares with others included."""
+    """Report where the runs of a failed test are kept, including those shared with other tests."""
     outcome = yield
     if call.when == "teardown":
         return
@@ -138,7 +138,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
 
 
 def _keeper(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> "Keeper":
-    """What keeps the runs of a test; one a test, cleared away after the fixtures that use it."""
+    """The keeper of a test's runs; one per test, cleared after the fixtures that use it."""
     from .keeping import Keeper, file_name
 
     stash, name = request.node.stash, request.node.name
@@ -151,7 +151,7 @@ def _keeper(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
 
 def _warn(request: pytest.FixtureRequest, keeper: "Keeper") -> None:
-    """Say what makes the test prove less than it seems to."""
+    """Warn of what makes the test prove less than it seems to."""
     for text in keeper.complaints():
         request.node.warn(FaultWarning(text))
 

@@ -1,6 +1,6 @@
-"""The emulator alone, for a controller that is any program: started on a port of its own, watched from its bus.
+"""The emulator alone, for any program as controller: started on its own port, watched on its bus.
 
-What the controller computes is not known here; what it does is what passes on the bus, and what the bench says of the
+Nothing is known of the controller's inside; what it does shows on the bus and in the bench's view of the
 robot.
 """
 
@@ -41,13 +41,13 @@ ANSWER_S = 10.0
 """How long the bench may take to answer; the machine may be busy."""
 WAIT_S = 10.0
 AFTER_END_S = 1.0
-"""Of the bus's time: longer than any heartbeat, so that cards have had the time to notice."""
+"""Bus time, longer than any heartbeat time-out, so that the cards have had time to notice."""
 QUIET_S = 1.0
-"""Of wall time, without a frame."""
+"""Wall time without a frame."""
 
 
 class CanarmBench(FaultControl):
-    """What the fixture `canarm_bench` is. The emulator starts with `start`, or with the first use of anything else.
+    """The fixture `canarm_bench`. The emulator starts with `start`, or with the first use of anything else.
 
     `port` is where to attach: socketcand protocol, or python-can's `interface="canarm", host="127.0.0.1", port=…`.
     """
@@ -57,7 +57,7 @@ class CanarmBench(FaultControl):
         self.folder, self._seed = folder, seed
         self.cell: Cell = load_cell(DEFAULT_CELL)
         self.controller: Program | None = None
-        """The program that was started last."""
+        """The program started last."""
         self._programs: list[Program] = []
         self._emulator: Child | None = None
         self._port = 0
@@ -77,7 +77,7 @@ class CanarmBench(FaultControl):
         """Start the emulator; arguments as on the command line, `seed` --canarm-seed unless given.
 
         In lockstep, time runs on by itself once SYNC has been missing for `sync_timeout` s of wall time, or its sender
-        has left. Raises `UsageError` for what cannot be, and where it runs already; `BusError` if it does not start.
+        has left. Raises `UsageError` for bad arguments, or if it runs already; `BusError` if it does not start.
         """
         if self._emulator is not None:
             raise UsageError("start: the emulator runs already; call start() before anything else")
@@ -99,7 +99,7 @@ class CanarmBench(FaultControl):
 
     @property
     def port(self) -> int:
-        """The port on which it does."""
+        """The port on which the emulator serves its buses."""
         self._listener()
         return self._port
 
@@ -110,10 +110,10 @@ class CanarmBench(FaultControl):
         cwd: Path | None = None,
         env: Mapping[str, str] | None = None,
     ) -> Program:
-        """Start the controller under test; it ends with the test. It is to attach to `port`.
+        """Start the controller under test, which should attach to `port`; it ends with the test.
 
-        `command` is a list of words, or a string that is split as a shell does; {host} and {port} in it are replaced.
-        Raises `UsageError` where it cannot be started.
+        `command` is a list of words, or a string that is split as by a shell; {host} and {port} in it are replaced.
+        Raises `UsageError` if it cannot be started.
         """
         __tracebackhide__ = True
         self._listener()
@@ -170,40 +170,40 @@ class CanarmBench(FaultControl):
 
     @property
     def emergencies(self) -> list[SeenEmergency]:
-        """Emergencies (EMCY) so far; oldest first. A code of 0 says that an error has gone."""
+        """Emergencies (EMCY) so far; oldest first. Code 0 is an error reset."""
         return list(self._listener().emergencies)
 
     @property
     def time_s(self) -> float:
-        """The bus's time: that of the last frame."""
+        """Bus time: that of the last frame."""
         return self._listener().time_s
 
     def heartbeat_state(self, node: int) -> NmtState | None:
-        """What the last heartbeat of a node said; None while there was none.
+        """The state in a node's last heartbeat; None if there was none.
 
-        A node-ID need not be the cell's: the controller is yours. Raises `UsageError` for what can be none.
+        The node need not be the cell's: the controller is yours. Raises `UsageError` for an impossible node-ID.
         """
         __tracebackhide__ = True
         seen = self._heartbeat(node)
         return None if seen is None else seen[1]
 
     def heartbeat_age_s(self, node: int) -> float | None:
-        """The bus's time since the last heartbeat of a node; None while there was none. Errors as `heartbeat_state`."""
+        """Bus time since a node's last heartbeat; None if there was none. Errors as `heartbeat_state`."""
         __tracebackhide__ = True
         seen = self._heartbeat(node)
         return None if seen is None else self.time_s - seen[0]
 
     def outputs_are_zero(self) -> bool:
-        """Whether no amplifier is asked for any current, in truth: by magnitude or by direction."""
+        """Whether truly no amplifier is commanded any current: magnitude or direction is zero."""
         return not any(self._read(TRUE_COMMAND))
 
     def true_angle_rad(self, joint: str) -> float:
-        """Where a joint truly is. Raises `UnknownJoint`, a `UsageError`."""
+        """The true angle of a joint. Raises `UnknownJoint`, a `UsageError`."""
         __tracebackhide__ = True
         return self._read_of(joint, TRUE_ANGLE)
 
     def true_speed_rad_s(self, joint: str) -> float:
-        """How fast it truly moves. Raises `UnknownJoint`, a `UsageError`."""
+        """The true speed of a joint. Raises `UnknownJoint`, a `UsageError`."""
         __tracebackhide__ = True
         return self._read_of(joint, TRUE_SPEED)
 
@@ -217,12 +217,12 @@ class CanarmBench(FaultControl):
             self._emulator.end()
 
     def plot(self, title: str) -> str:
-        """Its joints as they truly moved."""
+        """The true motion of its joints."""
         joints = recorded_joints(self.cell, RecordedHistory(self.cell, self.folder, {}))
         return plot_run(title, joints, begun_of(self._fault_events()))
 
     def story(self) -> str:
-        """The controllers, and what was seen of their reactions."""
+        """The controllers, and their reactions as seen on the bus."""
         watch = self._watch
         if watch is None:
             return "the emulator was not started"
@@ -237,17 +237,17 @@ class CanarmBench(FaultControl):
 
     @property
     def label(self) -> str:
-        """What tells it from rigs of the same test."""
+        """A label that tells it from rigs of the same test."""
         return "canarm_bench"
 
     @property
     def never_begun(self) -> list[str]:
-        """The sets that were injected, not cleared, and have not begun."""
+        """Sets that were injected and not cleared, but have not begun."""
         begun = {each.set_name for each in self._fault_events() if each.is_begin}
         return [name for name in self._awaited if name not in begun]
 
     def complaints(self) -> list[str]:
-        """Faults that have never begun, or were faulty."""
+        """Faults that never began, or were themselves faulty."""
         return fault_complaints(self.never_begun, self._fault_events()) if self._awaited else []
 
     def __enter__(self) -> Self:
@@ -283,7 +283,7 @@ class CanarmBench(FaultControl):
 
     @contextlib.contextmanager
     def _client(self) -> Iterator[tuple[BusPort, BenchClient]]:
-        """The bench bus, opened again: on one that nobody reads, a controller's reports would pile up meanwhile."""
+        """The bench bus, opened for each use: on an unread one, a controller's reports would pile up."""
         with (
             open_port("canarm", BENCH_BUS, host=HOST, port=self.port) as port,
             BenchClient(port, self.cell, ANSWER_S) as client,
@@ -298,7 +298,7 @@ class CanarmBench(FaultControl):
         return self._read(index)[names.index(joint)]
 
     def _read(self, index: int) -> list[float]:
-        """An object of the bench node that has a number for every joint."""
+        """Read an object of the bench node that has a number per joint."""
         with self._client() as (port, client):
             session = SdoSession(port, *sdo_channel(self.cell.bus.bench_node_id, client.channel), limit_s=ANSWER_S)
             joints = range(1, len(self.cell.joints) + 1)
@@ -306,13 +306,13 @@ class CanarmBench(FaultControl):
 
 
 class _AfterEnd:
-    """How long what the controllers were to do may still show after their end."""
+    """How long effects of the controllers may still show after their end."""
 
     def __init__(self) -> None:
         self.has_come = False
         self._end_s: float | None = None
         self._heard: tuple[float, float] = (0.0, 0.0)
-        """The bus's time when something was heard last, and the wall's."""
+        """Bus time and wall time of the last frame."""
 
     def is_over(self, wall_s: float, bus_s: float) -> bool:
         if self._end_s is None:

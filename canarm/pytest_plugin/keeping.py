@@ -1,4 +1,4 @@
-"""What stays of the runs of a test: nothing where it passes; run folder and plot, with names, where it fails."""
+"""What is kept of a test's runs: nothing if it passes; named run folders and plots if it fails."""
 
 import contextlib
 import re
@@ -19,11 +19,11 @@ class Run(Protocol):
 
     @property
     def folder(self) -> Path | None:
-        """Its run folder, if it has begun one."""
+        """Its run folder, if there is one yet."""
         ...
 
     def end(self) -> None:
-        """End it and write all of it out. May be called again."""
+        """End it and write everything out. May be called again."""
         ...
 
     def plot(self, title: str) -> str:
@@ -31,21 +31,21 @@ class Run(Protocol):
         ...
 
     def story(self) -> str:
-        """What happened, a line each."""
+        """What happened, one line per event."""
         ...
 
     @property
     def label(self) -> str:
-        """What tells it from other runs of the test."""
+        """A label that tells it from other runs of the test."""
         ...
 
     def complaints(self) -> list[str]:
-        """Once it has ended: faults that have never begun, or were faulty, so that it has not tested what it should."""
+        """After its end: faults that never began or were themselves faulty, so that it tested too little."""
         ...
 
 
 def fault_lines(events: Iterable[FaultEvent]) -> list[tuple[float, str]]:
-    """Beginnings and ends of faults for a story: time in s and text."""
+    """Beginnings and ends of faults: time in s and text."""
     lines = []
     for each in events:
         failure = f": {each.failure}" if each.failure else ""
@@ -54,13 +54,13 @@ def fault_lines(events: Iterable[FaultEvent]) -> list[tuple[float, str]]:
 
 
 def fault_complaints(never_begun: Iterable[str], events: Iterable[FaultEvent]) -> list[str]:
-    """The complaints of a run about its faults."""
+    """A run's complaints about its faults."""
     never = [f"fault never began: {name}" for name in never_begun]
     return never + [f"fault {each.tap} {each.fault} {each.failure}" for each in events if each.failure]
 
 
 def file_name(name: str) -> str:
-    """The name of a test as that of a folder."""
+    """A folder name for a test."""
     return re.sub(r"[^\w.=-]+", "-", name).strip("-.")[:LONGEST_NAME] or "test"
 
 
@@ -75,20 +75,20 @@ class Keeper:
         self._keeps_later = False
 
     def new_folder(self) -> Path:
-        """A name for the folder of another run; nothing is there yet."""
+        """The path for the folder of another run, which does not exist yet."""
         self._count += 1
         return self._temporary / f"run-{self._count}"
 
     def watch(self, run: Run) -> None:
-        """Keep this one as well, if it comes to that."""
+        """Keep this run too, should the test fail."""
         self._runs.append(run)
 
     def complaints(self) -> list[str]:
-        """Those of all runs, which have ended."""
+        """Complaints of all runs, which have ended."""
         return [text for run in self._runs for text in run.complaints()]
 
     def keep(self) -> list[tuple[str, str]]:
-        """End and keep every run; title and text for the report of each. Raises nothing: the test's error matters."""
+        """End and keep every run; title and text of each for the report. Raises nothing."""
         if self._kept is None:
             self._kept = []
             for number, run in enumerate(self._runs, start=1):
@@ -101,13 +101,13 @@ class Keeper:
         return self._kept
 
     def keep_later(self) -> list[tuple[str, str]]:
-        """Keep every run once all tests that share it are over; title and text that say so."""
+        """Keep every run once all tests that share it are over; returns title and text that say so."""
         self._keeps_later = True
         place = self._temporary if self._out is None else self._out
         return [("canarm", f"the run is shared by all tests of {self._name}; it will be kept below {place}")]
 
     def clear(self) -> None:
-        """After the test: remove what is not kept."""
+        """Remove what is not kept, after the test."""
         if self._keeps_later:
             self.keep()
         if self._kept is None or self._out is not None:

@@ -1,4 +1,4 @@
-"""A folder that the user names, made certain of before any test runs. Nothing else of canarm is imported here."""
+"""Checks a folder that the user names before any test runs. Nothing else of canarm is imported here."""
 
 import contextlib
 import tempfile

@@ -1,4 +1,4 @@
-"""A program under test as a process: any command, what it says, and its end. Nothing of what it does on a bus."""
+"""A program under test as a process: any command, its output, and its end. Its bus is not known here."""
 
 import contextlib
 import math
@@ -14,20 +14,20 @@ from canarm_protocol.shown import first_line
 from ..usage import UsageError
 
 END_S = 5.0
-"""How long it may take to end when asked to, before it is killed."""
+"""How long it may take to end once asked, before it is killed."""
 SHOWN = 2000
-"""Characters of its output that an error shows: the last ones."""
+"""The last characters of its output that an error shows."""
 
 
 def check_limit(seconds: float, source: str) -> None:
-    """Raises `UsageError` for a time limit, given in `source`, that never comes or is none."""
+    """Raises `UsageError` for a time limit, given in `source`, that is infinite or not a time."""
     __tracebackhide__ = True
     if not 0.0 <= seconds < math.inf:
         raise UsageError(f"{source} {seconds:g}: must be a number of seconds, at least 0")
 
 
 class Program:
-    """`command`, started in a session of its own in folder `cwd`; what it says on stdout and stderr goes to `log`."""
+    """`command`, started in its own session in folder `cwd`; its stdout and stderr go to `log`."""
 
     def __init__(
         self,
@@ -37,9 +37,9 @@ class Program:
         env: Mapping[str, str] | None = None,
         replace: Mapping[str, str] | None = None,
     ) -> None:
-        """Start it. A string is split as a shell does; the keys of `replace` are replaced in every word.
+        """Start it. A string is split as by a shell; the keys of `replace` are replaced in every word.
 
-        Raises `UsageError` for what is no command, and where it cannot be started.
+        Raises `UsageError` for a malformed command, and if it cannot be started.
         """
         words = _words(command, replace or {})
         self.command, self._log = shlex.join(words), log
@@ -67,18 +67,18 @@ class Program:
 
     @property
     def has_left(self) -> bool:
-        """Whether it has ended by itself, and nobody has waited for that yet."""
+        """Whether it has ended by itself, and `wait` has not been called since."""
         return not self._is_end_known and self.status is not None
 
     @property
     def output(self) -> str:
-        """What it has said so far."""
+        """Its output so far."""
         return self._log.read_text(encoding="utf-8", errors="replace")
 
     def wait(self, timeout: float) -> int:
-        """Its exit status, once it has ended. Raises `TimeoutError` where it has not within `timeout` s.
+        """Wait for its exit status. Raises `TimeoutError` if it has not ended within `timeout` s.
 
-        Raises `UsageError` for a `timeout` that never comes.
+        Raises `UsageError` for an infinite `timeout`.
         """
         __tracebackhide__ = True
         check_limit(timeout, "wait: timeout")
@@ -90,18 +90,18 @@ class Program:
             raise TimeoutError(f"still running after {timeout:g} s: {self}") from None
 
     def kill(self) -> None:
-        """End it at once, without a chance to leave anything safe: with SIGKILL, its children as well."""
+        """Kill it and its children with SIGKILL, without a chance to leave anything safe."""
         self._is_end_known = True
         self._signal(getattr(signal, "SIGKILL", signal.SIGTERM))
         self._process.wait(END_S)
 
     def interrupt(self) -> None:
-        """Ask it to end as Ctrl-C does."""
+        """Interrupt it, as Ctrl-C does."""
         self._is_end_known = True
         self._signal(signal.SIGINT)
 
     def end(self) -> None:
-        """Ask it to end, and insist. May be called again."""
+        """Ask it to end, and kill it if it does not. May be called again."""
         if self._process.poll() is None:
             self._signal(signal.SIGTERM)
             with contextlib.suppress(subprocess.TimeoutExpired):

@@ -16,11 +16,11 @@ from ..session import DEFAULT_CELL
 from .keeping import Keeper, fault_complaints, fault_lines
 
 MOST_EVENTS = 20
-"""Events that the report of a failure shows; the first of them, for they are nearest to the cause."""
+"""The first events, nearest to the cause, that the report of a failure shows."""
 
 
 class RigFactory:
-    """What the fixture `canarm_rig` is: called with the arguments of `canarm.Rig`, it returns a rig of this test.
+    """The fixture `canarm_rig`: called with the arguments of `canarm.Rig`, it returns a rig of this test.
 
     With --canarm-bus it is a `canarm.rig.bus_rig.BusRig`.
     """
@@ -33,7 +33,7 @@ class RigFactory:
         self._rigs: list[Rig | BusRig] = []
 
     def __call__(self, cell: Any = DEFAULT_CELL, *arguments: str, **options: Any) -> Any:
-        """A rig. Its seed is --canarm-seed unless `options` have one, its run folder one that is kept on failure."""
+        """A rig. Its seed is --canarm-seed unless given in `options`; its run folder is kept on failure."""
         __tracebackhide__ = True
         words = [*map(repr, (cell, *arguments)), *(f"{name}={value!r}" for name, value in options.items())]
         options = {"seed": self._seed, "out": self._keeper.new_folder(), **options}
@@ -49,7 +49,7 @@ class RigFactory:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Finish every rig; the first error is raised when all had their turn."""
+        """Finish every rig; the first error is raised after all are finished."""
         first: Exception | None = None
         for rig in self._rigs:
             try:
@@ -71,13 +71,13 @@ class _RigRun:
         self._rig.finish()
 
     def plot(self, title: str) -> str:
-        """Its joints, with faults and detections: from its folder, for a rig forgets (`history_s`)."""
+        """Its joints, with faults and detections, from its folder: a rig's memory is bounded (`history_s`)."""
         assert self.folder is not None
         joints = recorded_joints(self._rig.cell, RecordedHistory(self._rig.cell, self.folder, {}))
         return plot_run(title, joints, self._rig.begun, self._rig.noticed)
 
     def story(self) -> str:
-        """Faults and detections with their times, and why it stopped."""
+        """Faults and detections with their times, and the reason of a stop."""
         faults = fault_lines(self._rig.fault_events)
         seen = [(each.time_s, f"detected: {each.detection}") for each in self._rig.noticed]
         lines = [f"{time_s:9.4f} s  {text}" for time_s, text in sorted(faults + seen, key=lambda each: each[0])]
@@ -88,5 +88,5 @@ class _RigRun:
         return "\n".join([*lines, *never, *end]) or "no faults, nothing detected"
 
     def complaints(self) -> list[str]:
-        """Faults that have never begun, or were faulty."""
+        """Faults that never began, or were themselves faulty."""
         return fault_complaints(self._rig.never_begun or (), self._rig.fault_events)

@@ -1,6 +1,6 @@
-"""What passes on the robot's bus, as seen by somebody who only listens: frames, NMT commands, emergencies, heartbeats.
+"""The robot's bus as seen by a silent listener: frames, NMT commands, emergencies, heartbeats.
 
-A thread reads, so that nothing is lost while a test waits for something else. Nothing is ever sent.
+A thread reads, so that nothing is lost while a test waits for something else.
 """
 
 import threading
@@ -15,9 +15,9 @@ from canarm_protocol.transport.port import BusPort
 
 FRAMES_KEPT = 100_000
 READ_S = 0.1
-"""How often the reader looks whether it is to end."""
+"""How often the reader checks whether to end."""
 LOOK_S = 0.05
-"""How often a condition is looked at while nothing passes."""
+"""How often a condition is checked while the bus is silent."""
 
 
 class SeenFrame(NamedTuple):
@@ -36,7 +36,7 @@ class SeenNmt(NamedTuple):
 
 
 class SeenEmergency(NamedTuple):
-    """An EMCY of a node."""
+    """An EMCY from a node."""
 
     time_s: float
     node_id: int
@@ -45,7 +45,7 @@ class SeenEmergency(NamedTuple):
 
 
 class BusWatch:
-    """Listens on `port` from now on, and closes it in the end."""
+    """Listens on `port` from now on; closes it at the end."""
 
     def __init__(self, port: BusPort) -> None:
         self.frames: deque[SeenFrame] = deque(maxlen=FRAMES_KEPT)
@@ -54,9 +54,9 @@ class BusWatch:
         self.heartbeats: dict[int, tuple[float, NmtState]] = {}
         """The last heartbeat of each node: time and state."""
         self.time_s = 0.0
-        """That of the last frame."""
+        """Bus time of the last frame."""
         self.lost: str | None = None
-        """Why nothing is heard any more, if so."""
+        """The reason if the bus is lost."""
         self._port = port
         self._news = threading.Condition()
         self._is_over = threading.Event()
@@ -64,7 +64,7 @@ class BusWatch:
         self._thread.start()
 
     def wait_for(self, condition: Callable[[], object], timeout_s: float) -> bool:
-        """Whether `condition` comes true within `timeout_s` of wall time; looked at after every frame, and at times."""
+        """Whether `condition` becomes true within `timeout_s` of wall time; checked per frame and every `LOOK_S`."""
         deadline_s = time.monotonic() + timeout_s
         while not condition():
             left_s = deadline_s - time.monotonic()
@@ -75,7 +75,7 @@ class BusWatch:
         return True
 
     def close(self) -> None:
-        """Listen no more. May be called again."""
+        """Stop listening. May be called again."""
         self._is_over.set()
         self._thread.join(10.0)
         self._port.close()

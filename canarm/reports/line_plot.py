@@ -1,6 +1,6 @@
-"""Line plots as SVG text: panels one below the other, with curves and a legend; readable on light and dark pages.
+"""Line plots as SVG text: stacked panels with curves and a legend, readable on light and dark pages.
 
-Knows nothing of what it draws. The same input gives the same bytes.
+What is drawn is not known here. The same input gives the same bytes.
 """
 
 import math
@@ -10,7 +10,7 @@ from html import escape
 
 WIDTH, LEFT, RIGHT, TOP, GAP = 760, 64, 200, 34, 46
 MARK_STRIP, MARK_WIDTH, MARK_ROW = 14, 14, 16
-"""Height of the strip above a panel where the numbers of marks stand, room for a number, height of a line of words."""
+"""Height of the strip of mark numbers above a panel, width of a number, height of a line of text."""
 COLOURS = ("#3b82f6", "#e0781f", "#22a06b", "#9a6fd6", "#8a8f98")
 STYLE = """<style>
 text { font: 12px system-ui, sans-serif; fill: #24292f }
@@ -31,7 +31,7 @@ class Axis:
     is_log: bool = False
 
     def place(self, value: float) -> float:
-        """Where `value` lies, 0 at `low` and 1 at `high`; beyond them it is drawn at the edge."""
+        """Where `value` lies, 0 at `low` and 1 at `high`; clipped to these."""
         value = min(max(value, self.low), self.high)
         if self.is_log:
             return math.log(value / self.low) / math.log(self.high / self.low)
@@ -50,7 +50,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Mark:
-    """A vertical line at `x`, numbered; what it is stands below the picture. `colour` is an index into `COLOURS`."""
+    """A numbered vertical line at `x`, explained below the picture. `colour` is an index into `COLOURS`."""
 
     x: float
     label: str
@@ -81,9 +81,9 @@ def fitting(values: Sequence[float]) -> Axis:
 
 
 def draw(title: str, x_label: str, x: Axis, panels: Sequence[Panel]) -> str:
-    """The picture. All panels share the x axis; a legend stands beside every panel whose curves are other ones.
+    """The picture. All panels share the x axis; a panel has its own legend if its curves differ from the last.
 
-    Marks are numbered in the order of their places, those of all panels together.
+    Marks are numbered along the x axis, across all panels.
     """
     marks = sorted(dict.fromkeys(mark for panel in panels for mark in panel.marks), key=lambda mark: mark.x)
     numbers = {mark: number for number, mark in enumerate(marks, start=1)}
@@ -137,7 +137,7 @@ def _panel(panel: Panel, x: Axis, top: int, numbers: Mapping[Mark, int]) -> Iter
     for mark in sorted(panel.marks, key=lambda each: numbers[each]):
         place = across(mark.x)
         yield f'<path stroke="{COLOURS[mark.colour]}" stroke-dasharray="2 3" d="M{place:.1f} {top}V{bottom}"/>'
-        if place > free - MARK_WIDTH:  # else so many are in one place that there is no room for another number
+        if place > free - MARK_WIDTH:  # else there is no room for another number
             number_x = max(place, free)
             yield _text(number_x, top - 4, str(numbers[mark]), "middle", colour=mark.colour)
             free = number_x + MARK_WIDTH

@@ -1,6 +1,6 @@
-"""A picture of a run: every joint's angles and currents over time, with the faults and what was detected.
+"""A picture of a run: every joint's angles and currents over time, with faults and detections.
 
-Says what is drawn; how it becomes SVG belongs to `line_plot`.
+Decides what is drawn; `line_plot` makes SVG of it.
 """
 
 import math
@@ -14,10 +14,10 @@ from ..rig.rig_joint import Floats, RigJoint
 from .line_plot import Curve, Mark, Panel, draw, fitting
 
 COLUMNS = 600
-"""A longer curve is drawn by this many pairs of least and greatest value, more than the picture has pixels."""
+"""A longer curve is drawn as this many pairs of minimum and maximum, more than the picture has pixels."""
 PANEL_HEIGHT = 150
 BEFORE_S, AFTER_S = 0.3, 0.5
-"""How much is shown before the first fault, and after the last detection."""
+"""Time shown before the first fault, and after the last detection."""
 BLUE, ORANGE, GREEN, VIOLET, GREY = range(5)
 DEGREES = 180.0 / math.pi
 _PANELS: tuple[tuple[str, tuple[tuple[Any, ...], ...]], ...] = (
@@ -32,15 +32,15 @@ _PANELS: tuple[tuple[str, tuple[tuple[Any, ...], ...]], ...] = (
     ("true speed, rad/s", (("true", "true_speed_rad_s", BLUE),)),
     ("current, A", (("current", "current_a", BLUE), ("command", "command_a", ORANGE, 1.0, True))),
 )
-"""Title, and label, signal, colour, factor and dashes of each curve."""
+"""Title of each panel; label, signal, colour, factor and dashes of each curve."""
 
 
 def plot_run(
     title: str, joints: Mapping[str, RigJoint], begun: Sequence[Begun] = (), noticed: Sequence[Noticed] = ()
 ) -> str:
-    """The picture as SVG text: the time around faults and detections where there are any, else the whole run.
+    """The picture as SVG text: the time around faults and detections, or the whole run if there are none.
 
-    A detection at a joint is marked in its panels, any other one in all. Without any cycle there are axes alone.
+    A detection at a joint is marked in its panels, any other in all. Without cycles there are only axes.
     """
     low_s, high_s = _window(begun, noticed)
     faults = [Mark(each.time_s, f"{each.time_s:.4f} s  fault: {each.tap} {each.fault}", ORANGE) for each in begun]
@@ -59,7 +59,7 @@ def plot_run(
 
 
 def _window(begun: Sequence[Begun], noticed: Sequence[Noticed]) -> tuple[float, float]:
-    """From a little before the first fault to a while after the last detection, s."""
+    """The time from before the first fault to after the last detection, s."""
     events_s = [*(each.time_s for each in begun), *(each.time_s for each in noticed)]
     low_s = min((each.time_s for each in begun), default=min(events_s, default=-math.inf)) - BEFORE_S
     return low_s, max(events_s) + AFTER_S if noticed else math.inf
@@ -87,7 +87,7 @@ def _curve(
 
 
 def _thinned(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Least and greatest value of each of `COLUMNS` stretches, so that no spike is lost."""
+    """Minimum and maximum of each of `COLUMNS` stretches, so that no spike is lost."""
     if len(values) <= 2 * COLUMNS:
         return times_s, values
     length = -(-len(values) // COLUMNS)

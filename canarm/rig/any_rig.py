@@ -1,6 +1,6 @@
-"""What all rigs have in common, whatever carries them: what they are given, and questions about faults and detections.
+"""What all rigs share, in one process or over a bus: their arguments, and questions about faults and detections.
 
-How a run is carried out never enters.
+How a run is carried out is not known here.
 """
 
 from abc import abstractmethod
@@ -19,7 +19,7 @@ from .rig_faults import FaultControl, FaultSource
 
 
 class AnyRig(FaultControl):
-    """The arguments of every rig, kept for `_open`, which makes what they say."""
+    """The arguments of every rig, kept for `_open`."""
 
     cell: Cell
 
@@ -53,24 +53,24 @@ class AnyRig(FaultControl):
 
     @abstractmethod
     def _open(self, cell: str | Path | Cell, settings: Mapping[str, object] | None) -> None:
-        """Make what a run needs, with `settings` laid over the cell."""
+        """Build what a run needs, with `settings` applied to the cell."""
 
     @property
     def begun(self) -> list[Begun]:
-        """Faults that have begun; oldest first."""
+        """Beginnings of faults; oldest first."""
         return begun_of(self.fault_events)
 
     @property
     def detections(self) -> list[Detection]:
-        """What the controller has detected; oldest first."""
+        """The controller's detections; oldest first."""
         return [each.detection for each in self.noticed]
 
     def detected(self, name: str | None = None, joint: str | None = None, *, since: float | None = None) -> Detected:
-        """What was detected by detector `name` at `joint` (any where None): true where there is anything.
+        """What detector `name` has detected at `joint` (None: any); true if there is anything.
 
         `.within(0.025)` asks whether the first detection after the latest fault began came no later than that; with
-        `since`, in s of virtual time, only what came after it counts, and from there. `joint` may be a card or node
-        ("0x14"). Raises `UsageError` for a detector, joint or node that there is not.
+        `since`, in s of virtual time, only later detections count, from that time. `joint` may be a card or node
+        ("0x14"). Raises `UsageError` for an unknown detector, joint or node.
         """
         __tracebackhide__ = True
         check_question(self.cell, name, joint)

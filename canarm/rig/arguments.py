@@ -1,6 +1,6 @@
-"""What a rig is given, as texts that a command line would take: settings, truth, seed; and warnings about its use.
+"""A rig's arguments as the texts of a command line: settings, truth, seed; and the warning about its use.
 
-Which law or trajectory is meant is decided in the controller; no run enters here.
+The controller resolves law and trajectory. Nothing is run here.
 """
 
 from collections.abc import Mapping
@@ -14,15 +14,15 @@ from canarm_protocol.cell.model import Cell
 from ..usage import UsageError, value_text
 
 MECHANICS = (".mass", ".viscous", ".coulomb", ".rotor_inertia", ".wire_stiffness")
-"""Endings of the keys of the truth that can change during a run."""
+"""Endings of the truth's keys that can change during a run."""
 
 
 class RigWarning(UserWarning):
-    """A rig was made or asked in a way that proves nothing."""
+    """A rig was used in a way that proves nothing."""
 
 
 def checked_seed(seed: object) -> int:
-    """A seed as a whole number. Raises `UsageError` for any other."""
+    """`seed` as a whole number. Raises `UsageError` if it is none, or negative."""
     if not isinstance(seed, Integral) or isinstance(seed, bool):
         raise UsageError(f"seed {seed!r}: must be a whole number")
     if int(seed) < 0:
@@ -31,12 +31,12 @@ def checked_seed(seed: object) -> int:
 
 
 def as_text(values: Mapping[str, object] | None) -> dict[str, str]:
-    """Values as `--set` and `--truth` take them."""
+    """Values as `--set` and `--truth` spell them."""
     return {key: value_text(value) for key, value in (values or {}).items()}
 
 
 def check_mechanics(cell: Cell, key: str) -> None:
-    """Raises `TruthError` unless `key` is one of the truth that can change during a run."""
+    """Raises `TruthError` unless `key` can change during a run."""
     known = [each.name for each in truth_keys(cell)]
     if key not in known:
         raise TruthError(f"{key}: no such key{nearest(key, known, 'canarm check --keys')}")

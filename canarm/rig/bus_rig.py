@@ -1,6 +1,6 @@
 """The test rig over real buses: emulator and controller as processes, asked the same questions as `Rig`.
 
-A run goes from its beginning to its end without a pause, so faults are declared before it. What happened is read from
+A run cannot be paused, so faults are declared before it. What happened is read from
 the run folder afterwards.
 """
 
@@ -33,9 +33,9 @@ from .rig_joint import Joints
 
 HOST, BENCH_BUS = "127.0.0.1", "bench"
 ANSWER_S = 60.0
-"""How long the bench may take to answer: longer than any machine needs, so that a dead one is told from a slow one."""
+"""How long the bench may take to answer: longer than any slow machine, so that no answer means a dead one."""
 SLOWEST = 10.0
-"""A run may take this many times its robot time, and START_S."""
+"""A run may take this many times its robot time, plus START_S."""
 SYNC_TIMEOUT_S = 30.0
 """A busy machine must not look like a lost controller."""
 
@@ -44,12 +44,12 @@ class BusRig(AnyRig):
     """As `canarm.Rig`, in lockstep, with `run` once. `cell`, `law` and `trajectory` must be names or files. `out` must
     name the run folder, which keeps every cycle: `history_s` bounds nothing here.
 
-    Raises `UsageError` for what a command line refuses, and for what cannot be had over a bus; `BusError` where a
+    Raises `UsageError` for what a command line refuses, and for what a bus does not offer; `BusError` if a
     process does not start or end.
     """
 
     bus: BusChoice = VIRTUAL_BUSES
-    """What carries it; see `over`."""
+    """The buses of its runs; see `over`."""
 
     @classmethod
     def over(cls, bus: BusChoice) -> type["BusRig"]:
@@ -80,7 +80,7 @@ class BusRig(AnyRig):
 
     @property
     def state(self) -> State:
-        """The controller's state. A run that has ended as planned is RUNNING until `finish`, as in one process."""
+        """The controller's state. A run that ended as planned is RUNNING until `finish`, as in `Rig`."""
         if self._result is None:
             return State.DONE if self._is_finished else State.IDLE
         if self._result["state"] != "done":
@@ -89,7 +89,7 @@ class BusRig(AnyRig):
 
     @property
     def torque_is_off(self) -> bool:
-        """Whether no amplifier was asked for any current, in truth, at the end of the run or of the stop."""
+        """Whether truly no amplifier was commanded any current at the end of the run or of the stop."""
         if self._result is None:
             return True
         if self.state is State.FAILED or self._is_finished:
@@ -99,7 +99,7 @@ class BusRig(AnyRig):
         return not any(values[-1] for values in commands if len(values))
 
     def run(self, seconds: float) -> None:
-        """The whole run. Returns early when the controller has stopped the robot; raises `FaultError` as `Rig.run`."""
+        """Run once. Returns early if the controller stops the robot; raises `FaultError` as `Rig.run`."""
         __tracebackhide__ = True
         tick_count(self.cell, seconds, "seconds")
         if self._result is not None or self._is_finished:
@@ -124,7 +124,7 @@ class BusRig(AnyRig):
 
     @property
     def never_begun(self) -> list[str]:
-        """The sets that were injected, not cleared, and have never begun."""
+        """Sets that were injected and not cleared, but never began."""
         begun = {each.set_name for each in self.fault_events if each.is_begin}
         return [name for name in self._awaited if name not in begun]
 
@@ -168,7 +168,7 @@ class BusRig(AnyRig):
 
 
 def _word(argument: str, value: object) -> str:
-    """An argument as a command line takes it."""
+    """An argument as a command line spells it."""
     if not isinstance(value, str | Path):
         raise UsageError(f"{argument}: over a bus it must be a name or a file, for the processes to read")
     return str(value)

@@ -1,4 +1,4 @@
-"""Answers that read well in an assertion: true or false, and in words what was found. No run and no bus enters here."""
+"""Answers that read well in an assertion: true or false, with text. Runs and buses are not known here."""
 
 import warnings
 from collections.abc import Iterable, Sequence
@@ -16,9 +16,9 @@ from .arguments import RigWarning
 
 
 class Finding:
-    """True or false, and why. For `assert`: pytest shows the text where it does not hold.
+    """True or false, and why, for `assert`: pytest shows the text if it is false.
 
-    One that nobody has looked at when it goes warns: somebody has forgotten the `assert`.
+    One that is discarded without having been asked warns: the `assert` was forgotten.
     """
 
     __slots__ = ("_holds", "_is_seen", "_text")
@@ -28,7 +28,7 @@ class Finding:
 
     @property
     def holds(self) -> bool:
-        """Whether what was asked is so."""
+        """Whether it is true."""
         self._is_seen = True
         return self._holds
 
@@ -51,14 +51,14 @@ class Finding:
 
 
 class Noticed(NamedTuple):
-    """A detection with its virtual time: that of the SYNC whose cycle it was made in."""
+    """A detection with the virtual time of the SYNC that began its cycle."""
 
     time_s: float
     detection: Detection
 
     @property
     def text(self) -> str:
-        """Detector, where and when, without the details."""
+        """Detector, place and time, without the details."""
         where = f" at {self.detection.where}" if self.detection.where else ""
         return f"{self.detection.detector}{where} at {self.time_s:.4f} s"
 
@@ -82,17 +82,17 @@ def begun_of(events: Iterable[FaultEvent]) -> list[Begun]:
 
 
 class Start(Enum):
-    """Where the clock of a detection starts, if at no time that was given."""
+    """Where the clock of a detection starts if no time is given."""
 
     FAULT = "the beginning of the latest fault"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Detected:
-    """What the controller has detected of what was asked for. True where there is anything.
+    """The detections that answer a question. True if there are any.
 
-    `found` is what fits, `others` what does not, `begun` the fault that began last; `since_s` is where `within` counts
-    from, the beginning of `begun` unless the question said otherwise.
+    `found` are those that match, `others` the rest, `begun` the latest fault; `since_s` is where `within` counts
+    from: the beginning of `begun` unless given.
     """
 
     sought: str
@@ -105,9 +105,9 @@ class Detected:
         return bool(self.found)
 
     def within(self, limit_s: float, of: float | Literal[Start.FAULT] | None = Start.FAULT) -> Finding:
-        """Whether the first one since then came no later than `limit_s` after it, or after the time `of` (s).
+        """Whether the first one came no later than `limit_s` after that time, or after the time `of` (s).
 
-        What came before the fault does not count. `of` is for clocks that start later, when the fault has begun to
+        Detections before the fault do not count. `of` is for clocks that start later, when the fault begins to
         show; a detection before it is early enough. Raises `UsageError` for an `of` of None, which `departure` returns
         where the truth has never moved on: there is nothing to count from.
         """
@@ -131,13 +131,13 @@ class Detected:
 
     @property
     def latency_s(self) -> float | None:
-        """From `since_s` to the first one after it; None where there is none."""
+        """From `since_s` to the first one after it; None if there is none."""
         first = self._first
         return None if first is None or self.since_s is None else first.time_s - self.since_s
 
     @property
     def text(self) -> str:
-        """What was detected, and when; else what was detected instead."""
+        """What was detected and when, or what was detected instead."""
         if self.found:
             after = "" if self.latency_s is None else f", {_ms(self.latency_s)} after {self._start}"
             more = f", and {len(self.found) - 1} more" if len(self.found) > 1 else ""
@@ -162,13 +162,13 @@ class Detected:
 
 
 HALF_NS = 0.5e-9
-"""Times are whole nanoseconds; as seconds they are not quite."""
+"""Times are whole nanoseconds; as float seconds they are off by a rounding error."""
 
 
 def ask_detected(
     noticed: Sequence[Noticed], begun: Sequence[Begun], name: str | None, joint: str | None, since_s: float | None
 ) -> Detected:
-    """What of `noticed` is of detector `name` and at `joint` (each: any where None), since `since_s` where given."""
+    """Those of `noticed` by detector `name` at `joint` (None: any), after `since_s` if given."""
     found: list[Noticed] = []
     others: list[Noticed] = []
     for each in noticed:
@@ -182,7 +182,7 @@ def ask_detected(
 
 
 def check_question(cell: Cell, name: str | None, where: str | None) -> None:
-    """Raises `UsageError` where nothing can ever be detected so: `assert not` would pass for ever."""
+    """Raises `UsageError` if nothing can ever match: `assert not` would always pass."""
     __tracebackhide__ = True
     if name is not None and name not in DETECTORS:
         raise UsageError(f"detected: no detector {name!r}{nearest(name, DETECTORS)}")

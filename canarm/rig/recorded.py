@@ -1,6 +1,6 @@
-"""The course of a run as its folder tells it: the histories, faults and detections of a run in other processes.
+"""A run as recorded in its folder: histories, faults and detections of a run in other processes.
 
-Reads what the recorders of emulator and controller have written; nothing here runs or writes anything.
+Reads the files of the emulator's and the controller's recorders; nothing is run or written here.
 """
 
 import json
@@ -23,13 +23,13 @@ from .findings import Noticed
 from .rig_joint import SIGNALS, TRUE_SIGNALS, Floats, Joints, RigJoint, Span
 
 DETECTION = "detection"
-"""Events of faults and detections in events.jsonl."""
+"""Names of fault and detection events in events.jsonl."""
 _COLUMNS = {"current_a": "motor_current_a"}
-"""Names in the files where they differ from those of the histories."""
+"""Column names that differ from those of the histories."""
 
 
 class RecordedHistory:
-    """The course of a run; see `canarm.rig.rig_joint.Source`. Without a controller's file there is truth alone."""
+    """The course of a run; see `canarm.rig.rig_joint.Source`. Without a controller's file there is only the truth."""
 
     def __init__(self, cell: Cell, folder: Path, figures: Mapping[str, JointFigures]) -> None:
         self._names, self._figures = cell.joint_names, figures
@@ -37,14 +37,14 @@ class RecordedHistory:
         self._controller = _table(folder / SIGNALS_FOLDER / CONTROLLER_FILE)
         ticks = self._controller.get("tick", np.empty(0))
         self.controlled = int(min(len(ticks), len(self._robot.get("tick", ()))))
-        """Cycles that were controlled."""
+        """Number of controlled cycles."""
 
     def column(self, joint: int, signal: str) -> Floats:
         """One signal over the controlled cycles, oldest first."""
         return self._whole(joint, signal)[: self.controlled]
 
     def span(self, joint: int, signal: str) -> Span:
-        """One signal with cycles and times; a true one goes on through the stop."""
+        """One signal with cycles and times; a true signal continues through the stop."""
         values = self._whole(joint, signal)
         if SIGNALS.index(signal) >= TRUE_SIGNALS:
             values = values[: self.controlled]
@@ -52,7 +52,7 @@ class RecordedHistory:
         return Span(self._robot["tick"][:size].astype(np.int64), self._robot["time_s"][:size], values)
 
     def figures(self, joint: int) -> JointFigures:
-        """The figures of the run, as the controller read them from the bench at its end."""
+        """The run's figures, as the controller read them from the bench at the end."""
         return self._figures.get(self._names[joint], JointFigures(None, None, 0.0, 0, None))
 
     def _whole(self, joint: int, signal: str) -> Floats:
@@ -72,10 +72,10 @@ def recorded_joints(cell: Cell, history: RecordedHistory) -> Joints:
 
 
 def read_events(folder: Path) -> list[dict[str, Any]]:
-    """The events of a run, in the order of their virtual times. The run may still be on."""
+    """The events of a run, in the order of their virtual times. The run may still be going on."""
     path = folder / EVENTS_FILE
     text = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
-    lines = text[: text.rfind("\n") + 1].splitlines()  # what comes after it is being written
+    lines = text[: text.rfind("\n") + 1].splitlines()  # the rest is still being written
     return sorted((json.loads(line) for line in lines), key=lambda event: int(event["time_ns"]))
 
 

@@ -1,6 +1,6 @@
 """The test rig: emulated bench and controller in one process, in virtual time, without sockets.
 
-The same two objects as in `canarm emulator` and `canarm controller`, joined by a wire that is a list.
+The same two objects as in `canarm emulator` and `canarm controller`, joined by a list of frames.
 """
 
 import contextlib
@@ -51,10 +51,10 @@ class Rig(AnyRig):
     (n, joints) in rad with a row per cycle, or a function of the time in s (`make_trajectory`). `truth` and `settings`
     are what `--truth` and `--set` take, `wire` is `--wire`, `faults` is a fault file, its text or a script
     (`inject_file`). `history_s` bounds the histories: older cycles are forgotten, and a question about them raises
-    `UsageError`. `out` names a run folder. A rig that is finished and has never run warns (`RigWarning`).
+    `UsageError`. `out` names a run folder. A rig that is finished without having run warns (`RigWarning`).
 
     Raises `CellError`, `TruthError`, `ControllerError` (`LawError`, `TrajectoryError`), `FaultError`, `RunFolderError`
-    or `UsageError` (a `ValueError`) for what cannot be, and warns of a cell whose traffic its bit rate cannot carry.
+    or `UsageError` (a `ValueError`) for bad arguments, and warns of a cell whose traffic its bit rate cannot carry.
     What goes wrong on the robot raises nothing: it ends in a safe stop, with `reason`.
     """
 
@@ -68,11 +68,11 @@ class Rig(AnyRig):
         self._history = History(self.cell, size, self._assessor, lambda: controller.controlled_ticks)
         self._truth: CycleTruth | None = None
         self.events: list[Event] = []
-        """Changes of the controller's state, with the reason of a stop, and of the truth; beginnings and ends of
+        """Changes of the controller's state (with the reason of a stop) and of the truth; beginnings and ends of
         faults, and detections; oldest first.
         """
         self.never_begun: list[str] | None = None
-        """After `finish`: the sets that were injected, not cleared, and have never begun."""
+        """After `finish`: sets that were injected and not cleared, but never began."""
         self._faulty: FaultError | None = None
         self._is_finished = False
         self._depth = 2
@@ -104,12 +104,12 @@ class Rig(AnyRig):
 
     @property
     def reason(self) -> str | None:
-        """Why the run was stopped, if it was."""
+        """The reason if the run was stopped."""
         return self._controller.reason
 
     @property
     def approach_s(self) -> float:
-        """How long the way to the first pose of a trajectory file takes, from cycle 0 on; the file begins after it."""
+        """Duration of the approach to the first pose of a trajectory file, from cycle 0; the file begins after it."""
         return self._controller.loop.trajectory.approach_s
 
     @property
@@ -124,19 +124,20 @@ class Rig(AnyRig):
 
     @property
     def fault_status(self) -> list[SetStatus]:
-        """Every set that was injected and not cleared: name, state, activations so far."""
+        """Every set that was injected and not cleared: name, state, number of activations."""
         return self._bench.faults.status()
 
     @property
     def torque_is_off(self) -> bool:
-        """Whether no amplifier is asked for any current, in truth, at this moment."""
+        """Whether truly no amplifier is commanded any current at this moment."""
         return not any(joint.command_a for joint in self._bench.world.state())
 
     def run(self, seconds: float) -> None:
-        """Let virtual time pass. Returns early when the controller has stopped the robot, at once if it had before.
+        """Let virtual time pass. Returns early when the controller has stopped the robot; at once if it was stopped
+        before.
 
         Raises `UsageError` for less than a cycle and after `finish`, `EmulatorError` when the integration of the true
-        robot diverges, and `FaultError` when a fault fails because of a mistake in itself: it has ended then, and the
+        robot diverges, and `FaultError` if a fault fails because of its own mistake: it has then ended, and the
         run may go on.
         """
         __tracebackhide__ = True
@@ -157,7 +158,7 @@ class Rig(AnyRig):
     def change_truth(self, key: str, value: object) -> None:
         """Change the mechanics of the true robot from now on: `joint3.mass`, `joint2.viscous`, `joint2.coulomb`, …
 
-        Raises `TruthError` for a key that is none, a value that cannot be, or a key that is not mechanics, and
+        Raises `TruthError` for an unknown key, an impossible value, or a key that is not mechanics, and
         `UsageError` after `finish`.
         """
         __tracebackhide__ = True
@@ -173,7 +174,7 @@ class Rig(AnyRig):
     def finish(self) -> Summary:
         """End the run as planned: torque off, cards stopped, files closed. Returns the summary; may be called again.
 
-        `events` tells of sets that have never begun. Afterwards the rig answers questions, and refuses all else.
+        `events` reports sets that never began. Afterwards the rig answers questions and refuses everything else.
         """
         controller = self._controller
         if not self._is_finished and controller.state is State.IDLE:
@@ -223,14 +224,14 @@ class Rig(AnyRig):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if kind is not None:
-            self._is_finished = True  # what has gone wrong is worth more than a warning
+            self._is_finished = True  # the error matters more than a warning
         self._depth = 3
         self.finish()
 
     def _exchange(self) -> None:
         """Carry what the controller sends to the bench and what the bench sends to the controller, once.
 
-        What breaks off in the middle (Ctrl-C, an integration that diverges) cannot go on: the run has failed.
+        After an interruption (Ctrl-C, a diverging integration) it cannot go on: the run has failed.
         """
         try:
             self._carry()
@@ -256,7 +257,7 @@ class Rig(AnyRig):
                 log(record)
         receive = controller.receive
         for time_ns, frame, origin in records:
-            # As the two processes have it: everybody hears all but itself, and error frames are no data.
+            # As between the two processes: everybody hears all others, and error frames are no data.
             if origin is None or (origin is not controller and frame.can_id < ERROR_FLAG):
                 receive(frame, time_ns)
         if len(controller.detections) > len(self.noticed):

@@ -1,4 +1,4 @@
-"""The cell that a rig is given, by name, file or value; whether its traffic fits is said once, as a warning."""
+"""A rig's cell, by name, file or value; traffic that does not fit gives one warning."""
 
 import warnings
 from collections.abc import Mapping
@@ -13,9 +13,9 @@ from .arguments import RigWarning, as_text
 
 
 def rig_cell(cell: str | Path | Cell, settings: Mapping[str, object] | None) -> Cell:
-    """The cell, with `settings` laid over it where it is named.
+    """The cell; if it is named, with `settings` applied.
 
-    Raises `CellError`, and `UsageError` for settings beside a cell that is loaded already.
+    Raises `CellError`, and `UsageError` for settings with a cell that is already loaded.
     """
     if isinstance(cell, Cell):
         if settings:

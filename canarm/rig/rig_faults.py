@@ -1,6 +1,6 @@
-"""How faults are asked for in Python, whatever carries them out: an engine in this process, or a bench on a bus.
+"""Fault injection in Python, whatever carries it out: an engine in this process, or a bench on a bus.
 
-What there is to inject, and whether it is supported, is not known here.
+Which faults exist and where they are supported is not known here.
 """
 
 import itertools
@@ -15,21 +15,21 @@ from canarm_protocol.faults.script import FaultScript, ParameterValue, clearing,
 
 FaultSource = Path | str | FaultScript
 UNNAMED = "set "
-"""How the names of sets begin that were given none."""
+"""Prefix of the names of unnamed sets."""
 T = TypeVar("T")
 
 
 class FaultControl(ABC):
-    """Injecting, triggering and clearing faults. What is refused raises `FaultError` at once, and changes nothing."""
+    """Injecting, triggering and clearing faults. A refused request raises `FaultError` at once and changes nothing."""
 
     def __init__(self) -> None:
         self._names: set[str] = set()
         self._awaited: dict[str, None] = {}
-        """Sets that have faults and were not cleared, in their order."""
+        """Sets that have faults and were not cleared, in order."""
 
     @abstractmethod
     def _accept(self, script: FaultScript) -> None:
-        """Do what `script` asks for, as a whole. Raises `FaultError` with the reason where it is refused."""
+        """Carry out the whole `script`. Raises `FaultError` with the reason if it is refused."""
 
     def inject(
         self,
@@ -55,7 +55,7 @@ class FaultControl(ABC):
         """
         __tracebackhide__ = True
         wanted = {"at": at, "cycle": cycle, "when": when, "duration": duration, "period": period}
-        # A default is left out by what it is, not by what it equals: 0 is no switch, and true no number.
+        # A default is recognized by identity: 0 equals False, and True equals 1.
         wanted |= {"manual": None if manual is False else manual}
         wanted |= {"repeat": None if type(repeat) is int and repeat == 1 else repeat}
         name = name if name is not None else self._free_name(f"{tap} {fault}")
@@ -66,24 +66,24 @@ class FaultControl(ABC):
         return name
 
     def inject_file(self, source: FaultSource) -> tuple[str, ...]:
-        """Inject what a fault file (its path, or its text as TOML) or a script says; returns the names of its sets."""
+        """Inject a fault file (its path, or its text as TOML) or a script; returns the names of its sets."""
         __tracebackhide__ = True
         return plainly(lambda: self._take(self._named(read_script(source))))
 
     def trigger(self, name: str) -> None:
-        """Begin a set that waits, with the next cycle."""
+        """Begin a waiting set with the next cycle."""
         __tracebackhide__ = True
         plainly(lambda: self._accept(FaultScript(trigger=name)))
 
     def clear(self, name: str | None = None) -> None:
-        """End and forget the sets of that name; all of them without one."""
+        """End and forget the sets of that name; without a name, all sets."""
         __tracebackhide__ = True
         plainly(lambda: self._accept(clearing(name)))
         for each in [name] if name else list(self._awaited):
             self._awaited.pop(each, None)
 
     def _named(self, script: FaultScript) -> FaultScript:
-        """`script`, with names of their own for sets that were given none."""
+        """`script`, with unique names for its unnamed sets."""
         named = [
             replace(each, name=self._free_name(each.name)) if each.name.startswith(UNNAMED) else each
             for each in script.sets
@@ -102,7 +102,7 @@ class FaultControl(ABC):
 
 
 def plainly(call: Callable[[], T]) -> T:
-    """What `call` returns. What it refuses is raised without the frames in which that was found, which are ours."""
+    """The result of `call`. A refusal is raised without our own stack frames."""
     __tracebackhide__ = True
     try:
         return call()

@@ -1,6 +1,6 @@
-"""What a rig remembers of a run: the last controlled cycles in a ring, then the truth through the stop.
+"""A rig's memory of a run: the last controlled cycles in a ring, then the truth through the stop.
 
-Filled cycle by cycle; questions about it belong to `rig_joint.py`.
+Filled cycle by cycle; `rig_joint.py` answers questions about it.
 """
 
 import struct
@@ -19,7 +19,7 @@ from .rig_joint import SIGNALS, TRUE_SIGNALS, Floats, Span
 
 
 class Event(NamedTuple):
-    """Something that happened: virtual time in s, what, and its details."""
+    """An event: virtual time in s, what happened, and its details."""
 
     time_s: float
     event: str
@@ -34,7 +34,7 @@ class StampedFrame(NamedTuple):
 
 
 class History:
-    """The course of a run; see `canarm.rig.rig_joint.Source`. `size` bounds the controlled cycles that are kept.
+    """The course of a run; see `canarm.rig.rig_joint.Source`. `size` bounds the number of controlled cycles kept.
 
     A row holds the time, then `SIGNALS` of every joint.
     """
@@ -51,7 +51,7 @@ class History:
         self._row.pack_into(self._memory, cycle % self._size * self._row.size, *row)
 
     def stopping(self, last: CycleTruth | None, truth: CycleTruth) -> None:
-        """The truth at a SYNC of the stop; `last` is that of the SYNC before, in whose cycle the stop began."""
+        """The truth at a SYNC of the stop; `last` is that of the SYNC in whose cycle the stop began."""
         if not self._stop and last is not None and last.cycle >= self._controlled():
             self._stop.append(last)
         self._stop.append(truth)
@@ -66,7 +66,7 @@ class History:
         return np.roll(values, -(cycles % size))
 
     def span(self, joint: int, signal: str) -> Span:
-        """One signal with cycles and times; a true one goes on through the stop."""
+        """One signal with cycles and times; a true signal continues through the stop."""
         times_s, values = self.column(joint, "time_s"), self.column(joint, signal)
         controlled = self._controlled()
         cycles = np.arange(controlled - len(values), controlled)

@@ -1,6 +1,6 @@
 """Histories and figures of one joint of a rig, and questions about them for assertions.
 
-Where the values come from, the objects of this process or the files of two others, is behind `Source`.
+`Source` hides where the values come from: the objects of this process, or the files of two others.
 """
 
 import math
@@ -34,7 +34,7 @@ class Span(NamedTuple):
 
 
 class UnknownJoint(UsageError, KeyError):
-    """There is no joint of that name."""
+    """No joint has that name."""
 
     def __init__(self, name: object, names: Iterable[str]) -> None:
         names = list(names)
@@ -47,7 +47,7 @@ class UnknownJoint(UsageError, KeyError):
 
 
 class Joints(dict[str, "RigJoint"]):
-    """Joints by their names. One that there is not raises `UnknownJoint`, a `KeyError`."""
+    """Joints by name. An unknown name raises `UnknownJoint`, a `KeyError`."""
 
     def __missing__(self, name: object) -> "RigJoint":
         __tracebackhide__ = True
@@ -55,14 +55,14 @@ class Joints(dict[str, "RigJoint"]):
 
 
 class Source(Protocol):
-    """What knows the course of a run."""
+    """The source of a run's course."""
 
     def column(self, joint: int, signal: str) -> Floats:
         """One of `SIGNALS`, or `time_s`, over the controlled cycles that are kept."""
         ...
 
     def span(self, joint: int, signal: str) -> Span:
-        """As `column`, with the cycles' numbers and times; a true signal goes on through the stop."""
+        """As `column`, with cycle numbers and times; a true signal continues through the stop."""
         ...
 
     def figures(self, joint: int) -> JointFigures:
@@ -73,10 +73,9 @@ class Source(Protocol):
 class RigJoint:
     """Histories and figures of one joint.
 
-    Histories are numpy arrays with one value a controlled cycle that is kept (`history_s` of `Rig`), oldest first, all
-    of one length and of the same cycles; a stop adds none. They are copies: what was read stays as it was when the run
-    goes on. Figures are of the whole run. A question about cycles that are no longer kept raises `UsageError`, unless
-    one that is kept answers it.
+    Histories are numpy arrays with one value per controlled cycle that is kept (`history_s` of `Rig`), oldest first,
+    all of the same cycles; a stop adds none. They are copies, which do not change when the run goes on. Figures cover
+    the whole run. A question about cycles that are no longer kept raises `UsageError`, unless a kept cycle answers it.
     """
 
     def __init__(self, source: Source, index: int, name: str, step_rad: float) -> None:
@@ -104,7 +103,7 @@ class RigJoint:
 
     @property
     def command_a(self) -> Floats:
-        """What the amplifier is asked for from each SYNC on, signed."""
+        """The commanded current from each SYNC on, signed."""
         return self._source.column(self._index, "command_a")
 
     @property
@@ -114,7 +113,7 @@ class RigJoint:
 
     @property
     def measured_rad(self) -> Floats:
-        """The joint angle as the controller measured it in each cycle; the last one where a measurement was missing."""
+        """The joint angle as the controller measured it in each cycle; where missing, the last one."""
         return self._source.column(self._index, "measured_rad")
 
     @property
@@ -133,23 +132,23 @@ class RigJoint:
 
     @property
     def max_error_lsb(self) -> float:
-        """Greatest true minus reference angle, as `rms_error_lsb`."""
+        """Maximum of true minus reference angle, as `rms_error_lsb`."""
         __tracebackhide__ = True
         return self._figure("max_error_lsb", self._source.figures(self._index).max_lsb, SETTLED)
 
     @property
     def peak_current_a(self) -> float:
-        """Greatest motor current of the run, A."""
+        """Peak motor current of the run, A."""
         return self._source.figures(self._index).peak_current_a
 
     @property
     def saturated_cycles(self) -> int:
-        """Cycles in which the amplifier was at its limit."""
+        """Number of cycles in which the amplifier was at its limit."""
         return self._source.figures(self._index).saturated_cycles
 
     @property
     def speed_ripple(self) -> float:
-        """Standard deviation over mean of the true speed while the reference's is constant.
+        """Standard deviation over mean of the true speed while the reference speed is constant.
 
         Raises `UsageError` where it never is.
         """
@@ -166,8 +165,8 @@ class RigJoint:
     def stays_below(self, signal: str, limit: float, *, since: float = 0.0, until: float = math.inf) -> Finding:
         """Whether the magnitude of a history never passes `limit`, from `since` to `until` in s of virtual time.
 
-        True signals (angle, speed, current, command) are looked at through the stop as well; `error_lsb` ends with the
-        reference. Raises `UsageError` for a name that is no history, where no cycle lies in that time, and where it
+        True signals (angle, speed, current, command) are checked through the stop too; `error_lsb` ends with the
+        reference. Raises `UsageError` for a name that is no history, if no cycle lies in that time, and if it
         begins with cycles that are no longer kept and the others stay below.
         """
         __tracebackhide__ = True
@@ -181,10 +180,10 @@ class RigJoint:
         return self._check(signal, low, high, since, until)
 
     def departure(self, signal: str, by: float, *, since: float) -> float | None:
-        """When a history has first gone further than `by` from its value at `since`, in s of virtual time; None: never.
+        """When a history first differs from its value at `since` by more than `by`, in s of virtual time; None: never.
 
-        For the clock of a detection: a fault that freezes a signal shows only when the truth has moved on. Raises
-        `UsageError` where the value at `since` is no longer kept.
+        Use it as the clock of a detection: a fault that freezes a signal shows only once the truth has moved on. Raises
+        `UsageError` if the value at `since` is no longer kept.
         """
         __tracebackhide__ = True
         span = self.span(signal)
@@ -195,7 +194,7 @@ class RigJoint:
         return float(time_s[np.argmax(gone)]) if gone.any() else None
 
     def span(self, signal: str) -> Span:
-        """A history with its cycles and times; a true one goes on through the stop. Raises `UsageError`."""
+        """A history with its cycles and times; a true signal continues through the stop. Raises `UsageError`."""
         __tracebackhide__ = True
         if signal == ERROR_LSB:
             return self._source.span(self._index, "reference_rad")._replace(value=self.error_lsb)
@@ -214,7 +213,7 @@ class RigJoint:
             raise UsageError(f"{self.name}.{signal}: no cycle from {since:g} s to {until:g} s; {ran}")
         cycle, time_s, value = (each[chosen] for each in span)
         bounds = f"must stay within {low:g} and {high:g}" if low != -high else f"must stay below {high:g}"
-        # "not inside" rather than "outside": a NaN is no value that stays anywhere.
+        # "not inside" rather than "outside", so that a NaN counts as bad.
         bad = np.flatnonzero(~((value >= low) & (value <= high)))
         if len(bad):
             first, kept = bad[0], " that are kept" if _is_cut(span, since) else ""
@@ -228,7 +227,7 @@ class RigJoint:
         return Finding(True, f"{self.name}.{signal} reaches {extreme:.4g} in {len(value)} cycles; {bounds}")
 
     def _check_kept(self, signal: str, span: Span, since: float) -> None:
-        """Raises `UsageError` where cycles from `since` on are not in `span` any more."""
+        """Raises `UsageError` if cycles from `since` on are no longer in `span`."""
         __tracebackhide__ = True
         if _is_cut(span, since):
             raise UsageError(
@@ -238,5 +237,5 @@ class RigJoint:
 
 
 def _is_cut(span: Span, since: float) -> bool:
-    """Whether there were cycles from `since` on that are not kept; the first cycle of a run has the number 0."""
+    """Whether cycles from `since` on were dropped; the first cycle of a run is number 0."""
     return len(span.cycle) > 0 and bool(span.cycle[0] > 0) and since < span.time_s[0] - HALF_NS
