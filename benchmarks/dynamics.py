@@ -1,7 +1,7 @@
 """Inverse dynamics against Pinocchio and, where it is installed, the Robotics Toolbox.
 
-Candidates take turns block by block, so that whatever else the machine does hits all alike. Links alone, without
-drives: that is what the others compute. Set OMP_WAIT_POLICY=passive on few cores, or Pinocchio's threads wait busily.
+Candidates alternate block by block, so that other load on the machine affects all alike. Links alone, without
+drives: that is what the others compute. On few cores set OMP_WAIT_POLICY=passive, or Pinocchio's threads spin.
 """
 
 import statistics
@@ -30,11 +30,11 @@ TOOLBOX, TOOLBOX_TABLE = "Robotics Toolbox rne (C)", "Robotics Toolbox rne of a 
 BLOCKS = 31
 SAMPLES = 4096
 CALLS = 200
-"""Evaluations of one state in a row, so that one measurement takes long enough for the clock."""
+"""Evaluations of one state per measurement, so that it is long enough for the clock."""
 
 
 def rows() -> list[Row]:
-    """Ratios of one state and of a table of 4096, for two planar joints and for five in space."""
+    """Ratios for one state and for a table of 4096, for two planar joints and for five in space."""
     if roboticstoolbox is None:
         print("dynamics: without its rows against the Robotics Toolbox; for them: pip install roboticstoolbox-python")
     konkuk = load_cell("konkuk1").robot[0]
@@ -57,11 +57,11 @@ def _rows(name: str, robot: Robot, goals: Mapping[str, str]) -> list[Row]:
 
 
 def measure(functions: Mapping[str, tuple[Callable[[], object], int]]) -> dict[str, list[float]]:
-    """Seconds an evaluation, block by block; each function comes with the number of evaluations that a call makes."""
+    """Seconds per evaluation, block by block; each function comes with the number of evaluations per call."""
     spent: dict[str, list[float]] = {name: [] for name in functions}
     for _ in range(BLOCKS):
         for name, (function, evaluations) in functions.items():
-            function()  # fills the caches again, which the others have emptied
+            function()  # refills the caches, which the others have evicted
             started = time.perf_counter()
             function()
             spent[name].append((time.perf_counter() - started) / evaluations)
@@ -69,7 +69,7 @@ def measure(functions: Mapping[str, tuple[Callable[[], object], int]]) -> dict[s
 
 
 def candidates(robot: Robot) -> dict[str, tuple[Callable[[], object], int]]:
-    """What to time, by name, after a check that all compute the same."""
+    """The functions to time, by name, after a check that all compute the same."""
     chain = chain_of(robot)
     joints = len(chain.links)
     single = compile_scalar(torque_program(chain), chain.joint_names)

@@ -1,4 +1,4 @@
-"""Figures that survive a noisy machine: ratios of blocks measured side by side, with their spread."""
+"""Figures that are robust on a noisy machine: ratios of alternating blocks, with their spread."""
 
 import statistics
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ class Ratio:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One line of the table: what, against what, the ratio, the figure to reach, and a remark."""
+    """One line of the table: what, against what, the ratio, the target, and a remark."""
 
     what: str
     against: str
@@ -33,11 +33,11 @@ class Row:
     remark: str
 
     def as_json(self) -> dict[str, Any]:
-        """The row as it is kept."""
+        """The row as stored."""
         return asdict(self)
 
     def as_text(self) -> str:
-        """The row as it is shown."""
+        """The row as shown."""
         ratio = self.ratio
         spread = f"{ratio.low:.3g} to {ratio.high:.3g}"
         return f"{self.what:<42}{self.against:<38}{ratio.median:>8.3g}  {spread:<16}{self.goal:<8}{self.remark}"

@@ -1,4 +1,4 @@
-"""Runs the benchmarks, shows one table and keeps it as JSON, so that versions can be compared."""
+"""Runs the benchmarks, shows one table and stores it as JSON, so that versions can be compared."""
 
 import argparse
 import importlib

@@ -1,6 +1,6 @@
 """What the rules of a CANopen slave cost: SYNC to the last TPDO, against a node of the `canopen` library without any.
 
-Both sides run in this process, without a bus and without a world: the ADC's conversions are left out on our side, and
+Both sides run in this process, without a bus or a world: the ADC's conversions are left out on our side, and
 the library's node, which knows no SYNC, is told to send its two TPDOs. Blocks alternate.
 """
 
@@ -25,16 +25,16 @@ BLOCKS = 21
 
 
 class _PowerOn:
-    """A clock that stands at power-on."""
+    """A clock that stays at power-on."""
 
     time_ns = 0
 
 
 class _Nowhere:
-    """A bus that takes messages and does nothing with them."""
+    """A bus that discards messages."""
 
     def send(self, message: can.Message) -> None:
-        """Taken."""
+        """Discard `message`."""
 
 
 def _ours() -> Callable[[int], None]:

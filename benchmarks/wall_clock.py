@@ -1,9 +1,9 @@
 """How regularly SYNC arrives on the wall clock: our controller against a bare loop that sleeps to absolute deadlines.
 
 Arrival is measured in the process that serves the bus, behind the same hub, for both. The bare loop sends a SYNC over
-the same client and does nothing else: what is left is the machine and the transport. Blocks alternate, so that what
-else the machine does meets both. First as the controller runs without any option; then, where that is permitted, with
-every process in a real-time class, which leaves out most of what else the machine does.
+the same client and does nothing else: what is left is the machine and the transport. Blocks alternate, so that other
+load on the machine affects both. First as the controller runs without options; then, if permitted, with
+every process in a real-time class, which excludes most other load.
 """
 
 import contextlib
@@ -33,14 +33,14 @@ from canarm_protocol.transport.realtime import PRIORITY
 
 BLOCKS = 10
 CYCLES = 600
-"""Of a block: 1.5 seconds, whose 99th percentile is the sixth largest of 600."""
+"""Cycles per block: 1.5 seconds, whose 99th percentile is the sixth largest of 600."""
 RATES_HZ = (400, 500, 625, 800, 900)
-"""Of the search. Conversion of six channels (0.6 ms) and the cell's compute delay (0.5 ms) allow 909 Hz at most."""
+"""Rates to search. Conversion of six channels (0.6 ms) and the cell's compute delay (0.5 ms) allow at most 909 Hz."""
 SEARCH_S = 30.0
 
 
 class MeasuringHub(Hub):
-    """A hub that sends what it has seen of SYNC over `connection` each time that a sender of SYNC leaves."""
+    """A hub that sends its SYNC arrivals over `connection` whenever a sender of SYNC leaves."""
 
     def __init__(self, connection: Connection, period_ns: int) -> None:
         super().__init__("127.0.0.1", 0)
@@ -63,7 +63,7 @@ class MeasuringHub(Hub):
 
 @contextlib.contextmanager
 def _in_class(realtime: bool) -> Iterator[bool]:
-    """SCHED_FIFO for this thread meanwhile, if `realtime`; False where that is refused."""
+    """SCHED_FIFO for this thread, if `realtime`; False if that is refused."""
     if not realtime:
         yield True
         return
@@ -102,7 +102,7 @@ class Server:
         self.port: int = self._connection.recv()
 
     def arrival(self) -> dict[str, Any]:
-        """What the last sender of SYNC was seen to do."""
+        """The arrivals of the last sender of SYNC."""
         return dict(self._connection.recv())
 
     def __enter__(self) -> "Server":
@@ -114,7 +114,7 @@ class Server:
 
 
 def _bare_block(server: Server, cell: Cell) -> dict[str, Any]:
-    """SYNC at absolute deadlines; deadlines that passed meanwhile are left out, as our controller does."""
+    """SYNC at absolute deadlines; missed deadlines are skipped, as our controller does."""
     period_ns = cell.bus.cycle_ns
     frames = (sync_frame(None),)
     with open_port("canarm", "can0", host="127.0.0.1", port=server.port) as port:
@@ -145,7 +145,7 @@ def _controlled_block(
 
 
 def _highest_rate(realtime: bool) -> tuple[int, str]:
-    """The highest of `RATES_HZ` that ran without a miss, 0 for none, and what happened at the next one."""
+    """The highest of `RATES_HZ` that ran without a miss (0: none), and what happened at the next."""
     low, high, remark = 0, len(RATES_HZ), "no faster one was tried"
     while low < high:
         middle = (low + high) // 2

@@ -1,4 +1,4 @@
-"""A control law of one's own: PD that carries the arm's weight.
+"""A custom control law: PD with gravity compensation.
 
 Run it:  canarm demo --law examples/my_law.py:MyLaw
 """
@@ -17,7 +17,7 @@ class MyLaw(ControlLaw):
     """τ = G(q) + J·(144·(q_d - q) + 24·(q̇_d - q̇))."""
 
     name = "mine"
-    takes_feedforward = False  # a table would carry the weight a second time
+    takes_feedforward = False  # a table would compensate the weight twice
 
     def __init__(self, arm: Arm, control: Control, period_s: float) -> None:
         self.arm = arm
@@ -25,7 +25,7 @@ class MyLaw(ControlLaw):
     def start(
         self, position_rad: Sequence[float], velocity_rad_s: Sequence[float], amplitude_rad: Sequence[float]
     ) -> None:
-        """Nothing to remember."""
+        """There is no state to reset."""
 
     def update(self, cycle: Cycle) -> list[float]:
         """Torques in N·m."""

@@ -1,6 +1,6 @@
-"""What the ablation shows, in sentences: each takes its figures from the results and says when it would be false.
+"""The findings of the ablation: each takes its figures from the results and states when it would be false.
 
-Owns the judgement. Tables and layout must not enter.
+Owns the judgement; tables and layout are elsewhere.
 """
 
 import math
@@ -15,7 +15,7 @@ LIGHT, SLACK, STICKY, WIRE = "payload −50 %", "friction × 0.7", "friction × 
 
 @dataclass(frozen=True)
 class Finding:
-    """A paragraph of the page, and whether the figures bear it out."""
+    """A paragraph of the page, and whether the figures support it."""
 
     text: str
     holds: bool
@@ -51,12 +51,12 @@ class Reader:
 
 
 def percent(share: float) -> str:
-    """A share, in whole per cent."""
+    """A share in whole per cent."""
     return "stopped" if math.isnan(share) else f"{100.0 * share:.0f} %"
 
 
 def findings(read: Reader) -> list[Finding]:
-    """All of them, the least flattering first. RMS errors are in LSB, on the worse of the two trajectories."""
+    """All findings, the least flattering first. RMS errors are in LSB, on the worse of the two trajectories."""
     return [
         _nominal(read),
         _bias(read),

@@ -1,4 +1,4 @@
-"""The ablation page: tables of what `ablation_runs` found, and the findings in words, each with the figures behind it.
+"""The ablation page: tables of the results of `ablation_runs`, and the findings with their figures.
 
 Owns text and layout. Nothing is run here, and no figure is written by hand.
 """
@@ -19,7 +19,7 @@ from canarm.reports.line_plot import Axis, Curve, Panel, draw
 PACKAGES = ("canarm", "mujoco", "numpy")
 PAYLOAD_PICTURE, SWEEP_PICTURE = "ablation-payload.svg", "ablation-divergence.svg"
 DRAWN = ("pd + table", "computed-torque", "mras, α and β alone", "mras, bias alone", "mras", "slotine-li")
-"""The curves of the payload picture; the page's point is in these."""
+"""The curves of the payload picture: the most telling ones."""
 
 PAGE = """\
 # What each term of the control laws is worth
@@ -115,17 +115,17 @@ def page(results: Results) -> str:
 
 
 def misfits(results: Results) -> list[Finding]:
-    """Findings that the figures do not bear out: their words in `ablation_findings` are to be written again."""
+    """Findings that the figures do not support: their text in `ablation_findings` must be rewritten."""
     return [finding for finding in findings(Reader(results)) if not finding.holds]
 
 
 def skeleton(text: str) -> str:
-    """`text` without numbers and line breaks: what two runs have in common as long as the findings are the same."""
+    """`text` without numbers and line breaks: equal for two runs with the same findings."""
     return " ".join(re.sub(r"[−+-]?\d+(\.\d+)*", "#", text).split())
 
 
 def number(value: float) -> str:
-    """Three digits at most, none of them for show; a run that was stopped has none."""
+    """A number with at most three significant digits; a dash for a run that was stopped."""
     if math.isnan(value):
         return "stopped"
     return f"{value:.2f}" if abs(value) < 9.995 else f"{value:.1f}"

@@ -1,6 +1,6 @@
 """What the ablation runs: laws with terms switched on and off, robots that differ from their model, and the figures.
 
-Owns the grid and its running. What the figures mean, and how they look on a page, is for `ablation_page`.
+Owns the grid and its running; `ablation_page` interprets and shows the figures.
 """
 
 import itertools
@@ -23,7 +23,7 @@ from canarm_controller.run.state import State
 from canarm_controller.supervision.detection import DETECTORS
 
 SECONDS = 10.24
-"""One length of the table: 4096 cycles, of which the first 1024 are left out of every figure."""
+"""One period of the table: 4096 cycles; every figure leaves out the first 1024."""
 SETTLING_S = 2.56
 SEEDS = (0, 1, 2)
 TRAJECTORIES = ("sine", "trapezoid")
@@ -45,7 +45,7 @@ TRUTHS: dict[str, Truth] = {
 
 @dataclass(frozen=True)
 class Variant:
-    """A law with its feed-forward (None: the law's own choice) and what is changed in its gains."""
+    """A law with its feed-forward (None: the law's own choice) and changed gains."""
 
     label: str
     law: str
@@ -55,7 +55,7 @@ class Variant:
 
 @dataclass(frozen=True)
 class Tracking:
-    """Figures of one run, those of the worst joint; NaN where the run was stopped, or has no such figure."""
+    """Figures of one run, of the worst joint; NaN if the run was stopped or has no such figure."""
 
     rms_lsb: float
     max_lsb: float
@@ -65,7 +65,7 @@ class Tracking:
 
 @dataclass(frozen=True)
 class Rest:
-    """Figures of a robot that is to stand still, those of the worst joint; the first two are shares of all cycles."""
+    """Figures of a robot holding still, of the worst joint; the first two are shares of all cycles."""
 
     changes: float
     reversals: float
@@ -74,7 +74,7 @@ class Rest:
 
 @dataclass(frozen=True)
 class Adaptation:
-    """Figures of one point of the sweep; `at_limit` is the share of time in which an α is on its projection limit."""
+    """Figures of one point of the sweep; `at_limit` is the share of time in which an α is at its projection limit."""
 
     rms_lsb: float
     at_limit: float
@@ -82,7 +82,7 @@ class Adaptation:
 
 @dataclass(frozen=True)
 class Results:
-    """Everything that the page is made of. The inner tuples have an entry a seed."""
+    """All results for the page. The inner tuples have one entry per seed."""
 
     tracking: Mapping[tuple[str, str, str], tuple[Tracking, ...]]
     """By variant, truth and trajectory."""
@@ -99,7 +99,7 @@ _NO_OBSERVER = {"control.observer.enabled": "false"}
 _STIFF = {"control.natural_frequency_rad_s": 31.6, "control.damping_ratio": 1.03}
 """The error of `slotine-li` obeys s² + (κ + Λ)s + κΛ; with κ = 40 and Λ = 25 that is ωn = √1000 and 2ζωn = 65."""
 _SOFT = {_SLOTINE_LI + "error_rate_rad_s": 12.0, _SLOTINE_LI + "sliding_rate_rad_s": 12.0}
-"""The other way about: κ = Λ = 12 is the ωn = 12, ζ = 1 of the other laws."""
+"""Conversely, κ = Λ = 12 is the ωn = 12, ζ = 1 of the other laws."""
 _NO_HOLD = {"control.standing_band_rad": 0.0}
 
 VARIANTS = (
@@ -146,7 +146,7 @@ POSES_DEG: dict[str, tuple[float, float]] = {"parked at 20°, 0°": (20.0, 0.0),
 
 @dataclass(frozen=True)
 class Sweep:
-    """A curve of the sweep over `gamma_alpha`: how large the sine is, which robot, and whether the bias term is on."""
+    """A curve of the sweep over `gamma_alpha`: amplitude of the sine, robot, and whether the bias term is on."""
 
     amplitude: float
     truth: str
@@ -160,11 +160,11 @@ SWEEPS = tuple(
     for has_bias in (False, True)
 )
 _SAMPLE_S = 0.02
-"""How often the sweep looks at α, which takes tenths of a second from limit to limit."""
+"""How often the sweep samples α, which takes tenths of a second from limit to limit."""
 
 
 def seeds_of(truth: str) -> tuple[int, ...]:
-    """Payloads get all seeds; friction and wire one, for the sake of time."""
+    """Payloads get all seeds; friction and wire one, to save time."""
     return SEEDS if truth.startswith("payload") else SEEDS[:1]
 
 
@@ -179,7 +179,7 @@ def run_all(
     gammas: Sequence[float] = GAMMAS_ALPHA,
     seconds: float = SECONDS,
 ) -> Results:
-    """Run the grid, by default all of it. Trajectories that have to be files are written to `folder`."""
+    """Run the grid, by default all of it. Trajectory files are written to `folder`."""
     apply: Callable[..., Iterable[Any]] = map if executor is None else partial(executor.map, chunksize=8)
     cells = list(itertools.product(variants, truths, TRAJECTORIES))
     tracked = [(v, TRUTHS[truth], path, seed, seconds) for v, truth, path in cells for seed in seeds_of(truth)]
@@ -272,7 +272,7 @@ def sine_csv(folder: Path, amplitude: float) -> str:
 
 
 def _rig(variant: Variant, truth: Truth, trajectory: str, seed: int) -> Rig:
-    """Unsupervised: what a law does at its worst is to be seen to the end."""
+    """A rig without supervision, so that a law's worst behaviour is seen to the end."""
     rig = Rig(
         law=variant.law,
         trajectory=trajectory,
@@ -286,7 +286,7 @@ def _rig(variant: Variant, truth: Truth, trajectory: str, seed: int) -> Rig:
 
 
 def _worst(rig: Rig, figure: Callable[[RigJoint], float]) -> float:
-    """Of all joints; NaN where the run was too short, or had no stretch of constant speed, to say."""
+    """The worst figure of all joints; NaN if the run was too short, or had no stretch of constant speed."""
     try:
         return max(figure(joint) for joint in rig.joints.values())
     except UsageError:

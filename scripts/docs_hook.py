@@ -1,6 +1,6 @@
-"""Hooks of the documentation's build: the README as its first page, and links that lead out of `docs/`.
+"""Hooks of the documentation build: the README as its first page, and links out of `docs/`.
 
-The pages are read in the repository as well, where they link to code and examples beside them. In the site each such
+The pages are also read in the repository, where they link to code and examples. In the site each such
 file or folder becomes a page that shows it.
 """
 
@@ -33,7 +33,7 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Lead every link to its page in the site."""
+    """Point every link to its page in the site."""
     uri = page.file.src_uri
     if uri.startswith("source/"):
         return markdown
@@ -49,7 +49,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 
 
 def _uri(path: Path) -> str:
-    """Where the site has the page of a file or folder of the repository."""
+    """The site's address for a file or folder of the repository."""
     if path == HOME:
         return "index.md"
     if path.is_relative_to(DOCS):

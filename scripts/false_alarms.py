@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""How often the controller's supervision cries wolf: fault-free runs drawn over seeds, laws, motions and payloads.
+"""Rate of false alarms of the controller's supervision: fault-free runs over seeds, laws, motions and payloads.
 
-python scripts/false_alarms.py [--runs 1000] [--seed 0]: a table a law; exit status 1 if anything was detected.
+python scripts/false_alarms.py [--runs 1000] [--seed 0]: one table per law; exit status 1 if anything was detected.
 """
 
 import argparse
@@ -21,7 +21,7 @@ TRAJECTORIES = ("sine", "trapezoid")
 WORKERS = 2
 SHORTEST_S, LONGEST_S = 4.0, 10.0
 PAYLOAD_SHARE = 0.5
-"""The true mass of the last link lies within this of the nominal."""
+"""The true mass of the last link differs from the nominal by at most this share."""
 
 
 class Draw(NamedTuple):
@@ -35,7 +35,7 @@ class Draw(NamedTuple):
 
 
 def draws(count: int, seed: int) -> list[Draw]:
-    """`count` runs; every law and trajectory as often as every other, the rest drawn from `seed`."""
+    """`count` runs; all laws and trajectories equally often, the rest drawn from `seed`."""
     generator = random.Random(seed)
     nominal_kg = load_cell("konkuk1").joints[-1].mass_kg
     kinds = [(law, trajectory) for law in LAWS for trajectory in TRAJECTORIES]
@@ -51,7 +51,7 @@ def draws(count: int, seed: int) -> list[Draw]:
 
 
 def run(draw: Draw) -> tuple[Draw, list[str]]:
-    """What was detected in one run in virtual time; nothing should be."""
+    """The detections of one run in virtual time; there should be none."""
     cell = load_cell("konkuk1")
     truth = {f"{cell.joint_names[-1]}.mass": repr(draw.mass_kg)}
     bench = make_bench(cell, truth, Clock.SYNC, draw.seed)

@@ -1,4 +1,4 @@
-"""Run the fault matrix of konkuk1 and compare it with its golden copy, or write that again. Takes minutes.
+"""Run the fault matrix of konkuk1 and compare it with its golden copy, or rewrite that. Takes minutes.
 
 The golden copy holds verdict, detector and latency of every run: each cell in each of the draws. Exit status 1 if
 anything differs by more than a cycle, or the run is interrupted.

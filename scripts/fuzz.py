@@ -1,6 +1,6 @@
-"""Fuzzing guided by coverage: `make fuzz` drives the targets of tests/fuzz with atheris (libFuzzer), one process each.
+"""Coverage-guided fuzzing: `make fuzz` drives the targets of tests/fuzz with atheris (libFuzzer), one process each.
 
-What was found to be new is kept below .cache/fuzz and is the beginning of the next time. An input that escapes ends the
+New inputs are kept below .cache/fuzz and start the next run. An input that raises anything unexpected ends the
 run with its bytes in .cache/fuzz/TARGET/crash-…, and exit status 1.
 """
 
@@ -21,13 +21,13 @@ COVERED = re.compile(r"cov: (\d+)")
 
 
 def targets():
-    """The module with the targets and their seeds; what it imports is instrumented where atheris asks for it."""
+    """The module with the targets and their seeds; its imports are instrumented if atheris asks for it."""
     sys.path.insert(0, str(ROOT / "tests" / "fuzz"))
     return importlib.import_module("targets")
 
 
 def drive(name: str, arguments: list[str]) -> None:
-    """In a process of its own: feed one target for ever, or as libFuzzer's arguments say."""
+    """In a child process: feed one target for ever, or as libFuzzer's arguments say."""
     import atheris
 
     with atheris.instrument_imports(include=INSTRUMENTED, enable_loader_override=False):
@@ -37,7 +37,7 @@ def drive(name: str, arguments: list[str]) -> None:
 
 
 def fuzz(name: str, inputs: int, seeds: list[bytes]) -> bool:
-    """Run one target over so many inputs; says how it went, and whether nothing escaped."""
+    """Run one target with a number of inputs; prints the outcome, returns whether nothing escaped."""
     corpus = KEPT / name / "corpus"
     corpus.mkdir(parents=True, exist_ok=True)
     for number, seed in enumerate(seeds):

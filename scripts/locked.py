@@ -1,8 +1,8 @@
-"""What uv.lock and the root pyproject.toml say, in the form that pip reads; for machines without uv.
+"""The contents of uv.lock and the root pyproject.toml in pip's format, for machines without uv.
 
 `python scripts/locked.py constraints` prints the locked versions as a constraints file,
 `python scripts/locked.py dev` the development tools as a requirements file.
-`python scripts/locked.py check` complains about packages locked from anywhere but the public index, which `uv lock
+`python scripts/locked.py check` reports packages locked from anywhere but the public index, which `uv lock
 --check` lets pass: a path or a mirror of one machine is of no use on another.
 """
 

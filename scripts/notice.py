@@ -1,7 +1,7 @@
-"""Write NOTICE: the licence of everything that an installed canarm brings along, from the packages' own metadata.
+"""Write NOTICE: the licences of all dependencies of an installed canarm, from the packages' own metadata.
 
-`--check` writes nothing and fails where NOTICE lacks a package or has another licence of it. Which packages are needed
-depends on platform and Python; a line that is not needed here is no mistake. What only development needs is left out.
+`--check` writes nothing and fails if NOTICE lacks a package or has another licence for it. Which packages are needed
+depends on platform and Python; a line not needed here is no mistake. Development dependencies are left out.
 """
 
 import re
@@ -25,12 +25,12 @@ not stand in the way of such a replacement.
 
 
 def normal(name: str) -> str:
-    """The name of a distribution as the index compares it (PEP 503)."""
+    """The normalized name of a distribution (PEP 503)."""
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def brought_along() -> dict[str, str]:
-    """Name of every distribution that ours need on this platform, and its licence."""
+    """Every distribution that ours need on this platform, with its licence."""
     found: dict[str, str] = {}
     waiting = [(name, "") for name in OURS]
     done = set()
@@ -53,7 +53,7 @@ def brought_along() -> dict[str, str]:
 
 
 def licence(metadata) -> str:
-    """The licence of one distribution: its SPDX expression, or its classifiers, or the first line of its own words."""
+    """The licence of one distribution: its SPDX expression, its classifiers, or the first line of its licence field."""
     if expression := metadata.get("License-Expression"):
         return expression
     names = [each.split(" :: ")[-1] for each in metadata.get_all("Classifier", []) if each.startswith("License ::")]

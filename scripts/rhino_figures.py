@@ -126,7 +126,7 @@ def compute() -> Results:
 
 
 def worst_of(found: ReachabilityMap) -> Worst:
-    """Of the bases that work, the one from which the slave moves most."""
+    """Of the feasible bases, the one from which the slave moves most."""
     row, column = np.unravel_index(np.nanargmax(found.travel_ratio), found.reason.shape)
     x_m, y_m = float(found.x_m[column]), float(found.y_m[row])
     pair = replace(PAIR, slave_base_m=(x_m, y_m, 0.0))

@@ -11,7 +11,7 @@ from canarm.reports.line_plot import COLOURS, STYLE, Curve, Panel, draw, fitting
 
 JOINTS_PICTURE, MAP_PICTURE = "rhino-joints.svg", "rhino-map.svg"
 EVERY = 10
-"""Of the poses of a lap; a curve has 201 points."""
+"""Every tenth pose of a lap is drawn; a curve has 201 points."""
 PIXELS_M, LEFT, TOP, LEGEND = 260.0, 46, 18, 250
 BLUE, ORANGE, GREEN, VIOLET, GREY = COLOURS
 LEVELS = ((1.5, 1.0), (2.0, 0.75), (3.0, 0.5), (5.0, 0.3), (float("inf"), 0.14))

@@ -1,7 +1,7 @@
 """Measure every law on cells of 1 to 7 joints and on an arm from a URDF file; write the figures into docs/robots.md.
 
-Each cell is written by `canarm new-cell` and left as it is. Takes minutes. Exit status 1 where a run without a fault
-was stopped, or anything was detected in it.
+Each cell is written by `canarm new-cell` and not changed. Takes minutes. Exit status 1 if a fault-free run
+was stopped or had a detection.
 """
 
 import argparse
@@ -31,7 +31,7 @@ CELLS = (*map(str, JOINTS), URDF)
 MOTIONS = ("sine", "trapezoid")
 DETECTED = "detected "
 CYCLES = 2048
-"""Of a run; the first 1024 are left out of its figures, as everywhere."""
+"""Cycles per run; the figures leave out the first 1024, as everywhere."""
 
 
 class Job(NamedTuple):
@@ -64,7 +64,7 @@ def cell_of(name: str) -> Cell:
 
 
 def jobs(seeds: int) -> Iterator[Job]:
-    """Every law and motion with seed 0; the other seeds go round the laws."""
+    """Every law and motion with seed 0; the other seeds take the laws in turn."""
     laws = list(LAWS)
     for cell in CELLS:
         yield from (Job(cell, law, motion, 0) for law in laws for motion in MOTIONS)
@@ -82,7 +82,7 @@ def measure(job: Job) -> Result:
 
 
 def with_figures(page: str, results: Sequence[Result]) -> str:
-    """The page with its tables written again."""
+    """The page with its tables replaced."""
     rms = {result.job: result.rms_lsb for result in results if result.job.seed == 0}
     rows = ["| cell | cycle | " + " | ".join(LAWS) + " |", "|---|---|" + "---|" * len(LAWS)]
     for name in CELLS:

@@ -1,4 +1,4 @@
-"""Draw the runs that the pages show: docs/pictures/failing-test.svg and detected.svg, the same bytes every time."""
+"""Draw the runs shown in the docs: docs/pictures/failing-test.svg and detected.svg, the same bytes every time."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ FAULT_S, SECONDS = 3.0, 4.0
 
 
 def draw(title: str, joint: str, tap: str, fault: str) -> str:
-    """A run in which something breaks, as the pytest plugin plots it."""
+    """A run with a fault, as the pytest plugin plots it."""
     with Rig("konkuk1", law="mras", seed=0) as rig:
         rig.inject(f"{joint}.{tap}", fault, at=FAULT_S)
         rig.run(seconds=SECONDS)

@@ -1,7 +1,7 @@
 """Builds the wheels of all five distributions, installs them together in a clean environment, and runs them there.
 
-Everything happens in a temporary folder, away from the source tree: what runs is what a user would get. Third-party
-packages come in the versions of uv.lock. Run it with the Python of the checkout's .venv.
+Everything happens in a temporary folder, away from the source tree, as for a user. Third-party
+packages have the versions of uv.lock. Run it with the Python of the checkout's .venv.
 """
 
 import json
@@ -34,11 +34,11 @@ RUN_LIMIT_S = 120
 
 
 class SmokeError(Exception):
-    """A wheel is incomplete, or what was installed from it does not work."""
+    """A wheel is incomplete, or does not work when installed."""
 
 
 def build(folder: Path, target: Path) -> Path:
-    """Build the wheel of the project in `folder` into `target`; its path."""
+    """Build the wheel of the project in `folder` into `target`; returns its path."""
     before = set(target.glob("*.whl"))
     run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(target)], folder, BUILD_LIMIT_S)
     (wheel,) = set(target.glob("*.whl")) - before
@@ -54,7 +54,7 @@ def missing_files(package: str, folder: Path, wheel: Path) -> list[str]:
 
 
 def check_contents(wheels: Mapping[str, Path]) -> None:
-    """Raise `SmokeError` where a wheel lacks a file of its package, or all wheels lack the data files."""
+    """Raise `SmokeError` if a wheel lacks a file of its package, or all wheels lack the data files."""
     packed: list[str] = []
     for package, wheel in wheels.items():
         if missing := missing_files(package, PACKAGES[package], wheel):
@@ -67,7 +67,7 @@ def check_contents(wheels: Mapping[str, Path]) -> None:
 
 
 def install(wheels: Iterable[Path], environment: Path) -> None:
-    """Make a virtual environment that holds the wheels and what they need, and nothing else."""
+    """Make a virtual environment with just the wheels and their dependencies."""
     constraints = environment.with_suffix(".txt")
     constraints.write_text(run([sys.executable, str(ROOT / "scripts/locked.py"), "constraints"], ROOT, RUN_LIMIT_S))
     requirements = ["-c", str(constraints), *map(str, wheels)]
@@ -83,7 +83,7 @@ def install(wheels: Iterable[Path], environment: Path) -> None:
 
 
 def try_out(environment: Path, elsewhere: Path) -> None:
-    """Import the packages and run the front door in `elsewhere`; `SmokeError` if anything is not as it should be."""
+    """Import the packages and run `canarm` in `elsewhere`; raises `SmokeError` if anything is wrong."""
     imports = "; ".join(f"import {package}; print({package}.__file__)" for package in PACKAGES)
     for origin in run([str(environment / "bin/python"), "-c", imports], elsewhere, RUN_LIMIT_S).split():
         if not Path(origin).is_relative_to(environment):
@@ -96,7 +96,7 @@ def try_out(environment: Path, elsewhere: Path) -> None:
 
 
 def check_summary(stdout: str) -> None:
-    """Raise `SmokeError` unless the last line is the JSON summary of a run that was done."""
+    """Raise `SmokeError` unless the last line is the JSON summary of a completed run."""
     last = (stdout.splitlines() or [""])[-1]
     try:
         summary = json.loads(last)

@@ -1,7 +1,7 @@
-"""Install canarm as the README says, in an empty environment of every supported Python on this machine, and run it.
+"""Install canarm as in the README, in an empty environment of each supported Python on this machine, and run it.
 
-The line is read from the README, so that what is tried is what people are told: by pip with the Python that runs this,
-and with the others by uv where that is there, which takes a tenth of the time.
+The command is read from the README, so that users' instructions are tested: by pip with the Python that runs this,
+and for the others by uv, if installed, which takes a tenth of the time.
 """
 
 import os
@@ -22,7 +22,7 @@ IS_VERSION = "import sys; print('%d.%d' % sys.version_info[:2])"
 
 
 def interpreter(version: str) -> str | None:
-    """A Python of this version that runs, or None. Version managers put names on PATH that do not; uv knows theirs."""
+    """A working Python of this version, or None. Version managers may put broken names on PATH; uv knows theirs."""
     found = [sys.executable, shutil.which(f"python{version}")]
     if UV:
         asked = [UV, "python", "find", "--no-project", "--no-python-downloads", version]
@@ -41,7 +41,7 @@ def run(command: list[str], folder: Path, limit_s: float) -> None:
 
 
 def try_out(python: str, line: str) -> None:
-    """Install into an empty environment from a copy of what git knows, and run a short demo from elsewhere."""
+    """Install a copy of the tracked files into an empty environment, and run a short demo from elsewhere."""
     with tempfile.TemporaryDirectory(prefix="canarm-install-") as name:
         work = Path(name)
         clone, environment = work / "clone", work / "environment"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ..matrix.plan import Scenario
 
 LATEST_S = 600.0
-"""Of an onset: a run keeps every cycle until then."""
+"""Latest onset: a run keeps every cycle until then."""
 MOST_DRAWS = 10_000
 
 

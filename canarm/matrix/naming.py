@@ -74,7 +74,7 @@ FITTING: tuple[Fitting, ...] = (
     Fitting(Part.MECHANICS, "wire-*", ("drive-broken", "overspeed")),
     Fitting(Part.MECHANICS, "backlash", ("drive-broken",)),
 )
-"""Of several that cover a fault, all count."""
+"""All entries that cover a fault count."""
 
 _DRIVE = (TapKind.DAC_CODE, TapKind.LATCH, TapKind.OPAMP, TapKind.CURRENT, TapKind.SUPPLY, TapKind.MOTOR)
 _MECHANICS = (TapKind.LINK, TapKind.DRIVE_WIRE, TapKind.BRAKE)

@@ -20,7 +20,7 @@ ONSET = Span("onset", 2.0, 8.0, "s")
 LAW = Choice("law", tuple(LAWS))
 MOTION = Choice("motion", BUILT_IN)
 OF_A_JOINT = ("wire", "wire_stiffness", "coulomb", "viscous")
-"""What of a whole robot's box is drawn for each joint. All that blames a sensor is left nominal."""
+"""The axes of a robot's box that are drawn for each joint. Whatever a sensor could be blamed for stays nominal."""
 
 DEFINITION = (
     "draw",

@@ -127,12 +127,12 @@ class Tally:
 
     @property
     def share(self) -> Share:
-        """Of the runs, those that are as they should be."""
+        """The share of runs that pass."""
         return Share(sum(row.passes for row in self.rows), len(self.rows))
 
     @property
     def named(self) -> Share:
-        """Of the runs in which something was noticed that has a right name, those that were named right."""
+        """The share named right of the runs that have a detection and a right name."""
         return named_right(self.rows)
 
     def as_plain(self) -> dict[str, Any]:
@@ -160,7 +160,7 @@ def tallies(rows: Iterable[Row]) -> list[Tally]:
 
 
 def named_right(rows: Iterable[Row]) -> Share:
-    """Of the rows with a name, those with the right one."""
+    """The share named right of the rows with a name."""
     names = [row.named for row in rows if row.named]
     return Share(names.count(RIGHT), len(names))
 

@@ -1,4 +1,4 @@
-"""A drive wire that breaks ends in torque off, within the fault-tolerant time interval of 100 ms."""
+"""A broken drive wire leads to torque off within the fault-tolerant time interval of 100 ms."""
 
 from canarm import State
 

@@ -1,4 +1,4 @@
-"""A controller that is not ours: python-canopen drives the cards, and what they do when it is gone."""
+"""A foreign controller: python-canopen drives the cards, which protect themselves when it is gone."""
 
 import subprocess
 import sys
@@ -16,7 +16,7 @@ PATIENCE_S = 60.0
 
 @pytest.fixture
 def start_master(canarm_bench, tmp_path):
-    """Start the master of the examples for so many seconds of robot time."""
+    """Start the examples' master for a number of seconds of robot time."""
     export = [sys.executable, "-m", "canarm", "export", "dcf", "--out", tmp_path / "dcf"]
     subprocess.run(export, check=True, timeout=PATIENCE_S)
 

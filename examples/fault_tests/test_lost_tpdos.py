@@ -1,4 +1,4 @@
-"""TPDOs that do not arrive: a few are bridged, none at all is a safe stop."""
+"""Lost TPDOs: a few are bridged, losing all leads to a safe stop."""
 
 from canarm import State
 

@@ -1,11 +1,11 @@
-"""A tachometer that is stuck is noticed within 25 ms, by name, and the run goes on without it."""
+"""A stuck tachometer is detected by name within 25 ms, and the run goes on without it."""
 
 import pytest
 
 from canarm import State
 
 FLOOR_RAD_S = 0.125
-"""5 % of the tachometer's full scale: a fault that changes less cannot be told from noise."""
+"""5 % of the tachometer's full scale: a smaller change is indistinguishable from noise."""
 
 
 @pytest.mark.parametrize("joint", ["joint2", "joint3"])

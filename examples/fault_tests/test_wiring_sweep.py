@@ -1,4 +1,4 @@
-"""Every wiring fault of the sensors of a joint, as the catalogue has them: tolerated, or detected within 25 ms."""
+"""Every wiring fault in the catalogue for a joint's sensors is tolerated, or detected within 25 ms."""
 
 import pytest
 

@@ -12,7 +12,7 @@ LONGEST_OF_LINES = 4000
 """Longest line of a message, which may list a lot."""
 MOST_LINES = 200
 LONGEST_REASON = 200
-"""Of what a library says that went wrong."""
+"""Longest reason quoted from a library's error, in characters."""
 
 
 def printable(text: str, longest: int = LONGEST_LINE) -> str:

@@ -1,4 +1,4 @@
-"""The terminal dashboard: watches the bench bus, and knows nothing but what goes over it."""
+"""The terminal dashboard. All it knows comes over the bench bus."""
 
 from .app import DashboardApp, run_dashboard
 from .errors import TerminalError, TuiError

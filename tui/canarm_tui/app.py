@@ -1,6 +1,6 @@
-"""The dashboard as a textual application: timers that drain the link and draw a snapshot, keys, commands.
+"""The dashboard as a Textual application: timers that drain the link and draw a snapshot, keys, commands.
 
-The only place that reads the wall clock. A sample never becomes a message or a reactive; a timer pulls one snapshot.
+Only here is the wall clock read. Samples never become messages or reactives; a timer pulls one snapshot.
 """
 
 import sys
@@ -30,14 +30,14 @@ from .widgets import FaultPanel, JointsPane, WordLine
 DRAIN_HZ = 20
 REDRAW_HZ = 10
 ANSWER_NS = 6_000_000_000
-"""What the bench says of something done stands so long below the header."""
+"""How long the bench's answer to a request stays below the header."""
 
 
 class DashboardApp(App[None]):
-    """The dashboard of one cell. `open_feed_port` opens the bench bus and raises `BusError` where that fails.
+    """The dashboard of one cell. `open_feed_port` opens the bench bus and raises `BusError` if that fails.
 
-    `where` spells the bus for the header until a port says it better. `clock_ns` is the wall clock in ns. `on_start` is
-    called once, when the first screen stands; `until` is asked at every drain, and ends the dashboard when it is true.
+    `where` names the bus in the header until a port describes itself. `clock_ns` is the wall clock in ns. `on_start` is
+    called once, when the first screen is up; `until` is asked at every drain, and ends the dashboard when true.
     """
 
     TITLE = "canarm"
@@ -97,16 +97,16 @@ class DashboardApp(App[None]):
         self.set_interval(1.0 / REDRAW_HZ, self.redraw)
 
     def on_ready(self) -> None:
-        """The first screen stands."""
+        """The first screen is up."""
         if self._on_start is not None:
             self._on_start()
 
     def on_unmount(self) -> None:
-        """Give the bus back."""
+        """Close the bus."""
         self.link.close()
 
     def drain(self) -> None:
-        """Take from the bus what there is."""
+        """Take what has arrived on the bus."""
         now_ns = self._clock_ns()
         frames = self.link.poll(now_ns)
         if self.link.connections != self._connections:
@@ -123,7 +123,7 @@ class DashboardApp(App[None]):
         snapshot = self.feed.snapshot(self._clock_ns())
         screen = self.screen_stack[0]
         if not screen.query("#header"):
-            return  # the timer's last tick, while the screen is taken down
+            return  # a last timer tick, while the screen closes
         header, notice = screen.query_one("#header", WordLine), screen.query_one("#notice", WordLine)
         header.show(texts.header_words(self.link, snapshot, self.is_paused, self.size.width - 2))
         said = texts.notice(self.link, snapshot)
@@ -138,12 +138,12 @@ class DashboardApp(App[None]):
             screen.query_one(JointsPane).show(snapshot)
 
     def action_pause(self) -> None:
-        """Hold the panes, or let them go on."""
+        """Pause or resume the panes."""
         self.is_paused = not self.is_paused
         self.redraw()
 
     def action_help(self) -> None:
-        """Say what the screen means."""
+        """Show the help screen."""
         self.push_screen(HelpScreen())
 
     def action_inject(self) -> None:
@@ -151,7 +151,7 @@ class DashboardApp(App[None]):
         self.push_screen(InjectScreen(self.desk), self._tell)
 
     def action_clear(self) -> None:
-        """Ask which faults are to end, and end them."""
+        """Ask which faults to end, and end them."""
 
         def clear(chosen: tuple[str | None] | None) -> None:
             if chosen is not None:
@@ -161,7 +161,7 @@ class DashboardApp(App[None]):
         self.push_screen(ClearScreen(() if faults is None else faults.set_names), clear)
 
     def action_stop(self) -> None:
-        """Ask whether the supply of the amplifiers is to be opened, or closed again, and do it."""
+        """Ask whether to open the amplifiers' supplies, or close them again, and do it."""
         is_on = self.feed.faults is not None and self.feed.faults.is_stopped
 
         def switch(is_wanted: bool | None) -> None:
@@ -186,7 +186,7 @@ class DashboardApp(App[None]):
         yield SystemCommand("Dashboard: quit", "Leave; the bench and the controller go on", self.action_quit)
 
     def _save_picture(self) -> None:
-        # The palette has to be gone before the picture is taken.
+        # The palette must be gone before the picture is taken.
         self.set_timer(0.1, self.deliver_screenshot)
 
 
@@ -200,8 +200,8 @@ def run_dashboard(
 ) -> int:
     """Show the bench bus `-i interface -c channel key=value …` until the user quits; return an exit status, 0 = quit.
 
-    `on_start` is called once, when the first screen stands; `until` often, and the dashboard leaves when it is true.
-    A bus that is missing or lost is shown, and tried again. Raises `TerminalError` where stdin or stderr, on which the
+    `on_start` is called once, when the first screen is up; `until` often, and the dashboard ends when it is true.
+    A missing or lost bus is shown and tried again. Raises `TerminalError` if stdin or stderr, on which the
     dashboard is drawn, is no terminal.
     """
     for stream, name in ((sys.__stdin__, "stdin"), (sys.__stderr__, "stderr")):

@@ -1,4 +1,4 @@
-"""Lines in braille: samples to a least and greatest value a dot column, and those to characters.
+"""Lines in braille: samples to the minimum and maximum of each dot column, and these to characters.
 
 A character cell is 2 dots wide and 4 dots high. Arrays in, arrays out; no widgets, no colours.
 """
@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 BLANK = 0x2800
 DOTS_X, DOTS_Y = 2, 4
 _DOT_BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint8)
-"""Bit of each dot of a cell in Unicode's braille patterns (U+2800 block), row by row from the top."""
+"""Bit of each dot of a character cell in Unicode's braille patterns (block U+2800), by rows from the top."""
 
 
 def decimate(
     cycles: NDArray[np.int64], values: NDArray[np.float64], columns: int, cycles_a_column: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and greatest of `values` (n,) in each of `columns` columns, newest at the right; NaN where there is none.
+    """Minimum and maximum of `values` (n,) in each of `columns` columns, newest at the right; NaN where empty.
 
     `cycles` (n,) do not decrease. Columns begin at multiples of `cycles_a_column`, so that a trace keeps its shape
-    while it moves on. Each column also reaches to the last value before it, so that the line is connected.
+    while it moves on. Each column includes the last value before it, so that the line is connected.
     """
-    # One column more at the left, cut off at the end, so that the first one shown is connected as well.
+    # One more column at the left, cut off at the end, so that the first one shown is connected too.
     low, high = np.full(columns + 1, np.nan), np.full(columns + 1, np.nan)
     if len(cycles):
         bins = cycles // cycles_a_column
@@ -46,7 +46,7 @@ def dot_rows(values: NDArray[np.float64], scale: float, rows: int) -> NDArray[np
 
 
 def trace_cells(low: NDArray[np.float64], high: NDArray[np.float64], scale: float, rows: int) -> NDArray[np.uint8]:
-    """Braille bits, (rows, columns // 2), of strokes from `low` to `high`, one a dot column; NaN is left empty."""
+    """Braille bits, (rows, columns // 2), of strokes from `low` to `high`, one per dot column; NaN is left empty."""
     drawn = np.isfinite(low) & np.isfinite(high)
     top = dot_rows(np.where(drawn, high, 0.0), scale, rows)
     bottom = dot_rows(np.where(drawn, low, 0.0), scale, rows)

@@ -1,4 +1,4 @@
-"""Errors of the dashboard. A lost bus is no error here: it is shown, and the dashboard stays."""
+"""Errors of the dashboard. A lost bus is no error: the dashboard shows it and goes on."""
 
 from canarm_protocol.errors import CanarmError
 

@@ -1,6 +1,6 @@
-"""What can be injected where, as the bench serves it; finding a tap or a fault by a few letters; and the text of a set.
+"""The bench's catalogue of faults; finding a tap or a fault by a few letters; and the text of a fault set.
 
-Values and functions. Whether a value is allowed is the bench's to say: what was typed is passed on.
+The bench decides whether a value is allowed: typed text is passed on.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -12,12 +12,12 @@ from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.faults.script import ParameterValue, script_of
 
 IDENTIFIER = "cob_id"
-"""Parameters of this name are shown as one writes identifiers."""
+"""Parameters of this name are shown in hexadecimal."""
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter of a fault at a tap: its default as one types it, "" where the fault finds one; bounds in words."""
+    """A parameter of a fault at a tap: its default as typed, "" if the fault computes it; bounds as text."""
 
     name: str
     about: str
@@ -55,7 +55,7 @@ class Tap:
 
 
 class Named(Protocol):
-    """Something to be found."""
+    """Something that can be searched for."""
 
     @property
     def name(self) -> str:
@@ -70,13 +70,13 @@ N = TypeVar("N", bound=Named)
 
 
 def catalogue_of(plain: Iterable[Mapping[str, Any]]) -> tuple[Tap, ...]:
-    """The bench's FAULT_CATALOGUE as values. Raises `KeyError`, `TypeError` where it is none."""
+    """The bench's FAULT_CATALOGUE as values. Raises `KeyError` or `TypeError` if malformed."""
     return tuple(Tap(tap["tap"], tap["about"], tuple(_kind(each) for each in tap["faults"])) for tap in plain)
 
 
 def matching(entries: Iterable[N], typed: str) -> tuple[N, ...]:
-    """Those whose name holds every word that was typed, in any order; after them those whose
-    description helps, of a tap the names of its faults too.
+    """Those whose name contains every typed word, in any order; after them those whose
+    description does (for a tap, also the names of its faults).
     """
     words = typed.lower().split()
     entries = tuple(entries)
@@ -86,9 +86,9 @@ def matching(entries: Iterable[N], typed: str) -> tuple[N, ...]:
 
 
 def injection(tap: str, fault: FaultKind, typed: Mapping[str, str], duration: str, taken: Collection[str]) -> str:
-    """The text of a set with one fault; a field that is empty, or holds the default, is left out.
+    """The text of a set with one fault; an empty field, or one with the default, is left out.
 
-    `taken` are names of sets that there are. Raises `FaultError` where no fault set can say what was typed.
+    `taken` are the names of existing sets. Raises `FaultError` if no fault set can express what was typed.
     """
     usual = {each.name: each.default for each in fault.parameters}
     given = {name: text.strip() for name, text in typed.items()}
@@ -124,7 +124,7 @@ def _number(value: float | str | None) -> str:
 
 
 def _value(text: str) -> ParameterValue:
-    """A number where it is one; otherwise text, which is right for a choice, and for which the bench has an answer."""
+    """A number if it is one; otherwise text, which is either a choice or refused by the bench."""
     try:
         return int(text, 16 if text.lower().startswith("0x") else 10)
     except ValueError:

@@ -1,7 +1,7 @@
-"""What the dashboard asks of the bench node: its faults now and then, and what the user wants done.
+"""The dashboard's requests to the bench node: its faults from time to time, and the user's requests.
 
-One conversation at a time, in the background and with a time limit; answers come out of `poll`, so the screen never
-waits. Time is handed in. What is drawn is not known here.
+One conversation at a time, in the background and with a time-out; `poll` delivers answers, so the screen never
+waits. Time is passed in. What is drawn is not known here.
 """
 
 from collections import deque
@@ -19,32 +19,32 @@ from .faults import Faults, FaultSignal, faults_of
 from .link import InBackground, Link
 
 LOOK_NS = 2_000_000_000
-"""Sets that wait are in no telemetry, so faults are asked for this often, as long as the bench sends telemetry."""
+"""Telemetry has no waiting sets, so the faults are read this often while the bench sends telemetry."""
 CHANGE_NS = 500_000_000
-"""After a change in the telemetry: so much later than the last time, at the earliest."""
+"""Least time between two reads after a change in the telemetry."""
 RETRY_NS = 5_000_000_000
-"""After a question that the bench did not answer."""
+"""Time to the next read after one that the bench did not answer."""
 LIMIT_S = 3.0
-"""For one answer of the bench."""
+"""Time limit for one answer of the bench."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """What was asked was not done: the reason, as the bench or the bus gave it."""
+    """A refused request: the reason, as the bench or the bus gave it."""
 
     reason: str
 
 
 class FaultDesk:
-    """Conversations with the bench node of `cell` over `link`. Callbacks are called by `poll`, with the answer."""
+    """Conversations with the bench node of `cell` over `link`. `poll` calls the callbacks with the answers."""
 
     def __init__(self, cell: Cell, link: Link, in_background: InBackground) -> None:
         self.faults: Faults | None = None
-        """None as long as nothing is known."""
+        """None until they have been read."""
         self.refusal: Refusal | None = None
-        """Why the faults could not be asked for the last time."""
+        """Why the last read of the faults failed."""
         self._cell, self._link, self._in_background = cell, link, in_background
         self._catalogue: tuple[Tap, ...] | None = None
         self._waiting: deque[tuple[Callable[[], None], Callable[[], None]]] = deque()
@@ -56,7 +56,7 @@ class FaultDesk:
         self._due_ns = self._soonest_ns = 0
 
     def poll(self, signal: FaultSignal | None, now_ns: int) -> None:
-        """Hand out an answer if there is one, and ask what is due. `signal` is the telemetry, None while there is
+        """Deliver an answer if there is one, and ask what is due. `signal` is the telemetry, None while there is
         none.
         """
         if self._then is not None and self._is_done:
@@ -72,12 +72,12 @@ class FaultDesk:
             self._in_background(job)
 
     def reconnected(self) -> None:
-        """It may be another bench."""
+        """The bus was opened again: it may be another bench."""
         self._catalogue = self._seen = self._events_of = self.faults = None
         self._due_ns = self._soonest_ns = 0
 
     def load_catalogue(self, then: Callable[[tuple[Tap, ...] | Refusal], None]) -> None:
-        """What can be injected; asked for once in a connection."""
+        """Read what can be injected, once per connection."""
 
         def keep(answer: tuple[Tap, ...] | Refusal) -> None:
             if not isinstance(answer, Refusal):
@@ -92,7 +92,7 @@ class FaultDesk:
     def inject(
         self, tap: str, fault: FaultKind, typed: dict[str, str], duration: str, then: Callable[[str | Refusal], None]
     ) -> None:
-        """Inject one fault with what was typed for its parameters and the duration."""
+        """Inject one fault with the typed parameters and duration."""
 
         def job(client: BenchClient) -> str:
             names = {each["set"] for each in client.status()["sets"]}
@@ -105,7 +105,7 @@ class FaultDesk:
         self._do(lambda client: client.clear(name), then)
 
     def stop(self, is_on: bool, then: Callable[[str | Refusal], None]) -> None:
-        """Emergency stop: open the supply of all amplifiers, or close it again."""
+        """Emergency stop: open the supplies of all amplifiers, or close them again."""
 
         def job(client: BenchClient) -> str:
             client.emergency_stop(is_on)
@@ -152,7 +152,7 @@ class FaultDesk:
                     answer.append(job(client))
             except (BusError, FaultError) as error:
                 answer.append(Refusal(str(error)))
-            # In a thread of its own an unforeseen error would vanish, and the question stay open for ever.
+            # In its own thread an unforeseen error would vanish, and the request would stay open for ever.
             except Exception as error:
                 answer.append(Refusal(f"{self._link.where}: {named_error(error)}"))
             self._is_done = True

@@ -1,4 +1,4 @@
-"""The small dialogs about faults: which sets to clear, and the emergency stop. What is chosen is done elsewhere."""
+"""The small dialogs about faults: which sets to clear, and the emergency stop. Others carry out the choice."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -15,7 +15,7 @@ ALL = "all faults and all sets that wait"
 
 
 class ClearScreen(ModalScreen[tuple[str | None] | None]):
-    """Ends with (name of a set, None for all,), or None where the user does not want to."""
+    """Ends with a tuple of the set's name (None: all), or None if the user cancels."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,q", "dismiss", "Close")]
     DEFAULT_CSS = """
@@ -34,18 +34,18 @@ class ClearScreen(ModalScreen[tuple[str | None] | None]):
         self._choices: tuple[str | None, ...] = (None, *names)
 
     def compose(self) -> ComposeResult:
-        """All, and one line per set."""
+        """A line for all, and one per set."""
         with Vertical() as box:
             box.border_title, box.border_subtitle = "Clear", "enter clears │ escape closes"
             yield OptionList(*(Option(Content(ALL if name is None else name)) for name in self._choices))
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """It is to be cleared."""
+        """Clear the selected line."""
         self.dismiss((self._choices[event.option_index],))
 
 
 class StopScreen(ModalScreen[bool]):
-    """Ends with whether the emergency stop is to be switched."""
+    """Ends with whether to switch the emergency stop."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("enter,y,e", "answer(True)", "Yes"),

@@ -1,4 +1,4 @@
-"""What the dashboard says of faults: the lines of the panel, in words with a tone. Pure functions."""
+"""The dashboard's texts about faults: the lines of the panel, as words with a tone. Pure functions."""
 
 from collections.abc import Iterator
 
@@ -17,7 +17,7 @@ MORE_THAN_A_BYTE = 255
 
 
 def panel_lines(signal: FaultSignal | None, faults: Faults | None, refusal: Refusal | None) -> tuple[Line, ...]:
-    """The panel: nothing as long as there was no fault, one line while none acts or waits, otherwise all of it."""
+    """The panel: nothing before the first fault, one line while none acts or waits, otherwise all of it."""
     if signal is None:
         return ()
     faults = faults or Faults()
@@ -32,7 +32,7 @@ def panel_lines(signal: FaultSignal | None, faults: Faults | None, refusal: Refu
 
 
 def answer_word(answer: str | Refusal) -> Word:
-    """What the bench, or the bus, says of something that was to be done."""
+    """The answer of the bench, or the bus, to a request."""
     return Word(f"✖ {answer.reason}", Tone.BAD) if isinstance(answer, Refusal) else Word(f"✓ {answer}", Tone.GOOD)
 
 

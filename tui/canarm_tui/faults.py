@@ -1,6 +1,6 @@
-"""What the bench says of its faults, as values: those that act, sets that wait, the last beginnings and ends.
+"""The bench's faults as values: acting ones, waiting sets, the last beginnings and ends.
 
-Plain values of the bench's JSON in, frozen values out. No bus, no clock, no words.
+Plain values of the bench's JSON in, frozen values out. No bus, no clock, no texts.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,7 +14,7 @@ EVENTS_KEPT = 10
 
 @dataclass(frozen=True, slots=True)
 class FaultSignal:
-    """What goes over the bench bus with the telemetry: 0x2405, 0x2410, 0x2406."""
+    """Fault objects in the bench's telemetry: 0x2405, 0x2410, 0x2406."""
 
     active: int
     """255 for more."""
@@ -24,7 +24,7 @@ class FaultSignal:
 
 @dataclass(frozen=True, slots=True)
 class ActingFault:
-    """A fault that acts. `began` is None where the bench no longer knows."""
+    """An acting fault. `began` is None if the bench no longer knows."""
 
     set_name: str
     tap: str
@@ -34,17 +34,17 @@ class ActingFault:
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """All of it at one time. `waiting` and `set_names` name sets, `events` are newest first."""
+    """All faults at one time. `waiting` and `set_names` are names of sets, `events` are newest first."""
 
     acting: tuple[ActingFault, ...] = ()
     waiting: tuple[str, ...] = ()
     set_names: tuple[str, ...] = ()
-    """Sets that can be cleared: they act or wait."""
+    """Sets that can be cleared: acting or waiting."""
     events: tuple[FaultEvent, ...] = ()
 
 
 def faults_of(status: Mapping[str, Any], events: Iterable[Mapping[str, Any]]) -> Faults:
-    """The bench's FAULT_STATUS and FAULT_EVENTS as values. Raises `KeyError`, `TypeError` where they are neither."""
+    """The bench's FAULT_STATUS and FAULT_EVENTS as values. Raises `KeyError` or `TypeError` if malformed."""
     happened = [event_from_plain(each) for each in events]
     begun: dict[tuple[str, str, str], list[FaultEvent]] = {}
     for event in happened:

@@ -1,6 +1,6 @@
-"""Frames of the bench bus in, snapshots out: the dashboard's only knowledge of a run.
+"""Frames of the bench bus in, snapshots out: all that the dashboard knows of a run.
 
-Sans-IO: the wall clock is handed in with every call, the bus's own time comes with every frame. Nothing is drawn here.
+Sans-IO: wall time is passed in with every call, bus time comes with every frame. Nothing is drawn here.
 """
 
 from collections import deque
@@ -21,9 +21,9 @@ from .rings import FIELDS, ReferenceRing, SampleRing
 from .snapshot import Counters, JointNow, Rates, Report, Snapshot
 
 WINDOW_S = 10.0
-"""Traces and RMS show this much of the run, in cycles of nominal length."""
+"""Traces and RMS cover this much of the run, in cycles of nominal length."""
 MATCH_S = 0.5
-"""A reference that lags the newest sample by more is no longer shown as the joint's present one."""
+"""A reference that lags the newest sample by more is no longer shown as current."""
 RATE_WINDOW_NS = 2_000_000_000
 _ANGLE, _SPEED, _CURRENT, _COMMAND = range(FIELDS)
 _LIMIT_TOLERANCE = 1e-6
@@ -31,7 +31,7 @@ _LIMIT_TOLERANCE = 1e-6
 
 
 class _Mark(NamedTuple):
-    """A sample on three clocks."""
+    """A sample's time on three clocks."""
 
     wall_ns: int
     bus_ns: int
@@ -64,7 +64,7 @@ class Feed:
         self._report: tuple[int, int, int] | None = None
         self._report_wall_ns = 0
         self.faults: FaultSignal | None = None
-        """What the bench last said of its faults, since the bus was opened."""
+        """The bench's latest report of its faults since the bus was opened."""
         self._received = self._unknown = self._malformed = 0
         self._dropped_samples = self._dropped_references = 0
         self._reported = np.full((len(joints), 4), np.nan)
@@ -113,7 +113,7 @@ class Feed:
         self._mark(wall_ns)
 
     def reconnected(self) -> None:
-        """The bus was away: what went by meanwhile was not dropped, and says nothing about rates."""
+        """The bus was lost and is back: frames of the gap do not count as dropped, nor towards rates."""
         self._cycle = self.faults = None
         self._previous_ticks = [None] * len(self._previous_ticks)
         self._marks.clear()
@@ -196,7 +196,7 @@ class Feed:
         self._marks.clear()
         self._sample = self._idle = None
         for joint, tick in enumerate(self._references.last_ticks):
-            # The new run's first references may have come before its first telemetry: they are not far from it.
+            # The new run's first references may arrive shortly before its first telemetry.
             if tick > cycle + self._match:
                 self._references.clear(joint)
 
@@ -218,7 +218,7 @@ class Feed:
             self._samples.append(cycle, self._row)
             self._sample, self._idle = (cycle, self._cycle_ns), None
         else:
-            # No SYNC has come, and still the bench sends: the robot may move, and no reference belongs to that.
+            # The bench sends without a SYNC: the robot may move, and no reference belongs to that.
             self._idle = np.array(self._row).reshape(-1, FIELDS)
 
     def _reference_of(self, joint: int) -> Callable[..., None]:

@@ -1,4 +1,4 @@
-"""The help screen: what the keys do and what the words on the screen mean."""
+"""The help screen: keys, and the meaning of the texts on the screen."""
 
 from typing import ClassVar
 
@@ -39,7 +39,7 @@ HELP = """\
 
 
 class HelpScreen(ModalScreen[None]):
-    """What the screen means."""
+    """The help screen."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape,question_mark,space", "dismiss", "Close"),
@@ -54,7 +54,7 @@ class HelpScreen(ModalScreen[None]):
     """
 
     def compose(self) -> ComposeResult:
-        """The text, and how to leave it."""
+        """The text, and how to close it."""
         with VerticalScroll() as box:
             box.border_title, box.border_subtitle = "canarm dashboard", "escape closes"
             yield Static(HELP)

@@ -1,6 +1,6 @@
-"""The dialog in which a fault is injected: a tap, a fault that it supports, values for the parameters.
+"""The dialog that injects a fault: a tap, a fault that it supports, values for the parameters.
 
-Asks `FaultDesk` and shows its answers as they are; what is allowed is not known here.
+Asks `FaultDesk` and shows its answers unchanged; what is allowed is not known here.
 """
 
 from typing import ClassVar
@@ -24,7 +24,7 @@ _FORM_KEYS = "↑ ↓ next field │ enter injects │ escape goes back"
 
 
 class InjectScreen(ModalScreen[str]):
-    """Ends with what the bench says of the injected fault, or None where the user leaves."""
+    """Ends with the bench's answer, or None if the user cancels."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape", "back", "Back"),
@@ -60,7 +60,7 @@ class InjectScreen(ModalScreen[str]):
         self._is_asking = False
 
     def compose(self) -> ComposeResult:
-        """Search and list, or the form; below them what was said."""
+        """Search and list, or the form; below them the bench's answer."""
         with Vertical(id="dialog"):
             yield Input(id="search", compact=True, placeholder="part of a name, such as joint2 stuck")
             options = OptionList(id="choices")
@@ -71,13 +71,13 @@ class InjectScreen(ModalScreen[str]):
             yield Static(id="said")
 
     def on_mount(self) -> None:
-        """Ask what there is to inject."""
+        """Ask what can be injected."""
         self._show_list()
         self._say("… asking the bench what can be injected", Tone.DIM)
         self._desk.load_catalogue(self._take_catalogue)
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Find as one types."""
+        """Search while typing."""
         if event.input.id == "search":
             self._fill()
 
@@ -94,7 +94,7 @@ class InjectScreen(ModalScreen[str]):
         self._choose(event.option_index)
 
     def action_back(self) -> None:
-        """From the values to the faults, to the taps, out."""
+        """Back from the values to the faults, to the taps, and out."""
         if self._fault is not None:
             self._fault = None
         elif self._tap is not None:

@@ -1,8 +1,8 @@
-"""The dashboard's connection: opens the port, announces a listener, drains, notices a loss and tries again.
+"""The dashboard's connection: opens the port, announces a listener, drains, notices a loss and reconnects.
 
-Opening may take seconds (a host that does not answer, a serial adapter), so it happens in the background, as do
-conversations over the bus; everything else is called from one place with the time handed in. What the frames mean is
-the feed's business.
+Opening may take seconds (a host that does not answer, a serial adapter), so it is done in the background, as are
+conversations over the bus; everything else is called from one thread with the time passed in. What the frames mean is
+known to the feed.
 """
 
 import contextlib
@@ -19,18 +19,18 @@ from canarm_protocol.transport.port import BusPort
 from .shared_port import SharedPort
 
 LISTENER_NODE_ID = 0x31
-"""Node-ID under which the dashboard announces itself on the bench bus."""
+"""Node-ID of the dashboard on the bench bus."""
 HEARTBEAT_NS = 500_000_000
-"""A third of the time after which the bench takes a listener for gone."""
+"""A third of the time after which the bench considers a listener gone."""
 RETRY_NS = 1_000_000_000
 MAX_READS = 16
-"""Reads in one `poll`, so that a bus that never falls silent cannot hold the keyboard."""
+"""Most reads in one `poll`, so that a busy bus cannot block the keyboard."""
 
 InBackground = Callable[[Callable[[], None]], None]
 
 
 class LinkState(Enum):
-    """What there is of a connection."""
+    """State of the connection."""
 
     CONNECTING = "connecting"
     CONNECTED = "connected"
@@ -38,12 +38,12 @@ class LinkState(Enum):
 
 
 def in_thread(job: Callable[[], None]) -> None:
-    """Run `job` in a thread that does not hold up the end of the program."""
+    """Run `job` in a daemon thread, which does not delay the end of the program."""
     threading.Thread(target=job, name="canarm-tui", daemon=True).start()
 
 
 class Link:
-    """One bus, opened again whenever it is lost, `RETRY_NS` after the loss."""
+    """One bus, reopened `RETRY_NS` after every loss."""
 
     def __init__(
         self,
@@ -53,12 +53,12 @@ class Link:
         in_background: InBackground = in_thread,
     ) -> None:
         self.where = where
-        """The bus as the command line spells it; the port's own words once it is open."""
+        """The bus as on the command line; once it is open, the port's own description."""
         self.state = LinkState.CONNECTING
         self.reason: str | None = None
         """Why the bus is lost, or could not be opened."""
         self.connections = 0
-        """How many times the bus was opened."""
+        """Number of times the bus was opened."""
         self._open_port = open_port
         self._in_background = in_background
         self._heartbeat = heartbeat_frame(node_id, NmtState.OPERATIONAL)
@@ -71,13 +71,13 @@ class Link:
 
     @property
     def discarded(self) -> int:
-        """Error frames and FD frames that the ports left out."""
+        """Error frames and FD frames that the ports discarded."""
         return self._discarded_before + _discarded_by(self._port)
 
     def poll(self, now_ns: int) -> list[tuple[int, Frame]]:
-        """Do what is due at `now_ns`; return (bus time in ns, frame) of what has arrived. Raises nothing.
+        """Do what is due at `now_ns`; return the arrived frames as (bus time in ns, frame). Raises nothing.
 
-        Waits only where the bus does not take the heartbeat, up to the port's own limit.
+        Waits only if the bus does not accept the heartbeat, up to the port's own limit.
         """
         if self._port is None:
             self._connect(now_ns)
@@ -98,7 +98,7 @@ class Link:
         return frames
 
     def lend(self) -> AbstractContextManager[BusPort]:
-        """The bus for a conversation, on another thread; `poll` still gets every frame. Raises `BusError` without
+        """The bus for a conversation in another thread; `poll` still gets every frame. Raises `BusError` without
         one.
         """
         port = self._port
@@ -107,7 +107,7 @@ class Link:
         return port.lend()
 
     def close(self) -> None:
-        """Give the bus back; one that is still being opened is closed as soon as it is open. May be called again."""
+        """Close the bus; one that is still being opened is closed once open. May be called again."""
         with self._lock:
             self._is_closed = True
             opened, self._opened = self._opened, None
@@ -138,7 +138,7 @@ class Link:
             result = self._open_port()
         except BusError as error:
             result = str(error)
-        # In a thread of its own an unforeseen error would vanish, and the dashboard would wait for ever.
+        # In its own thread an unforeseen error would vanish, and the dashboard would wait for ever.
         except Exception as error:
             result = f"{self.where}: {named_error(error)}"
         with self._lock:

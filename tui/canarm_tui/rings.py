@@ -1,6 +1,6 @@
-"""Bounded memory of a run: samples of the bench and references of the controller in preallocated arrays.
+"""Bounded memory of a run: the bench's samples and the controller's references in preallocated arrays.
 
-Only what was received, at its cycle; what it means (errors, rates, words) is derived elsewhere.
+Only received values by cycle; errors, rates and texts are derived elsewhere.
 """
 
 from collections.abc import Sequence
@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 FIELDS = 4
-"""Values of a joint in a sample: angle (rad), speed (rad/s), current (A), command (A)."""
+"""Values per joint in a sample: angle (rad), speed (rad/s), current (A), command (A)."""
 _NO_TICK = -1
 
 
 class SampleRing:
-    """The last `capacity` samples: cycle and, a joint, the `FIELDS` values, in order of arrival."""
+    """The last `capacity` samples: cycle and `FIELDS` values per joint, in order of arrival."""
 
     def __init__(self, capacity: int, joints: int) -> None:
         self._cycles = np.zeros(capacity, dtype=np.int64)
@@ -24,7 +24,7 @@ class SampleRing:
         self._written = 0
 
     def append(self, cycle: int, row: Sequence[float]) -> None:
-        """Add one sample; `row` holds the joints one after the other, `FIELDS` values each."""
+        """Add one sample; `row` has `FIELDS` values for each joint in turn."""
         slot = self._written % self._capacity
         self._cycles[slot] = cycle
         self._rows[slot] = row
@@ -43,14 +43,14 @@ class SampleRing:
 
 
 class ReferenceRing:
-    """The references of the last `capacity` ticks, a joint each, found again by tick."""
+    """The references of each joint for the last `capacity` ticks, by tick."""
 
     def __init__(self, capacity: int, joints: int) -> None:
         self._ticks = np.full((joints, capacity), _NO_TICK, dtype=np.int64)
         self._angles_rad = np.zeros((joints, capacity), dtype=np.float64)
         self._capacity = capacity
         self.last_ticks = [_NO_TICK] * joints
-        """The newest tick of each joint; -1 where there is none."""
+        """The newest tick of each joint; -1 if there is none."""
 
     def store(self, joint: int, tick: int, angle_rad: float) -> None:
         """Keep the reference of `joint` at `tick`."""
@@ -65,7 +65,7 @@ class ReferenceRing:
         self.last_ticks[joint] = _NO_TICK
 
     def at(self, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
-        """References in rad at `ticks` (n,), NaN where there is none; shape (n, joints)."""
+        """References in rad at `ticks` (n,), NaN where missing; shape (n, joints)."""
         slots = ticks % self._capacity
         found = np.where(self._ticks[:, slots] == ticks, self._angles_rad[:, slots], np.nan)
         return np.ascontiguousarray(found.T)

@@ -1,6 +1,6 @@
-"""One open bus for two: the dashboard that drains it, and a conversation in the background that waits for answers.
+"""One open bus for two users: the dashboard that drains it, and a background conversation that awaits answers.
 
-Whatever the conversation reads the dashboard gets as well, so nothing is lost. What is said is known elsewhere.
+The dashboard also gets every frame that the conversation reads, so nothing is lost.
 """
 
 import contextlib
@@ -13,7 +13,7 @@ from canarm_protocol.errors import BusError
 from canarm_protocol.transport.port import BusPort
 
 LONGEST_WAIT_S = 0.1
-"""A conversation looks so often whether the bus is given back meanwhile."""
+"""How often a conversation checks whether the bus has been closed meanwhile."""
 
 
 class SharedPort:

@@ -1,6 +1,6 @@
-"""What the dashboard says: a snapshot and the state of the link as words, numbers with units, and a tone for each.
+"""The dashboard's texts: a snapshot and the state of the link as words, numbers with units, and a tone for each.
 
-Pure functions. A tone becomes a colour elsewhere, and is never the only bearer of a meaning.
+Pure functions. A tone becomes a colour elsewhere, and never alone carries a meaning.
 """
 
 import math
@@ -15,14 +15,14 @@ from .link import Link, LinkState
 from .snapshot import Counters, JointNow, Rates, Report, Snapshot
 
 STALE_NS = 500_000_000
-"""Telemetry older than this is called stale."""
+"""Telemetry older than this is shown as stale."""
 REPORT_STALE_NS = 2_000_000_000
-"""The controller reports a few times a second; a state older than this is called stale."""
+"""The controller reports a few times per second; a state older than this is shown as stale."""
 LIMIT_LSB = 1.0
-"""Tracking within one step of the position sensor is as good as the sensor can tell."""
+"""An error within one step of the position sensor is below its resolution."""
 SEPARATOR = " │ "
 LEAST_PLACE = 18
-"""Fewer characters of a bus than "-i canarm -c bench" has say nothing."""
+"""The bus is left out if it would be cut shorter than "-i canarm -c bench"."""
 _HOST_AND_PORT = re.compile(r"\bhost=(\S+) port=(\d+)")
 ABSENT = "–"
 
@@ -77,7 +77,7 @@ def state_word(report: Report | None) -> Word:
 
 
 def rate_word(rates: Rates | None) -> Word:
-    """Cycles a second, on both clocks where they differ."""
+    """Cycles per second, on both clocks if they differ."""
     if rates is None:
         return Word(f"{ABSENT} cycles/s", Tone.DIM)
     wall = rates.cycles_per_wall_s
@@ -87,7 +87,7 @@ def rate_word(rates: Rates | None) -> Word:
 
 
 def real_time_word(rates: Rates | None) -> Word:
-    """How many seconds of the run pass in a second."""
+    """How many seconds of the run pass per second."""
     return (
         Word(f"{ABSENT} × real time", Tone.DIM) if rates is None else Word(f"{rates.real_time_factor:.2f} × real time")
     )
@@ -110,7 +110,7 @@ def age_word(age_ns: int | None) -> Word:
 
 
 def header_words(link: Link, snapshot: Snapshot, is_paused: bool, width: int) -> tuple[Word, ...]:
-    """The header line for `width` columns; what does not fit is cut from the end, where the place of the bus stands."""
+    """The header line for `width` columns; what does not fit is cut from the end, where the bus is named."""
     words = [
         link_word(link, snapshot),
         state_word(snapshot.report),
@@ -133,7 +133,7 @@ def header_words(link: Link, snapshot: Snapshot, is_paused: bool, width: int) ->
 
 
 def _address(where: str) -> str:
-    """HOST:PORT of a bus that is reached by them, as `--connect` takes it; other buses as they are."""
+    """HOST:PORT of a bus on the network, as `--connect` takes it; other buses unchanged."""
     found = _HOST_AND_PORT.search(where)
     return f"{found[1]}:{found[2]}" if found else where
 
@@ -143,7 +143,7 @@ def _length(words: Sequence[Word]) -> int:
 
 
 def notice(link: Link, snapshot: Snapshot) -> Word | None:
-    """What the reader should know about the connection, or None when all is well."""
+    """What the reader should know about the connection, or None if all is well."""
     if link.state is LinkState.LOST:
         return Word(f"{link.reason or link.where}; trying again every second", Tone.BAD)
     if link.state is LinkState.CONNECTING:
@@ -154,7 +154,7 @@ def notice(link: Link, snapshot: Snapshot) -> Word | None:
 
 
 def counter_words(counters: Counters, discarded: int, width: int) -> tuple[Word, ...]:
-    """Frames and samples, counted; `discarded` are those that the port left out. What is 0 goes where room is short."""
+    """Counts of frames and samples; `discarded` is the port's. Zeros are left out if space is short."""
 
     def count(name: str, value: int) -> Word:
         return Word(f"{name} {value}", Tone.WARNING if value else Tone.DIM)
@@ -183,7 +183,7 @@ JOINT_COLUMNS = (
     ("command A", 10),
     (" amplifier", 12),
 )
-"""Heading and width of the columns of the joints table; the first is as wide as the longest name."""
+"""Heading and width of each column of the joints table; the first is as wide as the longest name."""
 
 
 def joint_words(name: str, joint: JointNow) -> tuple[Word, ...]:
@@ -233,7 +233,7 @@ def trace_words(name: str, joint: JointNow) -> tuple[Word, ...]:
 
 
 def number(value: float, decimals: int, signed: bool = True) -> str:
-    """A number with a sign of full width, or a dash for NaN; no "−0.00"."""
+    """A number with a full-width sign, or a dash for NaN; never "−0.00"."""
     if not math.isfinite(value):
         return ABSENT
     text = f"{value:.{decimals}f}" if abs(value) < 1e6 else f"{value:.1e}"

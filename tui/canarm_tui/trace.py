@@ -1,6 +1,6 @@
-"""The error traces: a widget that draws the window of a snapshot in braille, line by line.
+"""The error trace: a widget that draws the window of a snapshot in braille, line by line.
 
-Only here do decimated values become strips of styled text. It keeps the snapshot it draws, and nothing else.
+Only here do decimated values become styled text. It keeps nothing but the snapshot it draws.
 """
 
 import itertools
@@ -46,7 +46,7 @@ class ErrorTrace(Widget):
         self.refresh()
 
     def notify_style_update(self) -> None:
-        """A theme was changed: nothing drawn before is right any more."""
+        """The theme has changed: discard everything drawn before."""
         super().notify_style_update()
         self._drawn = None
 
@@ -62,7 +62,7 @@ class ErrorTrace(Widget):
         snapshot = self._snapshot
         joint = JointNow() if snapshot is None else snapshot.joints[self._joint]
         title = line_of(texts.trace_words(self._joint_name, joint))
-        # Looking up a style costs more than drawing a row; every one is looked up once.
+        # Looking up a style costs more than drawing a row, so each is looked up once.
         plain = self.rich_style
         strips = [Strip(title.render_segments(self.visual_style)).adjust_cell_length(width, plain)]
         rows, cells = height - 1, width - self.SCALE_WIDTH
@@ -90,7 +90,7 @@ class ErrorTrace(Widget):
 
 
 def _segments(line: NDArray[np.uint8], limit: NDArray[np.uint8], styles: Sequence[Style]) -> list[Segment]:
-    """One row of the plot, cut where the style changes: `styles` are those of the line, the limits and the rest."""
+    """One row of the plot, split where the style changes: `styles` are for the line, the limits and the rest."""
     kinds = np.where(line != 0, 0, np.where(limit != 0, 1, 2))
     text = "".join(map(chr, (BLANK + (line | limit).astype(np.int32)).tolist())).replace(chr(BLANK), " ")
     cuts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(text)]
@@ -98,7 +98,7 @@ def _segments(line: NDArray[np.uint8], limit: NDArray[np.uint8], styles: Sequenc
 
 
 def nice_scale(greatest_lsb: float) -> float:
-    """End of the symmetric scale: the least of 2, 5, 10, 20, 50, … LSB that holds `greatest_lsb`; 2 for NaN."""
+    """End of the symmetric scale: the smallest of 2, 5, 10, 20, 50, … LSB that contains `greatest_lsb`; 2 for NaN."""
     scale, step = 2.0, 0
     factors = (2.5, 2.0, 2.0)
     while greatest_lsb > scale:
@@ -108,7 +108,7 @@ def nice_scale(greatest_lsb: float) -> float:
 
 
 def scale_labels(scale: float, rows: int) -> list[str]:
-    """The label of each character row of a plot: its ends, the limits, and zero where there is room."""
+    """The label of each character row of a plot: its ends, the limits, and zero if there is room."""
     values = (0.0, -scale, scale, -LIMIT_LSB, LIMIT_LSB)
     labels = [""] * rows
     for value, row in zip(values, dot_rows(np.array(values), scale, rows) // DOTS_Y, strict=True):

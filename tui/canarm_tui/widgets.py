@@ -1,6 +1,6 @@
-"""The parts of the screen that are text: lines of words, the joints table, and the pane that holds it with the traces.
+"""The text parts of the screen: lines of words, the joints table, and the pane that holds it with the traces.
 
-Each is handed a snapshot (or words) and draws it; none keeps data of its own, reads a clock or knows the bus.
+Each draws a given snapshot (or words); none keeps its own data, reads a clock or knows the bus.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from .trace import ErrorTrace
 
 TRACES_FROM_COLUMNS = 100
 SHARING_TRACES = 3
-"""Traces that share the room there is; more of them have a height of their own, and are scrolled."""
+"""Up to this many traces share the space; more have a fixed height and scroll."""
 
 
 class WordLine(Static):
@@ -44,7 +44,7 @@ class WordLine(Static):
 
 
 class FaultPanel(Static):
-    """Lines about faults; redrawn only when they change, and gone where there are none."""
+    """Lines about faults; redrawn only when they change, hidden if there are none."""
 
     DEFAULT_CSS = """
     FaultPanel {
@@ -100,12 +100,12 @@ class JointsTable(DataTable[Content]):
         return Content.styled(self._aligned(column, printable(word.text)), STYLES[word.tone])
 
     def _aligned(self, column: int, text: str) -> str:
-        """Numbers to the right; words, in the first and the last column, to the left."""
+        """Numbers right-aligned; text, in the first and last column, left-aligned."""
         return text if column in (0, len(self._widths) - 1) else text.rjust(self._widths[column])
 
 
 class JointsPane(Vertical):
-    """The joints in numbers, and below them their errors over time."""
+    """The joints' values, and below them their errors over time."""
 
     DEFAULT_CSS = """
     JointsPane #traces { height: 1fr; }
@@ -127,15 +127,15 @@ class JointsPane(Vertical):
                 yield ErrorTrace(name, joint)
 
     def on_resize(self, event: Resize) -> None:
-        """Below `TRACES_FROM_COLUMNS` the table has all the room."""
+        """Below `TRACES_FROM_COLUMNS` the table takes all the space."""
         self.set_class(event.size.width < TRACES_FROM_COLUMNS, "-narrow")
 
     def on_data_table_row_highlighted(self, event: DataTable.RowHighlighted) -> None:
-        """The trace of the joint at the cursor comes into view."""
+        """Scroll to the trace of the joint at the cursor."""
         self.query(ErrorTrace)[event.cursor_row].scroll_visible(animate=False)
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show `snapshot`, unless nothing has come since the last one."""
+        """Show `snapshot`, unless nothing has arrived since the last one."""
         if snapshot.counters == self._shown:
             return
         self._shown = snapshot.counters

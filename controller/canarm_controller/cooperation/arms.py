@@ -15,9 +15,9 @@ from canarm_protocol.cell.model import Robot
 from ..errors import CooperationError
 
 JOINTS = 5
-"""Of an arm of the paper's shape: waist, shoulder, elbow, pitch and roll."""
+"""Joints of an arm of the paper's shape: waist, shoulder, elbow, pitch and roll."""
 LARGEST_M = 100.0
-"""A length beyond is a slip of units."""
+"""A longer length is a mistaken unit."""
 _SHAPE = {"d_m": (1, 2, 3), "a_m": (4,), "alpha_deg": (1, 2, 4)}
 """What must be zero in a five-axis arm, by joint from 0: joints 2 to 4 are parallel and in one plane with the waist's
 axis, and the roll's axis is the approach vector."""

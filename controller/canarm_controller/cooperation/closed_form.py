@@ -21,14 +21,14 @@ from .reasons import Reason
 
 Mask = NDArray[np.bool_]
 Codes = NDArray[np.int8]
-"""Of `Reason`."""
+"""Values of `Reason`."""
 YAW_TOLERANCE = 1e-9
-"""|a·h| of a pose that is taken to have no yaw: rounding leaves 1e-13 of a point 1 mm beside the base's axis."""
+"""|a·h| below which a pose has no yaw: rounding leaves 1e-13 for a point 1 mm from the base's axis."""
 LEAST_AXIS_DISTANCE_M = 1e-6
-"""A point closer to the base's axis does not say where the waist is to turn; nor does an approach along the axis."""
+"""A point closer to the base's axis does not determine the waist's angle; nor does an approach along the axis."""
 _NEAR_AXIS_M = 0.01
 _ROUNDING = 1e-12
-"""Of c₃: an arm that is stretched out, to a tenth of a picometre, is within reach."""
+"""Tolerance of c₃: a fully stretched arm, to a tenth of a picometre, is within reach."""
 
 
 class Branch(NamedTuple):

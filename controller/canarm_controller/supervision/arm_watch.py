@@ -1,6 +1,6 @@
 """All joints against their nominal model: joins the watches of joints, currents, surprises and the following error.
 
-Owns the order of events in a cycle. Frames and states of a run must not enter. Everything is judged by measurements and
+Owns the order of events in a cycle; frames and run states are not known here. Everything is judged by measurements and
 commands; the truth is not known here.
 """
 
@@ -33,7 +33,7 @@ FORGOTTEN = 0.01
 
 
 class ArmWatch:
-    """State of all joints' residuals. `step` may put substitutes in place of the cycle's measurements."""
+    """State of all joints' residuals. `step` may replace the cycle's measurements."""
 
     def __init__(self, cell: Cell, arm: Arm, following_lsb: float, report: ArmReport) -> None:
         self._arm, self._report, self._timing = arm, report, Timing.of(cell.bus.cycle_s)
@@ -75,7 +75,7 @@ class ArmWatch:
         self._support = Support(cell, self.standing_rad_s, timing.calm)
         self._last_nm: Sequence[float] = (0.0,) * len(self.joints)
         self._flowing_nm: Sequence[float] = self._last_nm
-        """What the currents that flowed at the last SYNC make."""
+        """Torques of the currents that flowed at the last SYNC."""
 
     def start(self, position_rad: Sequence[float]) -> None:
         """The arm rests at this pose; no torque acts yet."""
@@ -124,7 +124,7 @@ class ArmWatch:
     def _step_all(
         self, cycle: Cycle, accelerations: Sequence[float], angle_codes: Sequence[int], speed_codes: Sequence[int]
     ) -> tuple[int, bool]:
-        """Bits of the joints whose measurements are not to be believed, and whether any joint is agitated."""
+        """Bits of the joints whose measurements are rejected, and whether any joint is agitated."""
         replaced, place, is_agitated = 0, 1, False
         rows = zip(cycle.position_rad, cycle.velocity_rad_s, accelerations, angle_codes, speed_codes, strict=True)
         for joint, row in zip(self.joints, rows, strict=True):
@@ -140,7 +140,7 @@ class ArmWatch:
         self._following.step(self._cycle, cycle)
 
     def coast(self, cycle: Cycle) -> None:
-        """A cycle without measurements: the arm goes on as the model says, and the law is given that."""
+        """A cycle without measurements: the law gets the model's prediction."""
         for joint, acceleration in zip(self.joints, self._accelerate(self._last_nm), strict=True):
             joint.coast(acceleration)
         self._act(cycle.applied_nm)
@@ -151,7 +151,7 @@ class ArmWatch:
             self._refresh(cycle.position_rad, cycle.velocity_rad_s)
 
     def shift(self, excess_s: float) -> None:
-        """More time than a cycle has passed since the last measurement, or less."""
+        """The time since the last measurement differs from a cycle by `excess_s`."""
         for joint, acceleration in zip(self.joints, self._accelerate(self._last_nm), strict=True):
             joint.shift(excess_s, acceleration)
 
@@ -160,7 +160,7 @@ class ArmWatch:
     ) -> None:
         """As `step` for measurements whose time is known badly: `excess_s` more than a cycle after the last.
 
-        `is_unclear`: not even that is known.
+        `is_unclear`: not even the excess is known.
         """
         is_gap = is_unclear or not -LONGEST_GAP_S < excess_s < LONGEST_GAP_S
         if not is_gap:
@@ -179,13 +179,13 @@ class ArmWatch:
         self._refresh(cycle.position_rad, [joint.speed for joint in self.joints])
 
     def safe_hold(self, cycle: Cycle) -> SafeHold:
-        """What brakes the arm and holds it, from its present state on."""
+        """The law that brakes and holds the arm from its present state."""
         return SafeHold(self._arm, cycle, [joint.bias for joint in self.joints], self._timing.period_s)
 
     def _from_rest(
         self, accelerations: Sequence[float], speed_rad_s: Sequence[float], acted_nm: Sequence[float]
     ) -> Sequence[float]:
-        """What the model expects, less what a support holds that the model does not know."""
+        """The model's expectation, less what a support holds, which the model does not know."""
         for index in self._support.leave(self._cycle, acted_nm, speed_rad_s):
             self.joints[index].take_load()
             self._robot_of[index].surprise.calm_until = self._cycle + self._timing.calm
@@ -195,7 +195,7 @@ class ArmWatch:
         return expected
 
     def _look_into(self, count: int, speed_rad_s: Sequence[float], acted_nm: Sequence[float]) -> None:
-        """A joint has been agitated, in this cycle or lately."""
+        """A joint was agitated in this cycle or recently."""
         may_stop = count > self._following.forgiven_until
         for robot in self._robots:
             robot.look_into(count, speed_rad_s[robot.joints], acted_nm[robot.joints], may_stop)
@@ -215,13 +215,13 @@ class ArmWatch:
         self._last_nm = applied_nm
 
     def _flow(self, last_nm: Sequence[float], decays: Sequence[float]) -> Sequence[float]:
-        """What flows at this SYNC: through the windings, after `last_nm` has been asked for during a cycle."""
+        """Torques of the winding currents at this SYNC, after a cycle of command `last_nm`."""
         rows = zip(last_nm, self._flowing_nm, decays, strict=True)
         self._flowing_nm = [last + (flowing - last) * decay for last, flowing, decay in rows]
         return self._flowing_nm
 
     def _replace(self, cycle: Cycle, replaced: int) -> None:
-        """Put what is believed in place of what was measured, for the joints whose bits are set."""
+        """Replace the measurements of the joints whose bits are set by the substitutes."""
         position_rad, velocity_rad_s = list(cycle.position_rad), list(cycle.velocity_rad_s)
         for index, joint in enumerate(self.joints):
             if replaced >> index & 1:
@@ -229,7 +229,7 @@ class ArmWatch:
         cycle.position_rad, cycle.velocity_rad_s = tuple(position_rad), tuple(velocity_rad_s)
 
     def _accelerate_all(self, torque_nm: Sequence[float]) -> Sequence[float]:
-        """What the models of several robots make of torques, rad/s²."""
+        """Accelerations of several robots' models under the torques, rad/s²."""
         return [each for robot in self._robots for each in robot.expected.accelerations(torque_nm[robot.joints])]
 
     def _refresh(self, position_rad: Sequence[float], speed_rad_s: Sequence[float]) -> None:
@@ -243,7 +243,7 @@ class ArmWatch:
         return robot.expected.mobility[own][own]
 
     def _may_saturate(self, index: int) -> bool:
-        """Whether an amplifier at its limit is an excuse: not if something is wrong with sensors or current as well."""
+        """Whether an amplifier at its limit is an excuse: not if sensors or current are suspect too."""
         current = self.currents[index]
         return self.joints[index].mode is Mode.SOUND and not (current is not None and current.is_given_up)
 
@@ -257,7 +257,7 @@ class ArmWatch:
 
 
 class _RobotWatch:
-    """What the joints of one robot have in common. `joints` is their place among all of the cell."""
+    """State shared by the joints of one robot. `joints` are their indices in the cell."""
 
     def __init__(
         self, arm: Arm, joints: slice, witnesses: Sequence[Witness], limits: Sequence[Thresholds], timing: Timing,
@@ -272,7 +272,7 @@ class _RobotWatch:
         self.surprise = SurpriseWatch(witnesses, limits, arm.torque_per_ampere, timing, self.expected, tell)
 
     def look_into(self, count: int, speed_rad_s: Sequence[float], acted_nm: Sequence[float], may_stop: bool) -> None:
-        """One cycle of accelerations that were not expected."""
+        """Judge one cycle of unexpected accelerations."""
         if self.surprise.is_open:
             self.surprise.step(count, speed_rad_s, acted_nm, may_stop)
         elif any(joint.is_agitated for joint in self._witnesses):

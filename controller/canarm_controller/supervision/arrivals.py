@@ -1,4 +1,4 @@
-"""Detects TPDOs that are missing, late or repeated. Their data must not enter: equal data do not prove a repetition."""
+"""Detects missing, late and repeated TPDOs. Their data are not used: equal data do not prove a repetition."""
 
 from collections.abc import Callable, Collection
 
@@ -15,13 +15,13 @@ class Arrivals:
         self._was_missing: dict[int, bool] = dict.fromkeys(cob_ids, False)
 
     def open_cycle(self, missing: Collection[int]) -> None:
-        """SYNC goes out; `missing` did not come in the cycle that ends."""
+        """SYNC is sent; `missing` did not arrive in the cycle that ends."""
         was_missing = self._was_missing
         for cob_id in was_missing:
             was_missing[cob_id] = cob_id in missing
 
     def extra(self, cob_id: int) -> None:
-        """A TPDO came that this cycle has had already: the last cycle's, or one too many."""
+        """A TPDO arrived a second time in this cycle: the last cycle's, or one too many."""
         node_id = cob_id & HIGHEST_NODE_ID
         if self._was_missing[cob_id]:
             self._was_missing[cob_id] = False

@@ -1,6 +1,6 @@
 """Compares measured and commanded current of one joint: has the amplifier failed, or its sense?
 
-Owns the winding's lag and the vote of the arm's acceleration. Sensors of the motion must not enter.
+Owns the winding's lag and the vote of the arm's acceleration; motion sensors are not used here.
 """
 
 import math
@@ -13,30 +13,30 @@ from .timing import Timing
 from .vote import Ballot
 
 STEP_FRACTION = 0.2
-"""Of a change of command, allowed on top: the time constant is known to about a quarter, e^-0.8 to 0.09, and the code
-of the DAC is rounded."""
+"""Extra tolerance, as a share of a command change: the time constant is known to about a quarter, e^-0.8 to 0.09, and
+the code of the DAC is rounded."""
 FLUTTER_GAIN = 0.25
-"""The difference's changes from one reading to the next are averaged over four."""
+"""Changes of the difference between readings are averaged over about four."""
 SMALLEST_CYCLES, NOTED_CYCLES = 2, 8
 FLUTTER_NOTED_CYCLES, FLUTTER_CYCLES, CALMING = 3, 16, 0.25
-"""A current that does not follow is noted, and if the sense is not found to be the reason, the torque is taken away."""
+"""A current that does not follow is reported; unless the sense proves to be the cause, torque is switched off."""
 DECISIVE_GRAINS = 4.0
-"""Of the speed: when the missing torque should have made so much speed, it can be seen whether it did."""
+"""Grains of speed that the missing torque should have caused before its effect is judged."""
 UNEXPLAINED_SHARE, UNEXPLAINED_CYCLES = 1.2, 16
-"""Of the limit: a difference of that size which nobody could blame on the sense for so long takes the torque away; in
-half that time if it flutters by half the limit of that, as no offset and no gain does."""
+"""Share of the limit, and cycles: a difference this large and long, not blamed on the sense, switches torque off; in
+half that time if it flutters by half the flutter limit, as no offset or gain error does."""
 FASTEST_SHARE = 0.98
-"""Of the tachometer's range: beyond it nobody knows the back-EMF."""
+"""Share of the tachometer's range beyond which the back-EMF is unknown."""
 SUPPLY_SHARE = 0.85
-"""Of what the supply can drive against the back-EMF: near that, the amplifier need not follow."""
+"""Share of the current that the supply can drive against the back-EMF: near it, the amplifier may not follow."""
 
 
 class CurrentWatch:
     """One joint: the sense gives |i| at its own time after SYNC; the command acts at SYNC, through the winding.
 
     Two ways to differ: by `current_mismatch_a`, or by a difference that flutters, as it does when the current follows
-    an old command or noise. Then the arm votes. What begins at once is judged by the speed that the missing torque
-    should make; of what begins slowly only its ups and downs can be told from another payload.
+    an old command or noise. Then the arm votes. A sudden difference is judged by the speed that the missing torque
+    should cause; of a slow one, only the variations can be distinguished from another payload.
     """
 
     __slots__ = (
@@ -83,9 +83,9 @@ class CurrentWatch:
         self._amperes = 1.0 / joint.torque_per_ampere
         self._period_s, self._speed_grain = timing.period_s, limits.speed_grain
         self.cycles = 0
-        """For how long measurement and command have differed."""
+        """Number of cycles in which measurement and command have differed."""
         self.is_given_up = False
-        """Whether the sense has been found wrong; it is not looked at any more."""
+        """Whether the sense was found wrong, and is ignored."""
         self._ballot = Ballot(limits.speed_grain, timing.window)
         self._is_abrupt = False
         self._unexplained_cycles = 0
@@ -95,7 +95,7 @@ class CurrentWatch:
         self._code = 0
 
     def differs(self, code: int, command_nm: float, flowing_nm: float, speed_rad_s: float) -> float:
-        """What is measured beyond what should be, A; 0 within the limits. `flowing_nm` is what flowed at SYNC."""
+        """Measured minus expected current, A; 0 within the limits. `flowing_nm` is the current's torque at SYNC."""
         command_a = command_nm * self._amperes
         change_a = flowing_nm * self._amperes - command_a
         expected_a = command_a + self._weight * change_a
@@ -126,12 +126,12 @@ class CurrentWatch:
         return off_a
 
     def forget(self) -> None:
-        """A cycle of unknown length: begin again."""
+        """Start over after a cycle of unknown length."""
         self.cycles, self._flutter_a = 0, 0.0
         self._ballot.clear()
 
     def judge(self, off_a: float, speed_rad_s: float, model_rad_s: float, bias_rad_s2: float, mobility: float) -> None:
-        """Look into a difference: speed, ∫model and acceleration bias of the joint, rad/s² a N·m of it."""
+        """Judge a difference by the joint's speed, ∫model, acceleration bias and mobility (rad/s² per N·m)."""
         command_a = self._command_a
         self.cycles += 1
         if self.cycles == 1:
@@ -156,7 +156,7 @@ class CurrentWatch:
             self._judge_lasting(off_a, detail)
 
     def _judge_lasting(self, off_a: float, detail: str) -> None:
-        """Nothing is decided yet: note it, and do not wait for ever."""
+        """Not decided yet: report it, and decide after a time limit."""
         flutters = self._flutter_a > self._flutter_limit_a
         self._flutter_cycles = max(self._flutter_cycles + (1.0 if flutters else -CALMING), 0.0)
         if self.cycles == NOTED_CYCLES or self._flutter_cycles == FLUTTER_NOTED_CYCLES:
@@ -170,7 +170,7 @@ class CurrentWatch:
             self._report("current-mismatch", f"{detail}, and the sense cannot be blamed", None)
 
     def _judge_abrupt(self, off_a: float, due: float, unexplained: float, detail: str) -> None:
-        """It began at once: the speed that it makes tells amplifier and sense apart."""
+        """A sudden difference: the speed that it causes tells amplifier and sense apart."""
         is_clear = abs(due) > DECISIVE_GRAINS * self._speed_grain
         if self.cycles <= SMALLEST_CYCLES or not is_clear:
             return

@@ -1,6 +1,6 @@
-"""What watches a cell, in words: each joint's detectors with limit, unit and where the limit comes from.
+"""The detectors of a cell as text: for each joint its detectors with limit, unit and the limit's derivation.
 
-Owns the text. The arithmetic is in `thresholds`, the meaning of a detector in `detection`.
+Owns the text; the arithmetic is in `thresholds`, the detectors' meanings are in `detection`.
 """
 
 import math
@@ -26,7 +26,7 @@ NO_TACHOMETER, NO_SENSE = "no tachometer", "no current sense"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One detector at one joint; `limit` is empty where it does not apply, and `why` says why not."""
+    """One detector at one joint; if it does not apply, `limit` is empty and `why` tells the reason."""
 
     detector: str
     limit: str
@@ -37,7 +37,7 @@ class Row:
 
 
 def detector_lines(cell: Cell) -> Iterator[str]:
-    """What `canarm check --detectors` prints. Raises `DynamicsError` for an arm that has no model."""
+    """The output of `canarm check --detectors`. Raises `DynamicsError` for an arm without a model."""
     timing, limits = Timing.of(cell.bus.cycle_s), cell.supervision
     arm = cell_arm(cell.robot, cell.joint_names)
     parts: tuple[Arm, ...] = tuple(arm.parts) if isinstance(arm, SeveralArms) else (arm,)

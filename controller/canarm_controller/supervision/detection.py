@@ -1,11 +1,11 @@
-"""The table of detectors: names, reactions, descriptions of thresholds, and debounce. Residuals must not enter."""
+"""The table of detectors: names, reactions, descriptions of thresholds, and debounce."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 
 class Reaction(StrEnum):
-    """What follows a detection, from the mildest to the strictest."""
+    """The reaction to a detection, from mildest to strictest."""
 
     CONTINUE = "continue"
     """It is only reported."""
@@ -96,4 +96,4 @@ DETECTORS: dict[str, Detector] = dict(
         _row("both-sensors", Reaction.OFF, 4, "one is lost, and the other astray by twice its limit"),
     )
 )
-"""Every detector by its name. The names are an API: users' tests refer to them."""
+"""Every detector by name. The names are an API: users' tests refer to them."""

@@ -1,6 +1,6 @@
-"""What the nominal arm does under its torques: bias forces and inertia, looked up now and then, and accelerations.
+"""The nominal arm's response to torques: accelerations, with bias forces and inertia refreshed periodically.
 
-Owns the model's side of every residual. Measurements and limits must not enter.
+Owns the model's side of every residual; measurements and limits are elsewhere.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ class ArmExpectation:
         count = arm.joint_count
         self._arm, self._rest = arm, (0.0,) * count
         self.still_nm: Sequence[float] = self._rest
-        """Torques that keep the arm at its speed: weight, Coriolis, friction."""
+        """Torques that keep the arm at its speed: gravity, Coriolis, friction."""
         self.inertia: Rows = ()
         self.mobility: Rows = ()
 
@@ -40,7 +40,7 @@ class ArmExpectation:
 
 
 class PairExpectation(ArmExpectation):
-    """Two joints in closed form: a third of the time."""
+    """Two joints in closed form, in a third of the time."""
 
     def refresh(self, position_rad: Sequence[float], speed_rad_s: Sequence[float]) -> None:
         """Look up what changes slowly."""
@@ -64,5 +64,5 @@ class PairExpectation(ArmExpectation):
 
 
 def expectation(arm: Arm) -> ArmExpectation:
-    """The fastest that there is for `arm`."""
+    """The fastest expectation for `arm`."""
     return PairExpectation(arm) if arm.joint_count == 2 else ArmExpectation(arm)

@@ -1,6 +1,6 @@
-"""The following error of each joint, and amplifiers at their limit: is it more than is normal for the law?
+"""Judges whether each joint's following error is normal for the law, given amplifiers at their limit.
 
-Owns what excuses an error. Residuals of sensors must not enter, beyond whether a joint is sound.
+Owns what excuses an error. Of the sensors it only knows whether a joint is sound.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,12 +11,12 @@ from .thresholds import JUDGED_AT_RAD_S, Thresholds
 from .timing import Timing
 
 NORMAL_FACTOR, FOLLOWING_CYCLES = 2.0, 4
-"""A following error is abnormal at twice what is normal, if it grows in so many readings."""
+"""A following error is abnormal at this factor of normal, if it grows in this many readings."""
 
 
 class FollowingWatch:
-    """State of all joints. `is_upset` and `may_saturate` tell of joint `index` whether its speed has surprised lately,
-    and whether nothing else is wrong with it.
+    """State of all joints. For joint `index`, `is_upset` tells whether its speed has recently been unexpected, and
+    `may_saturate` whether nothing else is wrong with it.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class FollowingWatch:
         self._excused_until = timing.beginning
         self._is_following = False
         self.forgiven_until = -1
-        """Until this cycle an amplifier that was at its limit excuses what the arm does."""
+        """Until this cycle, an amplifier that was at its limit excuses the arm's motion."""
 
     def gap(self, count: int) -> None:
         """Measurements are missing."""
@@ -60,14 +60,14 @@ class FollowingWatch:
             self._lag(count, index, cycle, error)
 
     def _is_near(self, position_rad: Sequence[float], reference_rad: Sequence[float]) -> bool:
-        if len(self._limits_rad) == 2:  # without a loop: half the time
+        if len(self._limits_rad) == 2:  # without a loop, in half the time
             (x1, x2), (wanted1, wanted2), (limit1, limit2) = position_rad, reference_rad, self._limits_rad
             return -limit1 < x1 - wanted1 < limit1 and -limit2 < x2 - wanted2 < limit2
         rows = zip(position_rad, reference_rad, self._limits_rad, strict=True)
         return all(-limit < position - reference < limit for position, reference, limit in rows)
 
     def _lag(self, count: int, index: int, cycle: Cycle, error: float) -> None:
-        """The joint is further from its reference than is normal for the law."""
+        """A joint is further from its reference than normal for the law."""
         detail = f"{error / self._positions_lsb[index]:+.1f} LSB from the reference"
         standing_rad_s = self._standing_rad_s[index]
         if cycle.saturated[index] and self._may_saturate(index):
@@ -88,7 +88,7 @@ class FollowingWatch:
             self._report("following-error", index, detail, None)
 
     def _excuse(self, count: int, index: int) -> None:
-        """The amplifier has been at its limit for long enough to excuse what follows."""
+        """The amplifier has been at its limit long enough to excuse what follows."""
         self._saturated[index] += 1
         if self._saturated[index] >= self._timing.saturated and self._may_saturate(index):
             self.forgiven_until = count + self._timing.recovery

@@ -9,14 +9,14 @@ from ..dynamics import Arm
 from ..laws.base import Cycle
 
 LONGEST_S, SHORTEST_S = 0.125, 0.05
-"""From the first cycle to rest: as fast as the amplifiers can, within these."""
+"""Bounds of the time from the first cycle to rest; within them, as fast as the amplifiers can."""
 RAMP_SHARE = 0.8
-"""Of the amplifier's current, what the ramp may plan with: the rest is for what the model does not know."""
+"""Share of the amplifier's current that the ramp may use: the rest is for model errors."""
 STIFFNESS_RAD_S, DAMPING_RATIO = 12.0, 1.5
 LATENCY_CYCLES = 2
-"""From a torque that is asked for to a speed that shows it: it acts from the next SYNC on, to the one after."""
+"""From a commanded torque to its effect on the speed: it acts from the next SYNC to the one after."""
 SHARE = 0.98
-"""Of the amplifier's current: the stop never saturates."""
+"""Share of the amplifier's current: the stop never saturates."""
 
 
 class SafeHold:

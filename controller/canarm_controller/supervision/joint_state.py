@@ -1,6 +1,6 @@
-"""What is known of one joint: the mode of its sensors, its speed and angle, what the model lacks, and the limits.
+"""The estimated state of one joint: mode of its sensors, speed and angle, model error, and limits.
 
-Owns the state that every verdict works on, and how it goes on in time. Verdicts must not enter.
+Owns the state that verdicts work on, and how it evolves; verdicts are elsewhere.
 """
 
 from enum import Enum
@@ -11,9 +11,9 @@ from .thresholds import DRIFT_S, Thresholds, observer_bandwidth_rad_s
 from .timing import Timing
 
 NO_END = 1 << 40
-"""Above the codes of any converter."""
+"""Above all codes of any converter."""
 FIRST_READINGS = 20
-"""Base and offset of the tachometer are learned from the first on as if so many had gone before."""
+"""Base and offset of the tachometer are learned as if this many readings had gone before."""
 
 
 class Mode(Enum):
@@ -21,7 +21,7 @@ class Mode(Enum):
 
     SOUND = 0
     STEP = 1
-    """The speed has stepped; nobody knows yet why."""
+    """The speed has stepped, for a reason not yet known."""
     NO_TACHOMETER = 2
     NOISY_POTENTIOMETER = 3
     NO_POTENTIOMETER = 4
@@ -86,7 +86,7 @@ class JointState:
         self._learning_cycles = round(DRIFT_S / period_s)
 
     def start(self, position_rad: float) -> None:
-        """At rest at a measured angle."""
+        """Start at rest at a measured angle."""
         self.mode = Mode.SOUND
         self._limits.start()
         self.cycles = self._learn_from = 0
@@ -100,17 +100,17 @@ class JointState:
         self._upset_at = 0
         self._set_rate()
         self.is_agitated = False
-        """Whether the speed went where the model did not expect it; whoever looks into it sets it back."""
+        """Whether the speed left the model's prediction; reset once investigated."""
         self.position_rad, self.velocity_rad_s = position_rad, 0.0
-        """What to believe where `step` says so."""
+        """Substitutes for the measurement, used if `step` says so."""
 
     def take_load(self) -> None:
-        """The arm leaves its support: what it carries is not known yet."""
+        """The arm leaves its support: its payload is not known yet."""
         self._calm_at = self.cycles + self._timing.calm
 
     @property
     def is_upset(self) -> bool:
-        """Whether its speed has surprised within the last second, the start apart."""
+        """Whether its speed has been unexpected within the last second, apart from the start."""
         return self._upset_at > self._timing.calm and self.cycles < self._upset_at + self._timing.doubt
 
     def coast(self, acceleration: float) -> None:
@@ -142,7 +142,7 @@ class JointState:
         return self._travel + self._half_s * v + self._base
 
     def _advance(self, speed: float, turned_rad_s: float) -> None:
-        """On to the next cycle at the speed that is believed."""
+        """Advance to the next cycle at the estimated speed."""
         self.speed = speed
         self._last_rad_s = turned_rad_s
         self._travel += self._period_s * turned_rad_s

@@ -1,7 +1,7 @@
-"""What the detectors of a joint share: how they report, what a code can be, and how wide their limits are just now.
+"""Shared by a joint's detectors: reporting, possible codes, and the present width of their limits.
 
-The limits of the cell are for nominal noise. A sensor that is noisier from the start is not broken: limits go with the
-noise that is measured. What is done with a limit must not enter.
+The cell's limits are for nominal noise. A sensor that is noisier from the start is not broken: limits scale with the
+measured noise.
 """
 
 from collections.abc import Callable
@@ -10,25 +10,25 @@ from .detection import Reaction
 from .thresholds import Thresholds
 
 Report = Callable[[str, str, Reaction | None], bool]
-"""Detector, detail and, where it is not the table's, the reaction. False if that detector is switched off."""
+"""Detector, detail, and the reaction if it is not the table's. False if that detector is switched off."""
 
 NOISE_MASK = 3
 """Noise is measured in every fourth cycle,"""
 NOISE_SAMPLES = 256
-"""over so many of them, 2.5 s; in the beginning over those that there are, the nominal counting as eight."""
+"""over this many samples, 2.5 s; at first over those taken so far, with the nominal counting as eight."""
 PRIOR_SAMPLES = 8
 NOMINAL = 0.18
 """Grains squared: 0.3 of noise and rounding of 1/sqrt(12) make 0.42 grains."""
 ALLOWANCE = 1.15
-"""A standard deviation from 100 samples is wrong by 7 %; twice that widens nothing yet."""
+"""A standard deviation from 100 samples is off by 7 %; up to twice that, limits are not widened."""
 WIDENING = 0.999 * NOMINAL * ALLOWANCE**2
-"""Below this limits surely are the nominal ones."""
+"""Below this variance, limits are the nominal ones."""
 SLOW = 0.2
 """Grains, root mean square of the filtered angle residual; 0.09 for white noise. An elastic wire twists by more."""
 HIGHEST_FACTOR = 2.3
-"""1.5 grains of position drift: half of what a position sensor may be off by before it counts as wrong."""
+"""1.5 grains of position drift: half the error at which a position sensor counts as wrong."""
 HIGHEST_JUMP_FACTOR, FIRST_SAMPLES = 1.5, 32
-"""At first, while the base of the angle is a single reading, jumps have the widest limit."""
+"""At first, while the base of the angle is a single reading, the limit of jumps is widest."""
 
 
 class JointLimits:
@@ -54,7 +54,7 @@ class JointLimits:
     def learn(self, astray_rad: float, mismatch_rad: float, change_rad_s: float) -> None:
         """Take residuals of one cycle: the angle's, the same filtered, and the change of the speed's in a cycle.
 
-        What is beyond three standard deviations counts as that: a single spike is no noise.
+        Residuals are clipped at three standard deviations: a single spike is no noise.
         """
         samples = self._samples
         if samples < NOISE_SAMPLES:

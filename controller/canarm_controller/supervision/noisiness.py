@@ -1,14 +1,14 @@
-"""Single readings that are wrong, and speeds that stray to one side and the other: when is it noise?
+"""Decides when wrong single readings, and speeds that stray to both sides, count as noise.
 
-Owns the counting. What is rejected, and what is reported, is decided elsewhere.
+Owns the counting; rejecting and reporting are elsewhere.
 """
 
 SPIKES, TURNS = 3, 3
-"""Readings rejected, each soon after the last; turns of a doubtful speed to the other side, likewise."""
+"""Rejected readings, and reversals of a doubtful speed, each soon after the last, that count as noise."""
 
 
 class SpikeCount:
-    """Readings rejected lately."""
+    """Recently rejected readings."""
 
     __slots__ = ("_count", "_soon", "_until")
 
@@ -16,7 +16,7 @@ class SpikeCount:
         self._count, self._until, self._soon = 0, -1, soon_cycles
 
     def is_too_many(self, cycle: int) -> bool:
-        """Count one."""
+        """Count a rejected reading."""
         if cycle > self._until:
             self._count = 0
         self._count += 1
@@ -25,7 +25,7 @@ class SpikeCount:
 
 
 class TurnCount:
-    """How often a doubtful speed has turned: an arm cannot, and a fault of another kind does not."""
+    """Reversals of a doubtful speed: neither an arm nor another kind of fault does that."""
 
     __slots__ = ("_at", "_off", "_soon", "_turns")
 
@@ -33,7 +33,7 @@ class TurnCount:
         self._at, self._off, self._turns, self._soon = -soon_cycles, 0.0, 0, soon_cycles
 
     def is_too_many(self, cycle: int, off_rad_s: float) -> bool:
-        """Take a speed that is off by more than is in doubt."""
+        """Take a speed error beyond the limit of doubt."""
         if cycle > self._at + self._soon:
             self._turns = 0
         elif off_rad_s * self._off < 0.0:

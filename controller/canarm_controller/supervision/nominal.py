@@ -1,6 +1,6 @@
-"""What a cell says of one joint, as far as detectors need it: its sensors' noise, its mobility, its weight, its drive.
+"""A joint's nominal figures for the detectors: noise of its sensors, mobility, weight, drive.
 
-Owns the way from cell and nominal arm to plain numbers. Which limit follows from them, `thresholds.py` says.
+Turns cell and nominal arm into plain numbers; `thresholds.py` derives the limits from them.
 """
 
 import math
@@ -16,11 +16,11 @@ from canarm_protocol.cell.sensors import AnalogueSensor
 from ..dynamics import Arm
 
 ROUNDING_LSB = 1.0 / math.sqrt(12.0)
-"""Standard deviation of what rounding to a whole code leaves."""
+"""Standard deviation of the error of rounding to a whole code."""
 POSES = 96
-"""Drawn evenly within the joints' ranges; extremes of gravity and inertia are then known to a few percent."""
+"""Number of poses, evenly spread over the joints' ranges: extremes of gravity and inertia to a few per cent."""
 PLASTIC = 1.2207440846
-"""x**4 = x + 1: steps of its inverse powers, modulo 1, fill a box evenly (the R sequence of Roberts)."""
+"""The root of x**4 = x + 1: steps of its inverse powers, modulo 1, fill a box evenly (Roberts' R sequence)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class SensorNominal:
 
 @dataclass(frozen=True, slots=True)
 class JointNominal:
-    """One joint. Mobility is what 1 N·m of its drive makes, the other drives' torques unchanged, least and most."""
+    """One joint. Mobility is the acceleration per N·m of its drive, other drives' torques unchanged: least and most."""
 
     name: str
     position: SensorNominal
@@ -52,25 +52,25 @@ class JointNominal:
     current: SensorNominal | None
     mobility_per_kg_m2: tuple[float, float]
     falling_rad_s2: float
-    """The most that the arm's own weight accelerates the joint by with all torque off."""
+    """The highest acceleration of the joint by the arm's own weight with all torque off."""
     weight_nm: float
-    """The most that the joint must hold."""
+    """The highest holding torque of the joint."""
     coulomb_nm: float
     rotor_kg_m2: float
     wire_stiffness_nm_rad: float
     torque_per_ampere: float
     max_current_a: float
     fastest_rad_s: float
-    """Where its tachometer ends, or the supply against the back-EMF."""
+    """The end of its tachometer's range, or the speed at which the back-EMF equals the supply."""
     winding_s: float
-    """L/R."""
+    """Electrical time constant L/R."""
     winding_ohm: float
     supply_v: float
     back_emf_v_s_rad: float
 
 
 def joint_nominals(cell: Cell, arms: Sequence[Arm]) -> tuple[JointNominal, ...]:
-    """All joints of `cell`; `arms` are its robots' in the same order."""
+    """All joints of `cell`; `arms` are those of its robots, in order."""
     nominals: list[JointNominal] = []
     sensors = iter(joint_sensors(cell))
     for robot, arm in zip(cell.robot, arms, strict=True):
@@ -88,7 +88,7 @@ class _Load:
 
 
 def _loads(arm: Arm, limits_deg: Sequence[tuple[float, float]]) -> list[_Load]:
-    """Extremes over poses within the limits, a joint each."""
+    """Extremes over poses within the limits, per joint."""
     low, high = np.radians(limits_deg).T
     count = arm.joint_count
     steps = np.array([PLASTIC ** -(axis + 1) for axis in range(count)])
@@ -129,7 +129,7 @@ def _nominal(name: str, joint: Joint, load: _Load, sensors: JointSensors) -> Joi
 
 
 def sensor_nominal(wired: WiredSensor) -> SensorNominal:
-    """What the detectors need of a sensor; a counter has no noise but its rounding."""
+    """A sensor's figures for the detectors; a counter has only rounding noise."""
     sensor, step = wired.sensor, wired.scale.lsb
     noise_lsb, ends = (sensor.noise_lsb, (0, wired.highest_code)) if isinstance(sensor, AnalogueSensor) else (0.0, ())
     return SensorNominal(sensor.title, step, step * math.hypot(noise_lsb, ROUNDING_LSB), ends, wired.skew_s)

@@ -1,6 +1,6 @@
-"""A joint with a sensor less: what takes its place, and when it is believed again.
+"""A joint that has lost a sensor: what replaces it, and when it is trusted again.
 
-Owns the substitutes. How a sensor is found to have failed must not enter.
+Owns the substitutes; how a failure is found is elsewhere.
 """
 
 from ..estimation.blind import BlindObserver
@@ -11,14 +11,14 @@ from .thresholds import Thresholds
 from .timing import Timing
 
 PERSISTENT_CYCLES = 4
-"""For so long a residual must be beyond a limit that one reading can pass."""
+"""How long a residual must be beyond a limit that a single reading can pass."""
 EARLY_FACTOR = 2.3
-"""Of the angle's limit, while its base is not known well."""
+"""Factor on the angle's limit while its base is poorly known."""
 AGREE_FACTOR = 1.5
-"""Of the speed's limit: within it a tachometer agrees. It is believed again after a second of agreement in which the
-joint turned both ways: one that lags, or reads too little, agrees as well while the speed is right by chance."""
+"""Factor on the speed's limit within which a tachometer agrees. It is trusted again after a second of agreement in
+which the joint turned both ways: one that lags, or reads low, also agrees while the speed is right by chance."""
 BLIND_FACTOR = 2.0
-"""With a sensor less, the limits of the other are wider."""
+"""Factor on the other sensor's limits when one is lost."""
 
 
 class SensorLess(JointState):
@@ -31,7 +31,7 @@ class SensorLess(JointState):
         self._blind = BlindObserver(timing.period_s)
 
     def start(self, position_rad: float) -> None:
-        """At rest at a measured angle, with all sensors."""
+        """Start at rest at a measured angle, with all sensors."""
         super().start(position_rad)
         self._fastest = 0.0, 0.0
         self._stepped = self._agreed = 0
@@ -55,7 +55,7 @@ class SensorLess(JointState):
         return self._substitute(x, self._blind.velocity_rad_s)
 
     def _without_tachometer(self, x: float, v: float, acceleration: float) -> bool:
-        """Speed from potentiometer and model, until the tachometer has agreed with it for long, both ways."""
+        """Speed from potentiometer and model, until the tachometer has agreed long enough in both directions."""
         blind = self._blind
         blind.predict(acceleration)
         if abs(x - blind.position_rad) > BLIND_FACTOR * self._limits.jump:
@@ -85,7 +85,7 @@ class SensorLess(JointState):
         self._calm_at = self.cycles + self._timing.calm
 
     def _without_potentiometer(self, x: float, v: float, predicted: float) -> bool:
-        """Angle from the integrated tachometer; a noisy potentiometer may still lead it, slowly."""
+        """Angle from the integrated tachometer, which a noisy potentiometer may still correct slowly."""
         off = v - predicted
         if abs(off) > BLIND_FACTOR * self._limits.step:
             self._stepped += 1
@@ -101,7 +101,7 @@ class SensorLess(JointState):
         return self._substitute(self._angle(v), v)
 
     def _follow_noisy(self, astray: float) -> None:
-        """What a noisy potentiometer still tells: where the angle is on average."""
+        """Correct the angle by a noisy potentiometer, which is right on average."""
         limit = self._limits.jump
         bounded = max(-limit, min(limit, astray))
         self._base += self._base_gain * bounded

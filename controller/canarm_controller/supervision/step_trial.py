@@ -1,14 +1,14 @@
-"""The speed has stepped away from the model: was it the arm, or only its tachometer?
+"""Decides whether a step of the speed away from the model was the arm's, or only the tachometer's.
 
-Had the arm stepped, the angle would follow. Owns the least squares of angle over step; the reaction is decided
+If the arm stepped, the angle follows. Owns the least squares of angle over step; the reaction is decided
 elsewhere.
 """
 
 SMALLEST_LEAD, ARM_SHARE = 0.5, 0.65
-"""A step that would have moved the angle by less than half a grain is taken for the tachometer's; of others, this share
+"""A step that would have moved the angle by less than half a grain counts as the tachometer's; of others, this share
 must be seen there. With 0.42 grains of noise a step of 1 rad/s of konkuk1 is judged to 0.15."""
 EARLY, EARLY_SHARES = 5.0, (0.3, 0.7)
-"""A large step is judged as soon as the sum of squares tells the share to 0.42/sqrt(5) = 0.19."""
+"""A large step is judged as soon as the sum of squares gives the share to 0.42/sqrt(5) = 0.19."""
 
 
 class StepTrial:
@@ -21,14 +21,14 @@ class StepTrial:
         self.begin(0.0)
 
     def begin(self, step_rad_s: float) -> None:
-        """In this cycle."""
+        """The speed has stepped in this cycle."""
         self.cycles, self.step_rad_s = 0, step_rad_s
         self.led_rad = self._period_s * step_rad_s
-        """By how much the arm would be elsewhere, had it stepped."""
+        """How far the arm would have moved had it stepped."""
         self._followed_rad2 = self._led_rad2 = 0.0
 
     def take(self, off_rad_s: float, astray_rad: float) -> None:
-        """One cycle more: speed off the model, and potentiometer off the angle that the model leads to."""
+        """Take one cycle: speed minus model, and potentiometer minus the model's angle."""
         self.cycles += 1
         led = self.led_rad = self.led_rad + self._period_s * off_rad_s
         self._followed_rad2 += led * astray_rad
@@ -45,6 +45,6 @@ class StepTrial:
 
     @property
     def is_arm(self) -> bool:
-        """Whether the arm went along."""
+        """Whether the arm stepped."""
         is_telling = abs(self.led_rad) > SMALLEST_LEAD * self._grain_rad
         return is_telling and self._followed_rad2 > ARM_SHARE * self._led_rad2

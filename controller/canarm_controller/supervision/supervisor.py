@@ -1,6 +1,6 @@
 """Judges cards, messages, measurements and commands of a run.
 
-Owns thresholds and verdicts, never the reaction: the controller turns a verdict into a safe stop.
+Owns thresholds and verdicts, not the reaction: the controller turns a verdict into a safe stop.
 """
 
 import math
@@ -25,11 +25,11 @@ FOREIGN_MASTER = "foreign-master"
 TIME_STEP_NS = 1_000_000
 """TIME counts milliseconds."""
 LATEST_NS = 1_000_000_000
-"""A TIME that is ahead by more than this is another producer's, not that of a late SYNC."""
+"""A TIME further ahead than this comes from another producer, not from a late SYNC."""
 OUTPUT_TYPES = (list, tuple, np.ndarray)
-"""Types that a law may return. Others can be iterated as well, but a dict would give its keys."""
+"""Types that a law may return. Others are iterable too, but a dict would give its keys."""
 SHOWN = 80
-"""Characters that are shown of a wrong result of a law."""
+"""Characters shown of a law's wrong result."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Verdict:
     detector: str
     detail: str
     where: str | None = None
-    """Name of the joint or card concerned; None where it is the run as a whole."""
+    """Name of the joint or card concerned; None for the run as a whole."""
 
     def __str__(self) -> str:
         return f"{self.detector}: {self.detail}"
@@ -79,10 +79,10 @@ class Supervisor:
         self._first_time_ns: int | None = None
         self._last_time_ns = 0
         self._times = 0
-        """TIMEs since the first, or since the last that was late."""
+        """Number of TIMEs since the first, or since the last late one."""
         self._late_cycles = 0
         self.late_ns = 0
-        """How much longer than a cycle virtual time went on before the last TIME; 0 if that is nothing unusual."""
+        """How much longer than a cycle the last interval between TIMEs was; 0 if normal."""
 
     def message(self, frame: Frame, tick: int) -> Verdict | None:
         """Judge a frame that is not process data: heartbeats, emergencies, another master. Malformed ones may pass."""
@@ -158,7 +158,7 @@ class Supervisor:
         return Verdict("deadline-missed", f"SYNC late in {self._late_cycles} cycles in a row")
 
     def begin_cycle(self, tick: int) -> Verdict | None:
-        """Judge the silence of the cards' heartbeats."""
+        """Judge missing heartbeats of the cards."""
         for node_id, last in self._last_heartbeat.items():
             if tick - last > self._timeout_cycles:
                 what = "silent" if node_id in self._started else "not in OPERATIONAL after NMT start"
@@ -180,7 +180,7 @@ class Supervisor:
     def measurement(self, position_rad: Sequence[float], left_out: float = 0.0) -> Verdict | None:
         """Judge the measured joint angles: none beyond its stops, none faster than the arm can move.
 
-        After cycles without a measurement it may have moved on in all of them, as in `left_out` cycles without SYNC.
+        After cycles without a measurement, or `left_out` cycles without SYNC, it may have moved accordingly.
         """
         factor = 1 + self._missing + left_out
         self._missing = 0
@@ -213,7 +213,7 @@ class Supervisor:
         return None
 
     def command(self, torque_nm: Sequence[float]) -> Verdict | None:
-        """Judge what the law asks for, whatever it may be: a law can be the user's own."""
+        """Judge the law's result, whatever its type: a law can be the user's own."""
         try:
             finite = [_is_finite(torque) for torque in torque_nm] if isinstance(torque_nm, OUTPUT_TYPES) else None
         except (TypeError, OverflowError):
@@ -231,7 +231,7 @@ class Supervisor:
 
 
 def _is_finite(torque: object) -> bool:
-    """Raises `TypeError` for what is no real number, `OverflowError` for an int that no float can hold."""
+    """Raises `TypeError` unless it is a real number, `OverflowError` for an int beyond the range of float."""
     if type(torque) is not float and not isinstance(torque, Real):  # an abstract class is slow to ask
         raise TypeError
     return math.isfinite(torque)
@@ -244,5 +244,5 @@ def _foreign_time(what: str) -> Verdict:
 
 
 def law_verdict(error: ControllerError) -> Verdict:
-    """What a law's own code raised. Ctrl-C may find it at work: then the user has stopped the robot, not the law."""
+    """The verdict on an exception from a law's code. If it is from Ctrl-C, the user has stopped the robot."""
     return Verdict("interrupted" if isinstance(error, InterruptedRunError) else "law-failed", str(error))

@@ -1,4 +1,4 @@
-"""Which joints still rest on the support that an arm is parked on, as far as the controller can know.
+"""Which joints still rest on the arm's parking support, as far as the controller can know.
 
 A robot leaves it when the first of its bridges is on: when a command is worth a code of its DAC. What is expected of a
 joint that rests belongs to the watch of the arm.
@@ -11,7 +11,7 @@ from canarm_protocol.cell.wiring import command_codec
 
 
 class Support:
-    """The joints that rest: until `calm_cycles` after their robot was first driven, unless they move before."""
+    """The resting joints: until `calm_cycles` after their robot was first driven, unless they move before."""
 
     def __init__(self, cell: Cell, standing_rad_s: Sequence[float], calm_cycles: int) -> None:
         self._standing_rad_s, self._calm_cycles = standing_rad_s, calm_cycles
@@ -27,7 +27,7 @@ class Support:
         """All robots are parked."""
         self._parked = self._robots
         self.joints = list(range(len(self._least_nm)))
-        """Those that rest; from none on, there is nothing to ask any more."""
+        """Resting joints."""
         self._calm_until = [0] * len(self._least_nm)
 
     def leave(self, cycle: int, acted_nm: Sequence[float], speed_rad_s: Sequence[float]) -> Sequence[int]:

@@ -1,4 +1,4 @@
-"""Accelerations that the model did not expect: which torque is missing or too much, and is it the drive's?
+"""Unexpected accelerations: which torque is missing or excessive, and whether the drive is the cause.
 
 Owns what is measured over a few cycles after a joint's witness has been agitated. The cycle's own residuals must not
 enter.
@@ -17,19 +17,19 @@ from .witness import JointWitness
 Witness = JointWitness | TachlessWitness
 
 ArmReport = Callable[[str, int, str, Reaction | None], bool]
-"""Detector, index of the joint, detail and, where it is not the table's, the reaction."""
+"""Detector, index of the joint, detail, and the reaction if it is not the table's."""
 
 WRONG_DIRECTION = 1.5, 2.6
 """Missing over commanded torque: 2 for a reversed bridge, 1 for none, at most 1 for a payload twice as heavy."""
 ASSESSMENTS = 5
-"""In a row, once something is unexpected: whether a torque is against its command shows in two of them."""
+"""Consecutive assessments after an unexpected acceleration; two of them show a torque against its command."""
 AGAINST_ASSESSMENTS = 2
 LASTING_SHARE = 0.7
-"""Of what no payload makes: if so much is still there a little later, it was no blow."""
+"""Share of the lasting limit that must remain a little later for it not to have been a blow."""
 
 
 class SurpriseWatch:
-    """From the first agitation until the arm does again what the model expects."""
+    """Active from the first agitation until the arm follows the model again."""
 
     def __init__(
         self, joints: Sequence[Witness], limits: Sequence[Thresholds], per_ampere: Sequence[float],
@@ -42,7 +42,7 @@ class SurpriseWatch:
         self._applied_nm = [0.0] * len(joints)
         self._against = [0] * len(joints)
         self.calm_until = timing.calm
-        """Until this cycle the weight that the arm carries is not known."""
+        """Until this cycle the payload is not known."""
         self._calm_bias = [0.0] * len(joints)
         self._lasting_at = [0] * len(joints)
         self.is_open = False
@@ -54,7 +54,7 @@ class SurpriseWatch:
         self._begin(count, speed_rad_s)
 
     def cancel(self) -> None:
-        """The time between two measurements is not known: nothing can be told from these."""
+        """The time between two measurements is not known, so they prove nothing."""
         self.is_open, self._left = False, 0
         for index, joint in enumerate(self._joints):
             joint.is_agitated = False
@@ -80,7 +80,7 @@ class SurpriseWatch:
         self._applied_nm = [0.0] * len(self._joints)
 
     def _assess(self, count: int, speed_rad_s: Sequence[float], may_stop: bool) -> None:
-        """Which torques are missing or too much: what the arm did in the last cycles, less what the model says."""
+        """Find missing or excessive torques: the arm's motion in the last cycles, less the model's."""
         is_start = count <= self.calm_until
         is_unexpected = False
         elapsed_s = self._timing.assessed_s
@@ -112,7 +112,7 @@ class SurpriseWatch:
         self._begin(count, speed_rad_s)
 
     def _judge_direction(self, index: int, off_nm: float, lacking_nm: float, may_stop: bool) -> None:
-        """Whether twice the commanded torque is missing: of all since the model last fitted, or of what is sudden."""
+        """Whether twice the commanded torque is missing, in total since the model last fitted, or suddenly."""
         per_ampere, limits = self._per_ampere[index], self._limits[index]
         command_nm = self._applied_nm[index] / self._timing.assessed
         total_nm = off_nm + lacking_nm
@@ -128,7 +128,7 @@ class SurpriseWatch:
             self._report("wrong-direction", index, text, None)
 
     def _judge_lasting(self, index: int, may_stop: bool) -> None:
-        """Whether what was beyond any payload is still there."""
+        """Whether an acceleration beyond any payload persists."""
         self._lasting_at[index] = 0
         change = self._joints[index].bias - self._calm_bias[index]
         if abs(change) > LASTING_SHARE * self._limits[index].lasting and may_stop:

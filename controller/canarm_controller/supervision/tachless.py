@@ -1,4 +1,4 @@
-"""A joint that has no tachometer: its speed comes from position sensor and model, and the two judge each other.
+"""A joint without a tachometer: its speed comes from position sensor and model, which check each other.
 
 Owns what can be judged with two witnesses. With a tachometer there are three, see `witness`.
 """
@@ -12,16 +12,16 @@ from .thresholds import Thresholds, unmodelled_rad_s2
 from .timing import Timing
 
 STUCK_FACTOR, STUCK_CYCLES = 1.6, 6
-"""Of the way that a code may stand still; and a code that has not changed for less is none that sticks."""
+"""Factor on the travel over which a code may stand still, and the least number of cycles of a stuck code."""
 UNLEARNED_SHARE = 0.2
-"""Of what a right model may be off by: the rest the observer has learned by the time at which a code changed last."""
+"""Share of a right model's error that the observer has not yet learned when the code last changed."""
 
 
 class TachlessWitness(SensorLess):
     """Residual of one joint: the angle off the observer's, which follows it at 12 rad/s.
 
-    A code that does not change is judged by the way that the model goes meanwhile, from the speed and with the
-    acceleration bias that were believed when it changed last.
+    A code that does not change is judged by the model's travel meanwhile, from the speed and with the
+    acceleration bias estimated when it last changed.
     """
 
     __slots__ = ("_gone_bias", "_gone_rad", "_gone_rad_s", "_lasting_cycles", "_stood_cycles", "_unmodelled", "_x_code")
@@ -66,7 +66,7 @@ class TachlessWitness(SensorLess):
         return self.step(x, v, acceleration, x_code, v_code)
 
     def settle(self, bias_rad_s2: float) -> None:
-        """Nothing to settle: the observer learns by itself what the model lacks."""
+        """There is nothing to settle: the observer learns the model's error by itself."""
 
     def _is_astray(self, x: float, x_code: int) -> bool:
         off = x - self._blind.position_rad
@@ -86,7 +86,7 @@ class TachlessWitness(SensorLess):
         return True
 
     def _judge_code(self, x_code: int, acceleration: float) -> None:
-        """Whether the model goes on while the code does not."""
+        """Whether the model moves while the code does not."""
         if x_code != self._x_code or self._stood_cycles > self._timing.agree:
             self._x_code, self._stood_cycles = x_code, 0
             self._gone_rad, self._gone_rad_s, self._gone_bias = 0.0, self.speed, self.bias
@@ -104,7 +104,7 @@ class TachlessWitness(SensorLess):
                 self.mode = Mode.BLIND
 
     def _judge_bias(self) -> None:
-        """Whether the arm does what no payload makes it do: a jam, a drive that brakes."""
+        """Whether the acceleration is beyond any payload: a jam, a braking drive."""
         beyond = abs(self.bias) > self._thresholds.lasting and self.cycles > 2 * self._timing.calm
         self._lasting_cycles = self._lasting_cycles + 1 if beyond else 0
         if self._lasting_cycles > self._timing.lasting:

@@ -1,9 +1,9 @@
-"""The limits of one joint's detectors, derived from what the cell says of it, and how each comes about in words.
+"""The limits of one joint's detectors, derived from the cell.
 
-Owns the arithmetic. Limits are multiples of a *grain*: what can just not be told, of angle or of speed. It is the noise
-of a reading, or what a right model is off by, whichever is more. Multiples were measured at 0.3 LSB of noise, where a
-grain is a step of the code; `[supervision]` of the cell overrides some of them. What is compared with a limit must not
-enter.
+Owns the arithmetic. Limits are multiples of a *grain*, the resolution of an angle or a speed. It is the noise
+of a reading, or the error of a right model, whichever is larger. Multiples were measured at 0.3 LSB of noise, where a
+grain is a step of the code; `[supervision]` of the cell overrides some of them. What is compared with a limit is not
+known here.
 """
 
 import math
@@ -17,68 +17,68 @@ from .nominal import ROUNDING_LSB, JointNominal, SensorNominal
 from .timing import Timing
 
 REFERENCE_NOISE = math.hypot(0.3, ROUNDING_LSB)
-"""Noise of one reading over the grain, at which the multiples below were measured: 0.42."""
+"""Noise of one reading in grains at which the multiples below were measured: 0.42."""
 BANDWIDTH_RAD_S = 30.0
-"""Of the observer of speed and acceleration bias: fast enough for gravity of a wrong payload along a swing (10 rad/s³
-leave 10/30² rad/s), slow enough that a step of either shows in full."""
+"""Bandwidth of the observer of speed and acceleration bias: fast enough for a wrong payload along a swing (10 rad/s³
+leave 10/30² rad/s), slow enough that a step of either shows fully."""
 SLOWEST_POLE = 0.5
-"""The bandwidth times the cycle time is never more: an observer has to be slower than its cycle."""
+"""Highest product of bandwidth and cycle time: an observer must be slower than its cycle."""
 DRIFT_S = 6.0
-"""In which the tachometer's offset is learned from the position; shorter at first."""
+"""Time in which the tachometer's offset is learned from the position; shorter at first."""
 PAYLOAD_SHARE = 0.5
-"""By which the payload may be off: of what the arm's own weight accelerates a joint by."""
+"""Error of the payload, as a share of a joint's acceleration by the arm's own weight."""
 USUAL_SPEED_SHARE = 0.5
-"""Of the fastest speed: how fast a joint turns while its payload is off."""
+"""Speed of a joint while its payload is wrong, as a share of its highest speed."""
 KICK_SHARE = 0.4
-"""Of the speed that Coulomb friction makes when it turns its sign between two evaluations of the model; it leaves 2.5
+"""Share that remains of the speed change when Coulomb friction reverses between two evaluations of the model: 2.5
 grains, half of the limit of a jump."""
 BLIND_NOISE = 1.32
-"""sqrt(7)/2: an observer with three equal poles p makes of noise σ a speed's of this times σ·p·sqrt(pT)."""
+"""sqrt(7)/2: an observer with three equal poles p turns noise σ into speed noise of this times σ·p·sqrt(pT)."""
 INTEGRAL_GRAINS = 5.0
-"""Grains over the error of the integrated tachometer: a drift of 0.65 grains is then three of its deviations."""
+"""Grain over the error of the integrated tachometer: a drift of 0.65 grains is then three standard deviations."""
 TIMING_SHARE = 0.1
-"""Of a cycle: when a reading was taken is not known better, and at the fastest speed the angle goes with it."""
+"""Uncertainty of a reading's time, as a share of a cycle: at the highest speed it is an error of the angle."""
 ROUNDING_BIAS = 1.0 / math.pi
-"""Of a step, times exp(-2 (pi sigma)^2): the mean error that rounding leaves of a value with sigma steps of noise."""
+"""Mean rounding error of a value with sigma steps of noise, in steps, is this times exp(-2 (pi sigma)^2)."""
 
 POSITION_JUMP, POSITION_DRIFT, SPEED_JUMP, SPEED_DRIFT = 4.5, 0.65, 5.0, 2.2
-"""Grains: one residual of the angle (1.9 occur), filtered over 16 readings (0.48); of the speed (2.5), over 8 (1.3)."""
+"""Grains: a residual of the angle (1.9 occur), over 16 readings (0.48); of the speed (2.5), over 8 (1.3)."""
 DOUBT, STUCK_SPEED, STUCK_TRAVEL, STUCK_SUSPECT = 2.7, 4.5, 1.25, 0.5
-"""Grains: a speed that is no fault, but remembered (a payload of ±50 % leaves 2.2); what the model's speed or the
-tachometer's way must change by while a code does not; and the way from which a verdict waits for the rest."""
+"""Grains: a speed error that is no fault, but remembered (a payload of ±50 % leaves 2.2); how far the model's speed or
+the tachometer's travel must change while a code does not; and the travel at which a verdict waits for the rest."""
 STANDING, TOLD, TOLD_SHARE = 3.06, 25.0, 0.2
-"""Grains of speed: below, a joint stands; above, both ways, a tachometer has shown itself again, or a fifth of its
-range if that is less."""
+"""Grains of speed: below, a joint stands; above, in both directions, a tachometer has proved itself again, or at a
+fifth of its range if that is less."""
 ACCELERATION_SIGMAS, FRICTION_REVERSALS = 3.5, 2.0
-"""Of two readings `assessed` cycles apart, and of Coulomb friction: what an unexpected acceleration must pass."""
+"""An unexpected acceleration exceeds these: deviations of two readings `assessed` cycles apart, and friction."""
 START_FACTOR, WIRE_OVERSHOOT = 4.0, 2.0
-"""While the arm leaves its support the payload is not known; and an elastic wire that takes up the weight lets the
-motor swing by itself, up to twice what the weight makes of the rotor."""
+"""While the arm leaves its support the payload is unknown; and an elastic wire that takes up the weight lets the
+motor swing, up to twice the rotor's acceleration by the weight."""
 LASTING_SHARE_OF_FALL, LASTING_FACTOR = 0.9, 3.0
-"""Of what the arm's whole weight makes of any of its joints: no payload that is taken or lost makes so much; never less
-than so many times what is unexpected."""
+"""Share of the acceleration by the arm's whole weight, which no gained or lost payload reaches; never less
+than this factor on the limit of unexpected accelerations."""
 CURRENT_SHARE, CURRENT_SIGMAS = 0.05, 8.0
-"""Of the amplifier's full scale, half of what is a fault; never below the noise of the sense."""
+"""Share of the amplifier's full scale, half of a fault; never below the noise of the sense."""
 FLUTTER_SHARE, FLUTTER_SIGMAS = 0.2, 5.0
-"""Of that limit, 15 of konkuk1's 75 mA, and of the noise: 5 mA occur, and no error of offset or gain makes more. Then
-the current does not follow the command."""
+"""Share of that limit (15 of konkuk1's 75 mA), and deviations of noise: 5 mA occur; offset and gain errors cause no
+more. Above it, the current does not follow the command."""
 TOLD_CURRENT_SHARE, TOLD_CURRENT_SIGMAS, SUDDEN_FACTOR = 0.08 / 1.5, 2.4, 1.5
-"""Of full scale, and of the acceleration's noise in current: the share of a torque that is missing is told above it."""
+"""Share of full scale, and deviations of acceleration noise as current: a missing share of torque shows above it."""
 SAG_SHARE = 0.115
-"""Of what half the weight turns a joint by in a loop of 12 rad/s: the unit of a law's normal following error."""
+"""Share of the deflection by half the weight in a loop of 12 rad/s: the unit of a law's normal following error."""
 JUDGED_AT_RAD_S = 12.0
 """Natural frequency at which laws state their normal following error."""
 MARGIN_RAD, MARGIN_SIGMAS = math.radians(1.0), 4.54
-"""Beyond the stops: their own give, and the noise of a reading."""
+"""Margin beyond the stops: their give, and the noise of a reading."""
 MISSING_S, LEAST_MISSING = 0.04, 4
-"""An arm runs on under its last currents for so long at most, and a single frame that is lost stops nothing."""
+"""The longest time under the last currents; but at least as many cycles that a lost frame stops nothing."""
 STEP_SPEEDS, STEP_SIGMAS = 4.0, 15.0
-"""Of the fastest motion in a cycle, and of the noise: what no joint can have turned by."""
+"""An impossible step, as multiples of the fastest motion per cycle and of the noise."""
 
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """Limits of one joint in rad, rad/s, rad/s² and A. Speed limits of a joint without tachometer are its model's."""
+    """Limits of one joint in rad, rad/s, rad/s² and A. Without a tachometer, speed limits apply to the model."""
 
     position_grain: float
     speed_grain: float
@@ -103,7 +103,7 @@ class Thresholds:
 
 
 def thresholds(joint: JointNominal, limits: Supervision, timing: Timing, falling_rad_s2: float) -> Thresholds:
-    """Limits of `joint`; `falling_rad_s2` is the most that the arm's weight makes of any of its joints."""
+    """Limits of `joint`; `falling_rad_s2` is the highest acceleration of any of the arm's joints by its weight."""
     position, speed = joint.position, joint.speed
     position_grain, speed_grain = position_grain_rad(joint, timing), speed_grain_rad_s(joint, timing)
     position_step, speed_step = position.step, speed.step if speed else speed_grain
@@ -148,18 +148,18 @@ def cell_thresholds(joints: Sequence[JointNominal], limits: Supervision, timing:
 
 
 def observer_bandwidth_rad_s(period_s: float) -> float:
-    """Of the observer of a joint's speed and of the acceleration that its model lacks."""
+    """Bandwidth of the observer of a joint's speed and acceleration bias."""
     return min(BANDWIDTH_RAD_S, SLOWEST_POLE / period_s)
 
 
 def position_grain_rad(joint: JointNominal, timing: Timing) -> float:
-    """What of an angle can just not be told: noise of the sensor, or the error of the integrated tachometer."""
+    """Grain of an angle: noise of the sensor, or the error of the integrated tachometer."""
     grain = joint.position.noise / REFERENCE_NOISE
     return max(grain, INTEGRAL_GRAINS * integral_error_rad(joint, timing), timing_error_rad(joint, timing))
 
 
 def timing_error_rad(joint: JointNominal, timing: Timing) -> float:
-    """What of an angle at the fastest speed is not known because its time is not."""
+    """Error of an angle at the highest speed due to its uncertain time."""
     return TIMING_SHARE * joint.fastest_rad_s * timing.period_s
 
 
@@ -176,13 +176,13 @@ def integral_error_rad(joint: JointNominal, timing: Timing) -> float:
 
 
 def speed_grain_rad_s(joint: JointNominal, timing: Timing) -> float:
-    """What of a speed can just not be told: noise of the tachometer, a payload that turns, friction that turns."""
+    """Grain of a speed: noise of the tachometer, a turning payload, or reversing friction."""
     noise = speed_noise_rad_s(joint, timing) / REFERENCE_NOISE
     return max(noise, payload_speed_rad_s(joint, timing), friction_speed_rad_s(joint, timing))
 
 
 def speed_noise_rad_s(joint: JointNominal, timing: Timing) -> float:
-    """Standard deviation of one speed: of the tachometer's reading, or of what the observer makes of the angle's."""
+    """Standard deviation of one speed: the tachometer's reading, or the observer's estimate from the angle."""
     if joint.speed:
         return joint.speed.noise
     pole = blind_pole_rad_s(timing.period_s)
@@ -190,20 +190,20 @@ def speed_noise_rad_s(joint: JointNominal, timing: Timing) -> float:
 
 
 def payload_speed_rad_s(joint: JointNominal, timing: Timing) -> float:
-    """What a payload that is off leaves of the observer's speed while it turns with the arm."""
+    """Error of the observer's speed while a wrong payload turns with the arm."""
     turning = PAYLOAD_SHARE * joint.falling_rad_s2 * USUAL_SPEED_SHARE * joint.fastest_rad_s
     bandwidth = observer_bandwidth_rad_s(timing.period_s) if joint.speed else blind_pole_rad_s(timing.period_s)
     return turning / bandwidth**2
 
 
 def friction_speed_rad_s(joint: JointNominal, timing: Timing) -> float:
-    """What Coulomb friction leaves that turns its sign before the model is evaluated again."""
+    """Error of the speed when Coulomb friction reverses before the model is evaluated again."""
     reversal_rad_s2 = 2.0 * joint.coulomb_nm * joint.mobility_per_kg_m2[1]
     return KICK_SHARE * reversal_rad_s2 * timing.refresh * timing.period_s
 
 
 def acceleration_noise_rad_s2(joint: JointNominal, timing: Timing) -> float:
-    """Standard deviation of an acceleration told from two readings of the tachometer."""
+    """Standard deviation of an acceleration from two readings of the tachometer."""
     return math.sqrt(2.0) * speed_noise_rad_s(joint, timing) / timing.assessed_s
 
 
@@ -213,7 +213,7 @@ def wire_swing_rad_s2(joint: JointNominal) -> float:
 
 
 def current_limit_a(joint: JointNominal) -> float:
-    """How far measured and commanded current may be apart."""
+    """How far measured and commanded current may differ."""
     noise = CURRENT_SIGMAS * joint.current.noise if joint.current else 0.0
     return max(CURRENT_SHARE * joint.max_current_a, noise)
 
@@ -225,7 +225,7 @@ def flutter_limit_a(joint: JointNominal, current_a: float) -> float:
 
 
 def following_unit_rad(joint: JointNominal, position_grain: float) -> float:
-    """The unit of laws' normal following errors: a grain, or a part of what half the arm's weight makes of a loop."""
+    """The unit of laws' normal following errors: a grain, or a share of a loop's sag under half the weight."""
     sag = PAYLOAD_SHARE * joint.falling_rad_s2 / JUDGED_AT_RAD_S**2
     return max(position_grain, 2.0 * SAG_SHARE * sag)
 
@@ -235,7 +235,7 @@ def _chosen(override_lsb: float | None, step: float, derived: float) -> float:
 
 
 def unmodelled_rad_s2(joint: JointNominal) -> float:
-    """What a right model may be off by: half the payload, and Coulomb friction of the wrong sign."""
+    """Error of a right model: half the payload, and Coulomb friction of the wrong sign."""
     return PAYLOAD_SHARE * joint.falling_rad_s2 + 2.0 * joint.coulomb_nm * joint.mobility_per_kg_m2[1]
 
 
@@ -254,12 +254,12 @@ def range_rad(joint: Joint, position: SensorNominal, limits: Supervision) -> tup
 
 
 def longest_step_rad(position: SensorNominal, fastest: float, limits: Supervision, period_s: float) -> float:
-    """What a joint that turns at most at `fastest` rad/s cannot have turned by in a cycle."""
+    """A step per cycle that is impossible at up to `fastest` rad/s."""
     if limits.max_position_step_deg is not None:
         return math.radians(limits.max_position_step_deg)
     return STEP_SPEEDS * fastest * period_s + STEP_SIGMAS * position.noise
 
 
 def missing_cycles(limits: Supervision, period_s: float) -> int:
-    """After so many cycles in a row without all inputs the run stops."""
+    """Number of cycles in a row without all inputs after which the run stops."""
     return limits.missing_cycles or max(round(MISSING_S / period_s), LEAST_MISSING)

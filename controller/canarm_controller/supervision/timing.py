@@ -1,51 +1,51 @@
-"""Times of the detectors as whole cycles of a cell.
+"""The detectors' times as whole cycles of a cell.
 
-Owns what is a time by its nature: how long an arm swings, a payload is unknown, a drive takes. What is a number of
-readings, because noise is averaged over so many, stays where it is counted.
+Owns the genuine times: how long an arm swings, a payload is unknown, a drive takes. Numbers of
+readings over which noise is averaged stay where they are counted.
 """
 
 from dataclasses import dataclass
 
 REFRESH_S = 0.01
-"""Gravity, Coriolis, friction and inertia are evaluated so often: at 2.5 rad/s the arm turns 1.4° meanwhile, and
+"""How often gravity, Coriolis, friction and inertia are evaluated: at 2.5 rad/s the arm turns 1.4° meanwhile, and
 gravity changes by 2.5 %."""
 ASSESSED_S = 0.01
-"""Over which an unexpected acceleration is measured."""
+"""Time over which an unexpected acceleration is measured."""
 CALM_S = 0.25
-"""After the start, or after the arm has changed, the payload's weight is not known: wider limits of the speed."""
+"""How long the payload is unknown after the start or a change of the arm: speed limits are wider."""
 BLURRED_S = 0.1
-"""After a measurement whose time is known badly, limits are the wide ones."""
+"""How long limits are wide after a measurement of uncertain time."""
 DOUBT_S = 1.0
-"""For so long a doubtful speed is remembered."""
+"""How long a doubtful speed is remembered."""
 EARLY_S = 2.0
-"""In which base and offset of the tachometer are learned, and a wire takes up what the arm carries."""
+"""Time in which base and offset of the tachometer are learned, and a wire takes up the load."""
 SWINGING_S = 0.5
-"""In which an arm that has left its support swings on elastic wires: turns of its speed are no noise."""
+"""How long an arm that has left its support swings on elastic wires: reversals of its speed are no noise."""
 UNSETTLED_S = 0.2
-"""If motor and joint part company so soon after an unexpected acceleration, it is what joins them that has broken."""
+"""If motor and joint diverge within this time of an unexpected acceleration, their connection has broken."""
 LASTING_S = 0.025
-"""What is beyond any payload and has not gone by then, as a blow has, is a jam or a drive that brakes."""
+"""An acceleration beyond any payload that lasts longer is no blow, but a jam or a braking drive."""
 STUCK_S, STUCK_CYCLES = 0.02, (3, 8)
-"""A code that has not changed for so long may stick, between so few and so many readings: noise changes it sooner."""
+"""A code unchanged for this time (within these bounds of readings) may be stuck: noise changes it sooner."""
 STUCK_SURE_S, STUCK_SURE_CYCLES = 0.06, (8, 24)
-"""A code that has not changed for so long agrees with nothing."""
+"""A code unchanged for this time agrees with nothing."""
 STEP_S, SHORTEST_STEP_CYCLES = 0.0225, 4
-"""After a step of the speed, so long at most until it is decided; over four readings at least."""
+"""Longest time to decide on a step of the speed, and the least number of readings."""
 ABRUPT_S, SHORTEST_ABRUPT_CYCLES = 0.06, 12
-"""In which the speed that a missing torque makes tells amplifier and sense apart."""
+"""Time in which the speed caused by a missing torque tells amplifier and sense apart."""
 WINDOW_S, SHORTEST_WINDOW_CYCLES = 0.06, 12
-"""Of a vote: short enough that what the model lacks otherwise (a payload that turns) is a straight line in it."""
+"""Window of a vote, short enough that other model errors (a turning payload) are a straight line in it."""
 JAMMED_S, SATURATED_S, BEGINNING_S, RECOVERY_S = 0.05, 0.1, 0.5, 2.0
-"""A jammed joint stands for so long; an amplifier is at its limit for so long before that excuses an error; a law
-learns what the arm carries in the beginning; and after an excuse the arm has so long to come back."""
+"""How long a joint stands before it is jammed; how long an amplifier is at its limit before that excuses an error; how
+long a law learns the payload at first; and how long the arm has to come back after an excuse."""
 SPIKE_S, TURN_S, AGREE_S, AGREE_AGAIN_S = 0.2, 0.1, 0.25, 1.0
-"""Spikes and turns within these belong together; after so much agreement a noisy potentiometer, or a tachometer, is
-believed again."""
+"""Spikes and reversals within these times belong together; after this much agreement a noisy potentiometer, or a
+tachometer, is trusted again."""
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Cycles; the field `step` is `STEP_S`, and so on."""
+    """The times in cycles; the field `step` is `STEP_S`, and so on."""
 
     period_s: float
     refresh: int
@@ -73,7 +73,7 @@ class Timing:
 
     @classmethod
     def of(cls, period_s: float) -> "Timing":
-        """For a cycle of `period_s`."""
+        """The times for a cycle of `period_s`."""
 
         def cycles(seconds: float, least: int = 1) -> int:
             return max(round(seconds / period_s), least)

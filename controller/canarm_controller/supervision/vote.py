@@ -1,4 +1,4 @@
-"""Does the arm follow a doubtful torque? Its speed is regressed on the speed that this torque would cause.
+"""Decides whether the arm follows a doubtful torque, by regressing its speed on the speed that it would cause.
 
 Owns the arithmetic only; the torque and the reaction are decided elsewhere.
 """
@@ -6,14 +6,14 @@ Owns the arithmetic only; the torque and the reaction are decided elsewhere.
 from collections.abc import Sequence
 
 DECISIVE = 12.0
-"""Sum of squares in grains of the speed: with 0.42 grains of noise the share is then known to 0.15."""
+"""Sum of squares in grains of speed: with 0.42 grains of noise the share is then known to 0.15."""
 FOR_SHARE = 0.5
 
 
 class Ballot:
-    """Collects speeds, rad/s: those that are due if the torque acts, and those that were not explained without it.
+    """Collects speeds, rad/s: those due if the torque acts, and those not explained without it.
 
-    In every window a constant and a straight line are taken off both: they look like another payload.
+    In every window the best straight line is subtracted from both: it looks like another payload.
     """
 
     __slots__ = ("_due", "_due2", "_limit", "_product", "_unexplained", "_window")
@@ -23,13 +23,13 @@ class Ballot:
         self.clear()
 
     def clear(self) -> None:
-        """Begin again."""
+        """Start over."""
         self._due: list[float] = []
         self._unexplained: list[float] = []
         self._due2 = self._product = 0.0
 
     def open_window(self) -> None:
-        """A new window; what earlier ones have told stays."""
+        """Begin a new window; the results of earlier ones are kept."""
         self._due, self._unexplained = [], []
 
     def cast(self, due: float, unexplained: float) -> bool:
@@ -46,12 +46,12 @@ class Ballot:
 
     @property
     def is_for(self) -> bool:
-        """Whether the arm went with the torque."""
+        """Whether the arm followed the torque."""
         return self._product > FOR_SHARE * self._due2
 
 
 def _without_line(values: Sequence[float]) -> list[float]:
-    """Least squares: less the constant and the straight line that fit best; as long as `values`."""
+    """`values` less their best straight line, by least squares."""
     count = len(values)
     middle, mean = 0.5 * (count - 1), sum(values) / count
     slope = sum((place - middle) * value for place, value in enumerate(values)) * 12.0 / (count * (count * count - 1))

@@ -1,7 +1,7 @@
 """One joint's potentiometer, tachometer and model as three witnesses: two that agree outvote the third.
 
-Owns the residuals of a joint and which sensor is to blame. Plain floats: `step` runs for every joint in every cycle.
-Names of joints and cards, and how the robot is stopped, must not enter.
+Owns a joint's residuals and decides which sensor is to blame. Plain floats: `step` runs per joint and cycle.
+Names of joints and cards, and how the robot is stopped, are not known here.
 """
 
 from .joint_state import Mode
@@ -16,23 +16,23 @@ from .timing import Timing
 MISMATCH_GAIN = 1.0 / 16.0
 """White noise of 0.42 grains leaves 0.42/sqrt(31) = 0.075; a step of 3 grains passes 0.65 in the fourth cycle."""
 UNREST_FACTOR = 2.5
-"""Of the speed's limits, while the payload's weight is not known or after a time that was known badly."""
+"""Factor on the speed's limits while the payload is unknown, or after a measurement of uncertain time."""
 LONGEST_GAP_S = 0.1
-"""After a longer gap residuals begin again."""
+"""After a longer gap, residuals start over."""
 GAP_FACTOR = 6.0
-"""Of the limit of the speed: over 50 ms friction may have turned its sign, and payload 12 rad/s² too little."""
+"""Factor on the speed's limit after a gap: over 50 ms friction may reverse, and the payload be off by 12 rad/s²."""
 STUCK_HASTE = 1.45
-"""The model's speed must have changed while the tachometer's code has not; by more if not for long."""
+"""Factor on the model's change of speed while the tachometer's code stands, if that is not for long."""
 STUCK_SOON_CYCLES = 6
-"""If the tachometer has turned some of the way while the position's code has not changed, and will soon have turned the
+"""If the tachometer has covered part of the travel while the position's code has not changed, and will soon cover the
 rest, the verdict waits."""
 SLOW_SHARE = 0.35
-"""Of a mismatch that was there 16 to 32 cycles ago: then it grows by less than 0.1 rad/s."""
+"""Share of a mismatch that existed 16 to 32 cycles ago if it is slow: it grows by less than 0.1 rad/s."""
 RANGE_CYCLES = 2
 STEP_SHARE = 0.75
-"""Of the limit, that a speed must change by from one cycle to the next to have stepped; else the arm accelerates."""
+"""Share of the limit by which a speed must change in one cycle to have stepped; else the arm accelerates."""
 LEARNING_MASK = 15
-"""The rate of learning changes every 16 cycles."""
+"""The learning rate changes every 16 cycles."""
 
 _SOUND = Mode.SOUND  # an enum's attribute is slow
 
@@ -134,9 +134,9 @@ class JointWitness(SensorLess):
         return False
 
     def glimpse(self, x: float, v: float, acceleration: float, x_code: int, v_code: int, is_gap: bool) -> bool:
-        """As `step`, but when this was measured is known badly: integrate, and judge only what time does not enter.
+        """As `step`, for a measurement of uncertain time: integrate, and judge only what does not depend on time.
 
-        `is_gap`: so badly that the residuals begin again.
+        `is_gap`: so uncertain that the residuals start over.
         """
         self._blurred_until = self.cycles + self._timing.blurred
         if self.mode is Mode.STEP:
@@ -167,7 +167,7 @@ class JointWitness(SensorLess):
         return not (is_believed and is_near)
 
     def settle(self, bias_rad_s2: float) -> None:
-        """The acceleration that the model lacked has been looked into."""
+        """The unexpected acceleration has been investigated."""
         self.bias += bias_rad_s2
         self._swing = 0.0
         self._calm_at = self.cycles + self._timing.calm
@@ -176,7 +176,7 @@ class JointWitness(SensorLess):
     def _examine(
         self, x: float, predicted: float, off: float, astray: float, mismatch: float, swing: float, is_stuck: bool
     ) -> bool:
-        """Something is unusual. True if this cycle's measurement must not be learned from."""
+        """Examine something unusual. True if nothing must be learned from this cycle's measurement."""
         limits, count, timing = self._limits, self.cycles, self._timing
         if self._judge_angle(x, predicted, off, astray):
             return True
@@ -214,9 +214,9 @@ class JointWitness(SensorLess):
         return not -drift < mismatch < drift and self._judge_mismatch(x, predicted, mismatch)
 
     def _judge_angle(self, x: float, predicted: float, off: float, astray: float) -> bool:
-        """The potentiometer against the integrated tachometer in one cycle: no tachometer is that fast wrong.
+        """The potentiometer against the integrated tachometer in one cycle: no tachometer goes wrong that fast.
 
-        Unless its code has not changed for long, and the angle's sensor is a fine one.
+        Unless its code has not changed for long, and the position sensor is a fine one.
         """
         if -self._limits.jump < astray < self._limits.jump:
             if self._astray_cycles:
@@ -310,7 +310,7 @@ class JointWitness(SensorLess):
         return self._substitute(x, predicted)
 
     def _believe_step(self, v: float) -> bool:
-        """It was the arm."""
+        """The arm itself has stepped."""
         self.mode = _SOUND
         self._travel += self._trial.led_rad
         self._swing = 0.0

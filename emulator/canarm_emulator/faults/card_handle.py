@@ -48,7 +48,7 @@ class CardHandle(NodeHandle):
         self._slave.device.power_off()
 
     def boot(self, now_ns: int) -> None:
-        """As after power on, the CAN controller included. A card that another fault keeps dead does not boot."""
+        """Reset card and CAN controller as at power-on. A card that another fault keeps dead does not boot."""
         if self._slave.node_id in self._hooks.halted:
             return
         self._bench.catch_up()
@@ -65,7 +65,7 @@ class CardHandle(NodeHandle):
         self._bench.nodes.refresh()
 
     def command(self, state: str, now_ns: int) -> None:
-        """As if an NMT command had come."""
+        """Act as on an NMT command."""
         if self._slave.node_id in self._hooks.halted:
             return
         self._bench.catch_up()
@@ -88,7 +88,7 @@ class CardHandle(NodeHandle):
         self._apply()
 
     def set_timer_scale(self, scale: float) -> None:
-        """Of the heartbeat, both ways."""
+        """Set the heartbeat's times, in both directions."""
         self._done.timer_scale = scale
         self._apply()
 

@@ -53,7 +53,7 @@ class Pdos:
         self._scanned: set[tuple[int, int]] = set()
         self._setters: dict[int, list[Setter]] = {}
         self._refusals: dict[int, list[tuple[int, Refusal]]] = {}
-        """Of an RPDO's values, the places of those that can be refused."""
+        """Indices of an RPDO's values that can be refused."""
         self._getters: dict[int, list[Getter]] = {}
         self._received: dict[int, bytes] = {}
         self._last_sent: dict[int, bytes] = {}

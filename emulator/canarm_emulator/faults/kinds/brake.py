@@ -14,7 +14,7 @@ class BrakeDoesNotEngage(JointFault, name="does-not-engage", family=Family.ACTUA
     """The brake stays released: its contact welds, or its disc is jammed."""
 
     def change(self, joint: JointTruth, now_ns: int) -> JointTruth:
-        """As without a brake."""
+        """No braking torque."""
         return replace(joint, brake_engages=False)
 
 

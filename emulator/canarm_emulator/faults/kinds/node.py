@@ -211,5 +211,5 @@ class ClockDrift(_Once, name="clock-drift", family=Family.NODE, acts_on=_NODE):
         node.set_timer_scale(1.0 + self.rate / 100)
 
     def end(self, node: NodeHandle, now_ns: int) -> None:
-        """As it should be."""
+        """Unchanged."""
         node.set_timer_scale(1.0)

@@ -226,5 +226,5 @@ class MotorLooseContact(JointFault, name="loose-contact", family=Family.WIRING, 
         self._contact = _Contact(self.duty, self.frequency, context)
 
     def change(self, joint: JointTruth, now_ns: int) -> JointTruth:
-        """As it is, or open."""
+        """The line unchanged, or open."""
         return with_resistance(joint, OPEN_OHM) if self._contact.is_open(now_ns) else joint

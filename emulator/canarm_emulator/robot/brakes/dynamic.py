@@ -48,7 +48,7 @@ class DynamicBrakeModel:
         winding_ohm = truth.winding_ohm * turns
         self._total_ohm = winding_ohm + self._resistor_ohm
         self._taken = winding_ohm / self._total_ohm
-        """Of the amplifier's current, what a closed contact takes past the winding."""
+        """Share of the amplifier's current that a closed contact bypasses around the winding."""
         self._time_constant_s = motor.winding_mh * 1e-3 * turns**2 / self._total_ohm
         self._grip = truth.brake_grip if truth.brake_engages else 0.0
         self._drag = truth.brake_drag
