@@ -1,6 +1,7 @@
 """`canarm emulator`: the robot's side as a process of its own."""
 
 import contextlib
+import functools
 import json
 import math
 import os
@@ -134,14 +135,14 @@ def emulator(
                 "faults": None if script is None else as_toml(script),
             }
             recorder = stack.enter_context(contextlib.closing(_start_recording(output.out, nominal, given)))
-        _announce(hub, ports)
         remote = adapter.address if isinstance(adapter, SlcanSocket) else None
         for line in exposure_lines(hub.address, remote, buses):
             _tell(line)
         warning = traffic_warning(nominal, cell.cell) if world.wire and not with_parent else None
         if warning is not None:
             _tell(warning)
-        runner = EmulatorRunner(bench, hub, ports, recorder, world.sync_timeout, stop.is_due, _tell, script)
+        announce = functools.partial(_announce, hub, ports)
+        runner = EmulatorRunner(bench, hub, ports, recorder, world.sync_timeout, stop.is_due, _tell, script, announce)
         failure = _run(runner, recorder, output.out)
         summary = {
             "cell": nominal.name,

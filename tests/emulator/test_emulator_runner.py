@@ -423,3 +423,17 @@ def test_syncs_that_queued_up_in_a_stall_came_one_cycle_apart_until_now(
     finally:
         hub.close()
     assert [time_ns / 1e6 for time_ns in times_ns.values()] == pytest.approx([0.0, *expected_ms])
+
+
+def test_who_is_told_that_the_emulator_is_ready_meets_cards_that_have_booted() -> None:
+    """A reset, a boot-up and a request in a row: the boot-up heard must not be that of power-on."""
+    bench = FaultBench(CELL, Truth.from_settings(CELL), Clock.WALL, 0)
+    hub = Hub(port=0)
+    states: list[NmtState] = []
+    try:
+        EmulatorRunner(
+            bench, hub, should_stop=lambda: True, on_ready=lambda: states.extend(slave.state for slave in bench.slaves)
+        ).run()
+    finally:
+        hub.close()
+    assert states == [NmtState.PRE_OPERATIONAL] * len(CELL.card)

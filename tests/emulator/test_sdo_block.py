@@ -143,3 +143,11 @@ def test_another_request_ends_an_upload_in_blocks(client):
     client.put(bytes(1000))
     talk(client, "a400200004000000", "a300000000000000")
     assert client.node.sdo[NUMBER].raw == 7
+
+
+def test_a_client_that_takes_its_time_between_two_blocks_gets_the_rest(client):
+    """A master in a debugger, or on a slow machine: what continues an upload cannot be anything else."""
+    client.put(bytes(range(200)))
+    talk(client, "a400200004000000", "a300000000000000")
+    client.now_ns = 10 * BLOCK_TIMEOUT_NS
+    assert talk(client, "a204040000000000")[0].startswith("01")

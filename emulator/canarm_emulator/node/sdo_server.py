@@ -13,8 +13,10 @@ from ..timing import MILLISECOND
 from .sdo_block import INITIATE_DOWNLOAD, INITIATE_UPLOAD, BlockDownload, BlockUpload, checked_segments
 from .store import ObjectStore, SdoRefused
 
-BLOCK_TIMEOUT_NS = 1000 * MILLISECOND
-"""A block download ends when its client has been silent for this long: the next frame is no segment of it."""
+BLOCK_TIMEOUT_NS = 3000 * MILLISECOND
+"""A block download ends when its client has been silent for this long: the next frame is no segment of it.
+
+What continues an upload cannot be taken for anything else, so that one waits for its client."""
 LARGEST_DOWNLOAD = 1 << 20
 """Most bytes of a download; no object here is longer."""
 
@@ -90,7 +92,8 @@ class SdoServer:
         transfer, silence_ns = self._transfer, now_ns - self._heard_ns
         self._heard_ns = now_ns
         if isinstance(transfer, BlockDownload | BlockUpload):
-            if request[0] != ABORT and silence_ns <= BLOCK_TIMEOUT_NS and self._belongs_to_block(request, transfer):
+            is_stale = isinstance(transfer, BlockDownload) and silence_ns > BLOCK_TIMEOUT_NS
+            if request[0] != ABORT and not is_stale and self._belongs_to_block(request, transfer):
                 try:
                     return self._continue_block(request, transfer)
                 except SdoRefused as refusal:

@@ -65,8 +65,10 @@ class EmulatorRunner:
         should_stop: Callable[[], bool] = lambda: False,
         on_event: Callable[[str], None] = lambda text: None,
         faults: FaultScript | None = None,
+        on_ready: Callable[[], None] = lambda: None,
     ) -> None:
         self._bench, self._hub, self._recorder = bench, hub, recorder
+        self._on_ready = on_ready
         ports = ports or {}
         self._ports: dict[str, list[BusPort]] = {bus: list(ports.get(bus, ())) for bus in (ROBOT_BUS, BENCH_BUS)}
         self._bus_of = {id(port): bus for bus, group in self._ports.items() for port in group}
@@ -103,7 +105,10 @@ class EmulatorRunner:
         bench.device.on_power_cycle = self._powered_on
 
     def run(self) -> None:
-        """Power on and serve until `should_stop`. Raises `BusError` when a port's bus is lost."""
+        """Power on, call `on_ready`, and serve until `should_stop`. Raises `BusError` when a port's bus is lost.
+
+        Whoever waits for `on_ready` meets cards that have booted: what is sent then is not lost in their power-on.
+        """
         self._bench.device.faults.prepare()
         if self._bench.clock is Clock.SYNC:
             self._serve(None)
@@ -118,6 +123,7 @@ class EmulatorRunner:
         self._deliver()
         if self._script is not None:
             bench.inject(self._script)
+        self._on_ready()
         while not self._should_stop():
             timeout_s = self._timeout_s()
             events = self._hub.poll(timeout_s)
