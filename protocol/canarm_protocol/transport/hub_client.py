@@ -60,7 +60,7 @@ class HubClientBus(can.BusABC):
         port: int = DEFAULT_PORT,
         can_filters: can.typechecking.CanFilters | None = None,
         *,
-        connect_timeout: float = 2.0,
+        connect_timeout: float = 10.0,
         send_timeout: float = 2.0,
         fd: bool = False,
         **kwargs: Any,
