@@ -267,6 +267,7 @@ def test_no_fault_is_taken_after_a_safe_stop_but_one_may_be_cleared() -> None:
     assert rig.never_begun == ["by hand"]
 
 
+@pytest.mark.filterwarnings("ignore:.*has never run:canarm.rig.arguments.RigWarning")
 def test_a_rig_that_never_ran_can_be_finished() -> None:
     with Rig(law="pd") as rig:
         pass

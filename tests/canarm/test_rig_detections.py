@@ -48,6 +48,7 @@ def test_detections_are_found_by_name_and_joint(name: str | None, joint: str | N
         (None, "0x55", "detected: no joint, card or node '0x55'"),
     ],
 )
+@pytest.mark.filterwarnings("ignore:.*has never run:canarm.rig.arguments.RigWarning")
 def test_a_question_that_could_never_be_true_is_refused(name: str | None, where: str | None, message: str) -> None:
     with Rig(law="pd") as rig:
         with pytest.raises(UsageError) as caught:

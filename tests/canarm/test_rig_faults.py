@@ -113,6 +113,7 @@ def test_repetitions_come_a_period_apart() -> None:
     assert begins == [40, 120, 200]
 
 
+@pytest.mark.filterwarnings("ignore:.*has never run:canarm.rig.arguments.RigWarning")
 def test_the_same_fault_twice_gets_a_name_of_its_own() -> None:
     with Rig(law="pd") as rig:
         names = [rig.inject("joint2.current_sense", "offset", value=0.1) for _ in range(3)]
@@ -166,6 +167,7 @@ def test_every_way_in_gives_the_same_frames(tmp_path: Path, given: str) -> None:
     ],
     ids=str,
 )
+@pytest.mark.filterwarnings("ignore:.*has never run:canarm.rig.arguments.RigWarning")
 def test_what_is_not_supported_is_refused_at_once_and_changes_nothing(arguments: dict, message: str) -> None:
     with Rig(law="pd") as rig:
         rig.inject("joint2.current_sense", "offset", manual=True, name="taken")
@@ -178,6 +180,7 @@ def test_what_is_not_supported_is_refused_at_once_and_changes_nothing(arguments:
 
 
 @pytest.mark.parametrize("command", ["trigger", "clear"])
+@pytest.mark.filterwarnings("ignore:.*has never run:canarm.rig.arguments.RigWarning")
 def test_a_set_that_there_is_not_is_refused(command: str) -> None:
     with Rig(law="pd") as rig, pytest.raises(FaultError, match=f"no set 'mine' to {command}; there are none"):
         getattr(rig, command)("mine")
@@ -292,6 +295,7 @@ def test_a_faulty_fault_is_told_by_run_and_the_run_may_go_on(monkeypatch: pytest
         lambda rig: rig.joints["joint7"],
     ],
 )
+@pytest.mark.filterwarnings("ignore:.*has never run:canarm.rig.arguments.RigWarning")
 def test_a_typo_is_shown_where_it_stands_without_our_own_frames(typo: Callable[[Rig], object]) -> None:
     with Rig(law="pd") as rig, pytest.raises((FaultError, UsageError)) as caught:
         typo(rig)
@@ -299,6 +303,7 @@ def test_a_typo_is_shown_where_it_stands_without_our_own_frames(typo: Callable[[
     assert {entry.path.name for entry in shown} == {Path(__file__).name}
 
 
+@pytest.mark.filterwarnings("ignore:.*has never run:canarm.rig.arguments.RigWarning")
 def test_a_tap_is_suggested_by_its_beginning() -> None:
     with Rig(law="pd") as rig, pytest.raises(FaultError, match=r"did you mean 'joint2\.tachometer'"):
         rig.inject("joint2.tacho", "stuck")

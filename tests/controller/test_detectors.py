@@ -156,6 +156,7 @@ def test_a_fault_is_found_in_time_and_by_its_name(make_pair, detector: str) -> N
     assert 0 <= found[0].tick - AT <= limit
 
 
+@pytest.mark.slow  # by other faults, test_mutation.py asks the same of every detector
 @pytest.mark.parametrize("detector", FAULTS)
 def test_it_is_that_detector_which_found_it(make_pair, detector: str) -> None:
     _, inject, _ = FAULTS[detector]
