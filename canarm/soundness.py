@@ -84,14 +84,16 @@ def _sense_problems(where: str, nominal: JointNominal, joint: Joint) -> Iterator
 
 def _gain_problems(cell: Cell, arm: Arm, nominals: tuple[JointNominal, ...], timing: Timing) -> Iterator[str]:
     rows = zip(nominals, arm.effective_inertia, strict=True)
-    omega = cell.control.natural_frequency_rad_s
+    own_table = {each.name for each in cell.control.joint if each.natural_frequency_rad_s is not None}
     for nominal, inertia in rows:
+        omega = cell.control.of_joint(nominal.name).natural_frequency_rad_s
+        where = f"control.joint {nominal.name!r}" if nominal.name in own_table else "control"
         most = PHASE_SHARE * PHASE_MARGIN_RAD
         late_s = LATE_CYCLES * timing.period_s + nominal.winding_s
         phase = CROSSOVER * omega * late_s
         if phase > most:
             yield (
-                f"control.natural_frequency_rad_s = {omega:g}: at joint {nominal.name!r} the loop crosses over at "
+                f"{where}.natural_frequency_rad_s = {omega:g}: at joint {nominal.name!r} the loop crosses over at "
                 f"{CROSSOVER:g} times as much, where {LATE_CYCLES:g} cycles and motor.winding_mh over winding_ohm, "
                 f"{1e3 * late_s:.3g} ms, cost {phase:.3g} rad of phase; must be at most {most:.3g} rad: "
                 f"{most / (CROSSOVER * late_s):.3g} rad/s"
@@ -100,7 +102,7 @@ def _gain_problems(cell: Cell, arm: Arm, nominals: tuple[JointNominal, ...], tim
         most_a = STEP_SHARE * nominal.max_current_a
         if per_step_a > most_a:
             yield (
-                f"control.natural_frequency_rad_s = {omega:g}: one step of the {nominal.position.title} of joint "
+                f"{where}.natural_frequency_rad_s = {omega:g}: one step of the {nominal.position.title} of joint "
                 f"{nominal.name!r}, {math.degrees(nominal.position.step):.3g} deg, moves its command by "
                 f"{per_step_a:.3g} A; must be at most {most_a:.3g} A, {STEP_SHARE:g} of drive.max_current_a: "
                 f"{omega * math.sqrt(most_a / per_step_a):.3g} rad/s"

@@ -62,12 +62,15 @@ def _print_cell(cell: Cell) -> None:
             else:
                 signals = ", ".join(wires[mapped.subindex] for mapped in layout.objects)
             print(f"  {layout.kind.upper()}{layout.number} 0x{layout.cob_id:03X}: {signals}")
+    names = iter(cell.joint_names)
     for robot in cell.robot:
         arm = nominal_arm(robot)
         for joint, inertia, per_ampere in zip(robot.joint, arm.effective_inertia, arm.torque_per_ampere, strict=True):
+            control = cell.control.of_joint(next(names))
             print(
                 f"joint {joint.name}: {joint.limits_deg[0]:g} to {joint.limits_deg[1]:g} deg, "
-                f"{inertia:.4g} kg m2, {per_ampere:.3g} N m/A, at most {joint.drive.max_current_a:g} A"
+                f"{inertia:.4g} kg m2, {per_ampere:.3g} N m/A, at most {joint.drive.max_current_a:g} A; "
+                f"loop {control.natural_frequency_rad_s:g} rad/s, damping {control.damping_ratio:g}"
             )
 
 

@@ -129,6 +129,32 @@ def test_detectors_that_speak_without_a_fault_are_heard(check: Check, monkeypatc
     assert "without any fault, it raised: " in said or "was stopped within 3 s" in said
 
 
+OWN_GAINS = '[[control.joint]]\nname = "joint3"\nnatural_frequency_rad_s = 8.0\n\n[supervision]'
+
+
+def test_a_joint_with_gains_of_its_own_is_shown_with_them_and_runs(check: Check) -> None:
+    status, said = check("[supervision]", OWN_GAINS)
+    assert status == 0
+    lines = [line for line in said.splitlines() if line.startswith("joint ")]
+    assert lines[0].endswith("loop 12 rad/s, damping 1")
+    assert lines[1].endswith("loop 8 rad/s, damping 1")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ('"joint3"', '"joint4"', "control.joint 'joint4': no such joint; this cell has joint2, joint3"),
+        ("= 8.0", "= -8.0", "control.joint 'joint3'.natural_frequency_rad_s = -8.0: must be greater than 0"),
+        ("natural_", "natral_", "control.joint 'joint3'.natral_frequency_rad_s: unknown key; did you mean"),
+        ("= 8.0", "= 8e6", "control.joint 'joint3'.natural_frequency_rad_s = 8e+06: at joint 'joint3' the loop"),
+    ],
+)
+def test_gains_of_a_joint_are_checked_as_those_of_the_cell(check: Check, old: str, new: str, complaint: str) -> None:
+    status, said = check("[supervision]", OWN_GAINS.replace(old, new, 1))
+    assert status == 2
+    assert complaint in said
+
+
 def test_a_rig_warns_of_a_bit_rate_that_is_too_low() -> None:
     cell = load_cell("konkuk1")
     slow = cell.model_copy(update={"bus": cell.bus.model_copy(update={"bitrate": 125_000})})

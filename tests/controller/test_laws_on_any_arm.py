@@ -13,13 +13,13 @@ import pinocchio
 import pytest
 from numpy.typing import NDArray
 
-from canarm_controller.dynamics import SerialArm
-from canarm_controller.laws import LAWS
+from canarm_controller.dynamics import SerialArm, nominal_arm
+from canarm_controller.laws import LAWS, Cycle, load_law
 from canarm_controller.laws.tuning import suggested_control
 from canarm_controller.reference.trajectory import make_trajectory
 from canarm_controller.run.loop import CLOCKWISE, ControlLoop
 from canarm_protocol.cell.arm import Robot
-from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell.cell_file import load_cell, parse_cell, shipped_cells
 from canarm_protocol.cell.model import Cell, Control
 from canarm_protocol.cell.sensing import WiredSensor, joint_sensors
 from canarm_protocol.cell.sensors import Quantity
@@ -284,3 +284,35 @@ def test_a_coarse_sensor_and_a_long_cycle_ask_for_a_slower_arm() -> None:
     coarse = KONKUK.model_copy(update={"robot": (robot.model_copy(update={"joint": tuple(joints)}),)})
     expected = math.sqrt(0.1 * 1.5 * 4.08 / (0.1104 * math.radians(2700.0 / 255)))
     assert suggested_control(coarse)["control"]["natural_frequency_rad_s"] == pytest.approx(expected, rel=0.05)
+
+
+OWN_GAINS = """
+[[control.joint]]
+name = "joint3"
+natural_frequency_rad_s = 6.0
+damping_ratio = 0.7
+"""
+
+
+@pytest.mark.parametrize("law", ["pd", "computed-torque", "mras", "mras-lyapunov"])
+def test_a_joint_may_have_gains_of_its_own(law: str) -> None:
+    """Joint 2 moves as with the cell's gains, joint 3 as if its own were everybody's: by the first torques of a law."""
+    text = shipped_cells()["konkuk1"].replace("[supervision]", f"{OWN_GAINS}\n[supervision]", 1)
+    everywhere = {"control.natural_frequency_rad_s": "6.0", "control.damping_ratio": "0.7"}
+    cells = [load_cell("konkuk1"), load_cell("konkuk1", everywhere), parse_cell(text, "own gains")]
+
+    def torques_nm(cell: Cell) -> list[float]:
+        arm = nominal_arm(cell.robot[0])
+        made = load_law(law)(arm, cell.control, 0.0025)
+        made.start([0.1, 0.2], [0.0, 0.0], [0.5, 0.5])
+        cycle = Cycle(2)
+        cycle.position_rad, cycle.velocity_rad_s = (0.1, 0.2), (0.05, -0.05)
+        cycle.reference_rad, cycle.reference_rad_s, cycle.reference_rad_s2 = (0.12, 0.23), (0.1, 0.1), (0.5, 0.5)
+        return list(made.update(cycle))
+
+    usual, softer, own = map(torques_nm, cells)
+    assert usual[1] != pytest.approx(softer[1], rel=1e-3)
+    if law == "computed-torque":  # its torques are coupled through the inertia matrix: D22 of joint 2, D33 of joint 3
+        assert own[1] != pytest.approx(usual[1], rel=1e-3)
+        return
+    assert own == pytest.approx([usual[0], softer[1]], rel=1e-12)

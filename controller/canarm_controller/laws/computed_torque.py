@@ -36,9 +36,11 @@ class ComputedTorque(ControlLaw):
     takes_feedforward: ClassVar[bool] = False
 
     def __init__(self, arm: Arm, control: Control, period_s: float) -> None:
-        omega = control.natural_frequency_rad_s
-        self._stiffness = omega**2
-        self._damping = 2.0 * control.damping_ratio * omega
+        own = [control.of_joint(name) for name in arm.joint_names]
+        gains = [
+            (each.natural_frequency_rad_s**2, 2.0 * each.damping_ratio * each.natural_frequency_rad_s) for each in own
+        ]
+        self._gains = [(stiffness, damping, damping / stiffness) for stiffness, damping in gains]
         self._model = arm_model(arm)
         self._state = ArmState(control.observer, period_s, arm.joint_count)
         self._standing = StandingHold(control.standing_band_rad, arm.joint_count)
@@ -56,14 +58,11 @@ class ComputedTorque(ControlLaw):
         state, model = self._state, self._model
         state.update(cycle, self._acceleration)
         q, qd, speeds = state.position_rad, state.velocity_rad_s, state.reference_rad_s
-        stiffness, damping = self._stiffness, self._damping
-        lead = damping / stiffness
         errors: list[float] = []
         aimed: list[float] = []
         deviation_rad: list[float] = []
-        for angle, speed, wanted, wanted_speed, change in zip(
-            q, qd, state.reference_rad, speeds, cycle.reference_rad_s2, strict=True
-        ):
+        rows = zip(q, qd, state.reference_rad, speeds, cycle.reference_rad_s2, self._gains, strict=True)
+        for angle, speed, wanted, wanted_speed, change, (stiffness, damping, lead) in rows:
             error, rate = angle - wanted, speed - wanted_speed
             errors.append(error)
             aimed.append(change - damping * rate - stiffness * error)

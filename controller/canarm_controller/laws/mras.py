@@ -58,8 +58,10 @@ class Mras(ControlLaw):
 
     def __init__(self, arm: Arm, control: Control, period_s: float) -> None:
         self._joints = [
-            _JointMras(inertia, torque_per_ampere, control, period_s)
-            for inertia, torque_per_ampere in zip(arm.effective_inertia, arm.torque_per_ampere, strict=True)
+            _JointMras(inertia, torque_per_ampere, control.of_joint(name), period_s)
+            for name, inertia, torque_per_ampere in zip(
+                arm.joint_names, arm.effective_inertia, arm.torque_per_ampere, strict=True
+            )
         ]
 
     def start(

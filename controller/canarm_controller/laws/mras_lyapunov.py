@@ -59,14 +59,15 @@ class MrasLyapunov(ControlLaw):
             raise LawError(
                 "law 'mras-lyapunov': the cell has no [control.mras_lyapunov]; give its gains as konkuk1 does"
             )
+        own = [control.of_joint(name) for name in arm.joint_names]
         self._joints = [
-            _JointLyapunov(inertia, torque_per_ampere, control, gains, period_s)
-            for inertia, torque_per_ampere in zip(arm.effective_inertia, arm.torque_per_ampere, strict=True)
+            _JointLyapunov(inertia, torque_per_ampere, its, its.mras_lyapunov or gains, period_s)
+            for inertia, torque_per_ampere, its in zip(arm.effective_inertia, arm.torque_per_ampere, own, strict=True)
         ]
         self._model = arm_model(arm)
         self._state = ArmState(control.observer, period_s, arm.joint_count)
         self._standing = StandingHold(control.standing_band_rad, arm.joint_count)
-        self._rate_weight = 2.0 * control.damping_ratio / control.natural_frequency_rad_s
+        self._rate_weights = [2.0 * its.damping_ratio / its.natural_frequency_rad_s for its in own]
 
     def start(
         self, position_rad: Sequence[float], velocity_rad_s: Sequence[float], amplitude_rad: Sequence[float]
@@ -88,7 +89,7 @@ class MrasLyapunov(ControlLaw):
             is_frozen = cycle.saturated[i] or self._standing.is_held(i)
             feedback_nm = joint.update(wanted, speed, cycle.reference_rad_s2[i], position, velocity, is_frozen)
             torque_nm.append(feedback_nm + cycle.feedforward_nm[i])
-            deviation.append(position - wanted + self._rate_weight * (velocity - speed))
+            deviation.append(position - wanted + self._rate_weights[i] * (velocity - speed))
         return self._standing.apply(cycle, deviation, torque_nm)
 
     def internals(self) -> Mapping[str, Sequence[float]]:

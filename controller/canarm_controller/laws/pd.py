@@ -21,9 +21,12 @@ class Pd(ControlLaw):
     following_error_lsb: ClassVar[float] = 15.0
 
     def __init__(self, arm: Arm, control: Control, period_s: float) -> None:
-        omega, zeta = control.natural_frequency_rad_s, control.damping_ratio
-        self._stiffness_nm_rad = tuple(inertia * omega**2 for inertia in arm.effective_inertia)
-        self._damping_nm_s = tuple(2.0 * zeta * omega * inertia for inertia in arm.effective_inertia)
+        rows = [
+            (inertia, own.natural_frequency_rad_s, own.damping_ratio)
+            for inertia, own in zip(arm.effective_inertia, map(control.of_joint, arm.joint_names), strict=True)
+        ]
+        self._stiffness_nm_rad = tuple(inertia * omega**2 for inertia, omega, _ in rows)
+        self._damping_nm_s = tuple(2.0 * zeta * omega * inertia for inertia, omega, zeta in rows)
 
     def start(
         self, position_rad: Sequence[float], velocity_rad_s: Sequence[float], amplitude_rad: Sequence[float]

@@ -64,7 +64,7 @@ class ArmWatch:
         only = len(self._robots) == 1
         self._accelerate: Accelerate = self._robots[0].expected.accelerations if only else self._accelerate_all
         self._following = FollowingWatch(
-            cell.control.natural_frequency_rad_s, following_lsb, limits,
+            [cell.control.of_joint(name).natural_frequency_rad_s for name in cell.joint_names], following_lsb, limits,
             [nominal.position.step for nominal in self._nominals], timing, report,
             lambda index: self.joints[index].is_upset, self._may_saturate,
         )  # fmt: skip

@@ -20,15 +20,17 @@ class FollowingWatch:
     """
 
     def __init__(
-        self, natural_frequency_rad_s: float, following_lsb: float, joints: Sequence[Thresholds],
+        self, natural_frequency_rad_s: Sequence[float], following_lsb: float, joints: Sequence[Thresholds],
         positions_lsb: Sequence[float], timing: Timing, report: ArmReport, is_upset: Callable[[int], bool],
         may_saturate: Callable[[int], bool],
     ) -> None:  # fmt: skip
         self._report, self._is_upset, self._may_saturate = report, is_upset, may_saturate
         self._positions_lsb, self._timing = positions_lsb, timing
         self._standing_rad_s = [joint.standing for joint in joints]
-        softness = max(1.0, JUDGED_AT_RAD_S / natural_frequency_rad_s) ** 2
-        self._limits_rad = [NORMAL_FACTOR * softness * following_lsb * joint.following_unit for joint in joints]
+        self._limits_rad = [
+            NORMAL_FACTOR * max(1.0, JUDGED_AT_RAD_S / omega) ** 2 * following_lsb * joint.following_unit
+            for joint, omega in zip(joints, natural_frequency_rad_s, strict=True)
+        ]
         self._following = [0] * len(joints)
         self._saturated = [0] * len(joints)
         self._jammed = [0] * len(joints)

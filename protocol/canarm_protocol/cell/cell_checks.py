@@ -34,6 +34,10 @@ def problems(cell: Cell) -> Iterator[str]:
     yield from _repeated("card.name", [card.name for card in cell.card])
     if len(cell.joints) > MOST_JOINTS:
         yield f"robot.joint: {len(cell.joints)} joints; a cell has at most {MOST_JOINTS}"
+    yield from _repeated("control.joint.name", [each.name for each in cell.control.joint])
+    for each in cell.control.joint:
+        if each.name not in cell.joint_names:
+            yield f"control.joint {each.name!r}: no such joint; this cell has {_listed(cell.joint_names)}"
     for robot in cell.robot:
         yield from robot_problems(robot)
     for name, joint in zip(cell.joint_names, cell.joints, strict=True):

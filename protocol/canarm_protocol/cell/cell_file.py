@@ -113,7 +113,7 @@ def setting_keys(cell: Cell) -> dict[str, object]:
         for name, value in table.items():
             if isinstance(value, Mapping):
                 walk(f"{prefix}.{name}", value)
-            elif value is not None:
+            elif value is not None and not isinstance(value, tuple):
                 keys[f"{prefix}.{name}"] = value
 
     for name in SETTABLE:

@@ -21,8 +21,8 @@ from .table import Finite, Name, NonNegative, Positive, Table, Vector
 
 __all__ = [
     "CARD_TYPES", "D669", "SENSOR_KINDS", "Body", "Bus", "Card", "Cell", "Channel",
-    "Command", "Control", "Drive", "Finite", "Joint", "Link", "Motor", "MrasGains", "MrasLyapunovGains", "Name",
-    "NodeId", "NonNegative", "ObserverGains", "Physics", "Positive", "Quantity", "Robot", "Sensor", "Sensors",
+    "Command", "Control", "Drive", "Finite", "Joint", "JointControl", "Link", "Motor", "MrasGains", "MrasLyapunovGains",
+    "Name", "NodeId", "NonNegative", "ObserverGains", "Physics", "Positive", "Quantity", "Robot", "Sensor", "Sensors",
     "SlotineLiGains", "Supervision", "Table", "Vector", "leaves",
 ]  # fmt: skip
 
@@ -197,6 +197,20 @@ class ObserverGains(Table):
     tachometer_offset_noise: NonNegative
 
 
+class JointControl(Table):
+    """How one joint's loop differs, `[[control.joint]]`; for what is left out, the values of `[control]` hold.
+
+    `name` is the joint's in the whole cell. A table of gains replaces all gains of its law at the joint. `slotine-li`,
+    which sees the arm as a whole, has no gains of single joints.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]*$", max_length=65)]
+    natural_frequency_rad_s: Positive | None = None
+    damping_ratio: Positive | None = None
+    mras: MrasGains | None = None
+    mras_lyapunov: MrasLyapunovGains | None = None
+
+
 class Control(Table):
     """Gains of the control laws. A law without its table cannot be used; without `observer`, laws see raw values."""
 
@@ -207,6 +221,16 @@ class Control(Table):
     mras_lyapunov: MrasLyapunovGains | None = None
     slotine_li: SlotineLiGains | None = None
     observer: ObserverGains | None = None
+    joint: tuple[JointControl, ...] = ()
+
+    def of_joint(self, name: str) -> "Control":
+        """The values that hold at a joint, by its name in the whole cell."""
+        for each in self.joint:
+            if each.name == name:
+                return self.model_copy(
+                    update={key: value for key, value in each if key != "name" and value is not None}
+                )
+        return self
 
 
 class Supervision(Table):
