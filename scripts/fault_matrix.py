@@ -51,7 +51,7 @@ def with_figures(page: str, matrix: Matrix, scenarios: Sequence[Scenario]) -> st
     failed = [_failed(cell) for cell in matrix.cells if not cell.worst.passes]
     head = ["| tap | fault | as they should be | worst | draw | why |", "|---|---|---|---|---|---|"]
     page = _between(page, "failed", [*head, *failed])
-    page = _between(page, "undetectable", ["| tap | fault | why nobody can tell |", *_declared(DECLARED_UNDETECTABLE)])
+    page = _between(page, "undetectable", ["| tap | fault | why undetectable |", *_declared(DECLARED_UNDETECTABLE)])
     return _between(page, "beyond", ["| tap | fault | why |", *_declared(BEYOND_CONTROL)])
 
 

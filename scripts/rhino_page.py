@@ -24,7 +24,7 @@ The worked case: two RHINO XR; the master starts at [0, −80, 90, −10, 90]°,
 the slave holds it 0.3 m further on, and its base stands at (−0.28, −0.30, 0) m in the master's, with the same
 heading. The circle has a radius of 0.5 inch, 12.7 mm, in the master's Y–Z plane.
 
-## Fig. 6 drawn anew
+## Fig. 6 redrawn
 
 ![All ten joint angles over a lap](pictures/{joints_picture})
 

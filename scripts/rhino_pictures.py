@@ -1,4 +1,4 @@
-"""The pictures of docs/rhino.md: Fig. 6 of the paper drawn anew, and the map of the slave's bases, as SVG text."""
+"""The pictures of docs/rhino.md: Fig. 6 of the paper redrawn, and the map of the slave's bases, as SVG text."""
 
 from collections.abc import Iterator
 from itertools import groupby

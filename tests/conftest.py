@@ -40,7 +40,7 @@ def _full_at(size: int) -> Iterator[None]:
 
 @pytest.fixture
 def full_at() -> Callable[[int], AbstractContextManager[None]]:
-    """A disk on which no file grows beyond so many bytes: what fits of a write is written, as on any full disk."""
+    """A disk on which no file grows beyond a number of bytes: a write is cut, as on any full disk."""
     return _full_at
 
 

@@ -1,4 +1,4 @@
-"""Options of `canarm fault matrix` that say in which scenarios its cells run, and what they become."""
+"""Options of `canarm fault matrix` for the scenarios of its cells, and what they become."""
 
 import math
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ def _some(type_: object, value: int | None) -> None:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class ScenarioOptions:
-    """One scenario, one a seed, or draws; what is None is the default, or drawn."""
+    """One scenario, one per seed, or draws; None is the default, or drawn."""
 
     law: Annotated[
         str | None,
@@ -91,9 +91,9 @@ class ScenarioOptions:
     ] = None
 
     def scenarios(self, cell: CellOptions, nominal: Cell, is_ours: bool) -> "tuple[tuple[Scenario, ...], str]":
-        """Every scenario, and what they are in a line, empty where it is one. Raises `CanarmError` for what cannot be.
+        """Every scenario, and a line that describes them, empty for a single one. Raises `CanarmError` for bad options.
 
-        Law and motion are drawn for our own controller alone.
+        Law and motion are drawn only for our own controller.
         """
         from canarm_emulator.robot.truth import Truth as TrueRobot
 

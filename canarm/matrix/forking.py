@@ -1,4 +1,4 @@
-"""Runs something in a copy of this process, so that what it changes is as it was afterwards. Knows nothing of runs."""
+"""Runs a function in a copy of this process, which discards its changes. Runs of the matrix are not known here."""
 
 import contextlib
 import gc
@@ -14,16 +14,16 @@ from .pool import LostWorkerError
 
 _Result = TypeVar("_Result")
 CAN_FORK = sys.platform == "linux"
-"""Elsewhere there is no fork, or libraries that do not survive it."""
+"""Other systems have no fork, or libraries that do not survive it."""
 TRIES = 2
 _KEPT_BACK = (signal.SIGINT, signal.SIGTERM) if sys.platform != "win32" else ()
 
 
 def in_copy(run: Callable[[], _Result]) -> _Result:
-    """What `run` returns, which can be pickled. The copy ends with it, and is killed where this process is interrupted.
+    """The picklable result of `run`. The copy then ends; it is killed if this process is interrupted.
 
-    A copy that is ended from outside is tried once more. Raises `LostWorkerError` where that ends as well, or where
-    `run` raises: what is to be told of an error has to be in what it returns.
+    A copy that is ended from outside is tried once more. Raises `LostWorkerError` if that ends too, or if
+    `run` raises: errors must be part of its result.
     """
     for _ in range(TRIES):
         said = _said_by_copy(run)
@@ -33,7 +33,7 @@ def in_copy(run: Callable[[], _Result]) -> _Result:
 
 
 def _said_by_copy(run: Callable[[], object]) -> bytes:
-    """The result, pickled; empty where the copy did not come to it."""
+    """The pickled result; empty if the copy ended before."""
     read_end, write_end = os.pipe()
     with os.fdopen(read_end, "rb") as pipe:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, _KEPT_BACK)  # until an interrupt of either side ends the copy
@@ -49,7 +49,7 @@ def _said_by_copy(run: Callable[[], object]) -> bytes:
 
 
 def _awaited(pid: int, pipe: BinaryIO, write_end: int, mask: set[int | signal.Signals]) -> bytes:
-    """What copy `pid` says. However this is left, the copy has ended."""
+    """The output of copy `pid`, which has ended whichever way this is left."""
     has_ended = False
     try:
         os.close(write_end)
@@ -73,7 +73,7 @@ def _fork() -> int:
 
 
 def _be_copy(run: Callable[[], object], write_end: int, mask: set[int | signal.Signals]) -> None:
-    """The life of the copy. Never returns: buffers, exit handlers and frames above are this process's twice now."""
+    """Run the copy. Never returns: buffers, exit handlers and stack frames belong to the original."""
     status = 1
     try:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal: the original is interrupted too, and kills

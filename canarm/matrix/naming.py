@@ -1,7 +1,7 @@
-"""Whether a fault was called by its right name: which detectors fit which faults. Data, kept by hand.
+"""Whether a detection names the right part: which detectors fit which faults. Kept by hand.
 
 "Named right" is about the first detection alone: its detector is one that fits, and it speaks of the fault's joint.
-Cards, bus and clock are not asked: what a card that is gone does to a drive or a sensor has the same effects there.
+Faults of cards, bus and clock are not judged: a lost card has the same effects as a failed drive or sensor.
 """
 
 import functools
@@ -27,7 +27,7 @@ DEFINITION = (
 
 
 class Part(StrEnum):
-    """What has failed, as a mechanic would say."""
+    """The failed part, as a mechanic would name it."""
 
     DRIVE = "drives"
     POTENTIOMETER = "potentiometers"
@@ -43,7 +43,7 @@ class Part(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Fitting:
-    """Patterns of a fault, and of the detectors that fit it. `reaches_inward`: the joints before bear it as well."""
+    """Patterns of a fault, and of the detectors that fit it. `reaches_inward`: joints nearer the base bear it too."""
 
     part: Part
     fault: str
@@ -86,13 +86,13 @@ _OF_A_SENSOR = {
 
 
 def part_of(cell: Cell, fault: MatrixCell) -> Part | None:
-    """What a fault is a failure of; None for cards, bus and clock."""
+    """The part that a fault is a failure of; None for cards, bus and clock."""
     tap = _taps(cell).get(fault.tap)
     return None if tap is None else _part(cell, tap)
 
 
 def is_named_right(cell: Cell, fault: MatrixCell, first: Notice) -> bool | None:
-    """Whether the first detection tells which part has failed, and at which joint; None where nobody asks."""
+    """Whether the first detection names the failed part and its joint; None if that is not judged."""
     tap = _taps(cell).get(fault.tap)
     part = None if tap is None else _part(cell, tap)
     if tap is None or part is None:
@@ -124,7 +124,7 @@ def _part(cell: Cell, tap: Tap) -> Part | None:
 
 
 def _places(cell: Cell, joint: int, reaches_inward: bool) -> Sequence[str]:
-    """Names of the joint, and of those before it on its arm where they count."""
+    """Name of the joint, and of those nearer to its arm's base if they count."""
     first = joint
     if reaches_inward:
         begins = itertools.accumulate((len(robot.joint) for robot in cell.robot), initial=0)

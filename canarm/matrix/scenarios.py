@@ -1,6 +1,6 @@
-"""Which scenarios a campaign has: one, one a seed, or draws from a box; and the command that runs one of them again.
+"""The scenarios of a campaign: one, one per seed, or draws from a box; and the command that repeats one of them.
 
-Owns the campaign's box. What a place in it means for a robot, `canarm.draws` knows.
+Owns the campaign's box; `canarm.draws` turns a draw into a robot.
 """
 
 import glob
@@ -30,7 +30,7 @@ DEFINITION = (
 
 
 def campaign_box(cell: Cell) -> list[Axis]:
-    """What a draw of a campaign is drawn from."""
+    """The box from which a campaign draws."""
     axes: list[Axis] = [ONSET, SEED, LAW, MOTION, PAYLOAD]
     for name in cell.joint_names:
         axes += [replace(axis, name=f"{name}.{axis.name}") for axis in JOINT_BOX if axis.name in OF_A_JOINT]
@@ -38,7 +38,7 @@ def campaign_box(cell: Cell) -> list[Axis]:
 
 
 def one_a_seed(base: Scenario, count: int) -> tuple[Scenario, ...]:
-    """`base` with `count` seeds, its own the first."""
+    """`base` with `count` seeds, from its own on."""
     return tuple(replace(base, seed=base.seed + number) for number in range(count))
 
 
@@ -61,7 +61,7 @@ def drawn(base: Scenario, cell: Cell, count: int, draw_seed: int, fixed: Collect
 
 
 def command_of(scenario: Scenario, fault: MatrixCell | None, controller: str | None = None) -> str:
-    """The command line that runs `fault` in `scenario`, or without one all faults."""
+    """The command line that runs `fault` (None: all faults) in `scenario`."""
     words = ["canarm", "fault", "matrix"]
     if fault is not None:
         words += ["--only", glob.escape(fault.name)]
@@ -74,13 +74,13 @@ def command_of(scenario: Scenario, fault: MatrixCell | None, controller: str | N
 
 
 def fault_free_command(scenario: Scenario) -> str:
-    """The command line that runs `scenario` without a fault, for as long as it is watched."""
+    """The command line that runs `scenario` without a fault, for as long as it is observed."""
     seconds = _seconds(scenario.at_s + OBSERVED_S)
     return shlex.join(["canarm", "demo", "--no-tui", "--pace", "max", "--seconds", seconds, *_options(scenario)])
 
 
 def _options(scenario: Scenario) -> list[str]:
-    """What the scenario has that is not the default."""
+    """The options in which the scenario differs from the default."""
     words, usual = [], Scenario()
     for option, value, otherwise in (
         ("--cell", scenario.cell, usual.cell),

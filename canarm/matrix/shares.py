@@ -1,4 +1,4 @@
-"""A share that was counted, and what it says of the probability behind it. Knows nothing of what is counted."""
+"""A counted share, and the confidence bounds of its probability. What is counted is not known here."""
 
 from dataclasses import dataclass
 
@@ -7,14 +7,14 @@ from ..draws import CONFIDENCE, clopper_pearson
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """`hits` of `count`. The bounds are exact for draws that know nothing of each other."""
+    """`hits` of `count`. The bounds are exact for independent draws."""
 
     hits: int
     count: int
 
     @property
     def value(self) -> float:
-        """From 0 to 1; of nothing all is as it should be."""
+        """The share, 0 to 1; 1 of nothing."""
         return self.hits / self.count if self.count else 1.0
 
     @property
@@ -29,7 +29,7 @@ class Share:
 
     @property
     def bounds(self) -> str:
-        """The bounds in words."""
+        """The bounds as text."""
         return f"{CONFIDENCE:.0%} bounds {self.low:.1%} to {self.high:.1%}"
 
     def __str__(self) -> str:

@@ -215,7 +215,7 @@ class Commands:
         return self("controller", "--connect", address, *self.for_clock(clock), "--progress", "--json", *arguments)
 
     def remaining(self) -> list[int]:
-        """Process ids of what was started, and (Linux) of all that carries this test's mark."""
+        """Process IDs of the started processes, and (Linux) of all that carry this test's mark."""
         found = [process.pid for process in self._processes if process.is_running]
         mark = f"{MARKER}={self._marker}".encode()
         for path in Path("/proc").glob("[0-9]*/environ"):

@@ -1,4 +1,4 @@
-"""What `canarm jog` takes for a command, and what it says of a line that is none. Limits are konkuk1's: 1.5 A, 255."""
+"""The commands of `canarm jog`, and its errors for wrong lines. Limits are konkuk1's: 1.5 A, 255."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""The pytest plugin as its user meets it: pytest in a process of its own, in a folder of its own."""
+"""The pytest plugin as users meet it: pytest in a separate process and folder."""
 
 import os
 import re

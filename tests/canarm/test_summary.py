@@ -1,4 +1,4 @@
-"""The end of a run in words and in JSON."""
+"""The summary of a run as text and as JSON."""
 
 import json
 import math

@@ -64,7 +64,7 @@ def test_the_event_timer_runs_from_start_and_from_each_frame(exact) -> None:
 
 
 def test_inputs_are_scanned_for_events_every_scan_period(exact) -> None:
-    """0x2010, 0x6423: each scan that finds another value is told."""
+    """0x2010, 0x6423: each scan that finds another value is reported."""
     adc = input_1(exact, s2=255)
     wiggle(exact, lambda time_ns: 1.0 + time_ns // (25 * MS) * 0.1)
     adc.sdo[0x2010].raw = 10

@@ -93,7 +93,7 @@ def event_driven(adc) -> None:
 
 
 def test_the_interrupt_enable_lets_inputs_send_by_themselves(link) -> None:
-    """0x6423 with type 255: the first scan is told, in OPERATIONAL too; 0x6422 names the channel and clears."""
+    """0x6423 with type 255: the first scan is reported, in OPERATIONAL too; 0x6422 names the channel and clears."""
     adc = link.card(ADC)
     event_driven(adc)
     link.nmt(START, ADC)

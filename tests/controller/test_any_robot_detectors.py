@@ -1,4 +1,4 @@
-"""Arms of one to seven joints, several robots, other cycles and sensors: nothing cries wolf, and faults are found."""
+"""Arms of one to seven joints, several robots, other cycles and sensors: no false alarms, and faults are detected."""
 
 import math
 import tomllib

@@ -132,7 +132,7 @@ def test_what_cannot_be_done_is_refused_with_its_reason_before_anything_moves(
 
 
 def test_a_hand_that_points_outward_at_every_pose_would_turn_round_at_once() -> None:
-    """The base of the case "flips": chosen anew at every pose, s2 changes its sign; kept, the hand spins instead."""
+    """The base of the case "flips": chosen at every pose, s2 changes sign; kept, the hand spins instead."""
     master = forward(RHINO_XR, follow(RHINO_XR, OTHER_START, LAP.point_m + forward(RHINO_XR, OTHER_START)[:3, 3]))
     pair = standing(0.4477, -0.65)
     seen = seen_from(pair.base_transform, pair.carried.frame(master))

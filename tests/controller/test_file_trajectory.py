@@ -1,4 +1,4 @@
-"""A trajectory file is followed as it is written: between the rows, before the first and after the last one."""
+"""A trajectory file is followed exactly: between the rows, before the first and after the last."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path

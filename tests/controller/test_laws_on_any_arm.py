@@ -44,7 +44,7 @@ CURRENT_A = 1.5
 
 
 def cell_of(joints: int, sensors: tuple[str, ...] = SENSORS) -> Cell:
-    """A cell of an arm of so many joints: drives that hold it with half of their current, as many cards as needed."""
+    """A cell for an arm of a number of joints: drives that hold it with half their current, as many cards as needed."""
     table = KONKUK.model_dump()
     template = table["robot"][0]["joint"][0]
     names = [f"axis{i + 1}" for i in range(joints)]

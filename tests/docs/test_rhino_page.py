@@ -1,4 +1,4 @@
-"""The page on two RHINO robots: its figures are computed anew, its sentences hold, and the committed page says them."""
+"""The page on two RHINO robots: its figures are recomputed, its sentences hold, and the committed page has both."""
 
 import importlib
 import sys

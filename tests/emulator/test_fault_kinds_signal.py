@@ -13,7 +13,7 @@ Begin = Callable[..., SignalFault]
 
 
 def series(fault: SignalFault, count: int, value: float = 2.5) -> list[float]:
-    """What becomes of a constant, sampled once a cycle from the fault's beginning."""
+    """A constant under the fault, sampled once per cycle from the fault's beginning."""
     return [fault.apply(value, k * CYCLE_NS) for k in range(count)]
 
 

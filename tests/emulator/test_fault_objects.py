@@ -43,7 +43,7 @@ class Client:
         self.bench, self.channel, self.origin = bench, channel, origin
 
     def request(self, data: bytes, channel: int | None = None) -> bytes | None:
-        """The answer to one request; None where there is none."""
+        """The answer to one request; None if there is none."""
         request_id, answer_id = objects.sdo_channel(NODE, self.channel if channel is None else channel)
         before = len(self.bench.bench_records)
         self.bench.receive_bench(Frame(request_id, data), self.origin)

@@ -39,7 +39,7 @@ def length(frame: Frame) -> int:
 
 
 def frame_of_length(bits: int, can_id: int) -> Frame:
-    """A frame with this identifier that takes so many bits with its intermission."""
+    """A frame with this identifier and a length in bits, intermission included."""
     source = random.Random(can_id)
     while True:
         frame = Frame(can_id, bytes(source.choices(b"\x00\xff\x0f\xf0\x3c\xc3", k=8)))

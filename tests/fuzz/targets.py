@@ -33,7 +33,7 @@ SERVED_FRAMES = 20_000
 
 
 class _Benches:
-    """A bench that takes frames, as it is after NMT start; a new one now and then."""
+    """A bench that takes frames, as after NMT start; replaced from time to time."""
 
     def __init__(self) -> None:
         self._left = 0

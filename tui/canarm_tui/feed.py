@@ -230,7 +230,7 @@ class Feed:
                 self._dropped_references += tick - previous - 1
             if tick < ring.last_ticks[joint]:
                 ring.clear(joint)
-            ring.store(joint, tick, angle_rad)
+            ring.put(joint, tick, angle_rad)
             self._previous_ticks[joint] = tick
 
         return store

@@ -52,7 +52,7 @@ class ReferenceRing:
         self.last_ticks = [_NO_TICK] * joints
         """The newest tick of each joint; -1 if there is none."""
 
-    def store(self, joint: int, tick: int, angle_rad: float) -> None:
+    def put(self, joint: int, tick: int, angle_rad: float) -> None:
         """Keep the reference of `joint` at `tick`."""
         slot = tick % self._capacity
         self._ticks[joint, slot] = tick

@@ -1,4 +1,4 @@
-"""What the dashboard draws from: one immutable picture of the run, taken a few times a second.
+"""What the dashboard draws from: one immutable picture of the run, taken a few times per second.
 
 Values only, in physical units. No frames, no clock, no words or colours.
 """

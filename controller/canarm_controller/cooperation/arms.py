@@ -1,6 +1,6 @@
 """Arms by their Denavit-Hartenberg values: any chain of revolute joints, and the five-axis shape of the paper.
 
-Owns the numbers and what a five-axis arm must be like to have the closed form of `closed_form`. Poses must not enter.
+Owns the numbers and the conditions for the closed form of `closed_form`; poses are elsewhere.
 """
 
 import math
@@ -32,7 +32,7 @@ def _floats(name: str, values: Iterable[float]) -> tuple[float, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DhChain:
-    """A chain of revolute joints, A = Rz(q + offset)·Tz(d)·Tx(a)·Rx(α), one number a joint: m and degrees.
+    """A chain of revolute joints, A = Rz(q + offset)·Tz(d)·Tx(a)·Rx(α), one number per joint: m and degrees.
 
     `limits_deg` has a lowest and a highest angle for every joint; without it none is limited. Raises
     `CooperationError` for numbers that are not finite, lengths beyond 100 m, and lists of different lengths.
@@ -73,7 +73,7 @@ class DhChain:
 
     @property
     def offsets_rad(self) -> tuple[float, ...]:
-        """What is added to each joint's angle, rad."""
+        """Offset of each joint's angle, rad."""
         return tuple(map(math.radians, self.theta_offset_deg)) or (0.0,) * self.joint_count
 
     @property
@@ -89,7 +89,7 @@ class FiveAxisArm(DhChain):
     """An arm of the paper's shape: a waist, three parallel joints in a plane through its axis, and a roll.
 
     d₂ = d₃ = d₄ = a₅ = 0, α₂ = α₃ = α₅ = 0, α₁ and α₄ are ±90°, a₂ and a₃ are not zero; d₁, a₁, a₄, d₅ and the offsets
-    are free. Raises `CooperationError`, saying which value is another.
+    are free. Raises `CooperationError` naming the value that differs.
     """
 
     def __post_init__(self) -> None:

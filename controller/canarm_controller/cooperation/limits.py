@@ -1,4 +1,4 @@
-"""How near to trouble a plan may come before it is refused."""
+"""How close to a singularity or limit a plan may come before it is refused."""
 
 import math
 from dataclasses import dataclass, fields

@@ -19,10 +19,10 @@ from .arms import FiveAxisArm
 from .kinematics import Floats, checked_pose
 
 NEWTON_STEPS = 3
-"""At most so many steps after (5) itself; each squares what (5) leaves, some Δ²/m, and few are needed."""
+"""Most steps after (5) itself; each squares the error of (5), some Δ²/m, so few are needed."""
 CLOSE_ENOUGH_M = 1e-15
 LARGEST_TURN_RAD = 1.0
-"""A single step beyond has left the range in which J says anything."""
+"""A larger step is beyond the range in which J is valid."""
 
 State = tuple[float, float, float, float]
 

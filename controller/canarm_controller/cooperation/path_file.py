@@ -1,6 +1,6 @@
 """A path from a CSV file: what its header says, and what can be wrong with it.
 
-Columns are `time_s` and `x_m`, `y_m`, `z_m` (or `x_mm` …, `x_in` …), in any order; one row a point.
+Columns are `time_s` and `x_m`, `y_m`, `z_m` (or `x_mm` …, `x_in` …), in any order; one row per point.
 """
 
 import csv
@@ -25,7 +25,7 @@ SHOWN = 40
 def read_path(file: str | FilePath, *, period_s: float = PERIOD_S, from_start: bool = False) -> Path:
     """The path in a CSV file: straight lines through its points, every `period_s` seconds.
 
-    Points are places in the master's base, or with `from_start` displacements from where the tip is. Raises
+    Points are positions in the master's base, or with `from_start` displacements from the tip's start. Raises
     `CooperationError` naming file, row and column: unreadable file, missing, repeated or unknown column, not a finite
     number, fewer than 2 rows, times that do not begin at 0 or do not increase.
     """

@@ -1,4 +1,4 @@
-"""Paths of the point A: circle, arc, line, and any points over time. No arm enters.
+"""Paths of the point A: circle, arc, line, and any points over time, for any arm.
 
 A path is points over time, equally far apart: the master's tip follows it, pose by pose.
 """
@@ -29,7 +29,7 @@ class Path:
     """Points (n, 3) in m at times (n,) in s, along the axes of the master's base.
 
     With `from_start` they are displacements from where the master's tip is at the start, and the first one is 0;
-    without it they are places in the master's base. Raises `CooperationError` for other shapes, fewer than 2 points,
+    without it they are positions in the master's base. Raises `CooperationError` for other shapes, fewer than 2 points,
     numbers that are not finite, and times that do not increase.
     """
 
@@ -64,7 +64,7 @@ class Path:
 
     @property
     def length_m(self) -> float:
-        """How far the point goes, m."""
+        """Length of the path, m."""
         return float(np.sqrt((np.diff(self.point_m, axis=0) ** 2).sum(axis=1)).sum())
 
     def resampled(self, period_s: float = PERIOD_S) -> Self:
@@ -88,7 +88,8 @@ def circle(
     """`laps` of a circle, each in `seconds`; the paper's one unless another is asked for.
 
     `plane` names its first and second axis: it is run through from the first to the second, beginning where the tip is,
-    `start_deg` from the first axis. With `ease_s`, speed grows from 0 within so many seconds, and to 0 at the end.
+    `start_deg` from the first axis. With `ease_s`, the speed ramps up from 0 within that many seconds, and down to 0 at
+    the end.
     """
     return arc(
         radius_m,
@@ -111,7 +112,7 @@ def arc(
     period_s: float = PERIOD_S,
     ease_s: float = 0.0,
 ) -> Path:
-    """A part of a circle as `circle` has it, `angle_deg` long (negative: the other way round), in `seconds` in all."""
+    """Part of a circle as by `circle`, `angle_deg` long (negative: the other way round), in `seconds` in all."""
     if plane not in _PLANES:
         raise CooperationError(f"plane {plane!r}; must be one of {', '.join(_PLANES)}")
     if not 0.0 < radius_m < math.inf:

@@ -27,7 +27,7 @@ POSTURES = tuple(
     for elbow in (1, -1)
     for facing in (1, -1)
 )
-"""All that differ in how far the slave moves; s₃ turns the roll by 180° and changes nothing else."""
+"""All postures that differ in how far the slave moves; s₃ only turns the roll by 180°."""
 _POSES_AT_ONCE = 50_000
 MOST_POSES = 200_000_000
 

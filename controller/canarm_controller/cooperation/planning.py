@@ -32,8 +32,8 @@ def plan_cooperation(
 ) -> CooperationPlan:
     """Ten joint paths that lead the object along `path`: the master grips it, the slave supports it.
 
-    `master_start_rad` (5,) is the master's pose at the start; where the path has places instead of displacements, it is
-    the pose from which the first place is looked for. `newton_steps` = 0 and `damping_m` = 0 is (5) as printed.
+    `master_start_rad` (5,) is the master's pose at the start; where the path has positions instead of displacements, it
+    is the pose from which the first place is looked for. `newton_steps` = 0 and `damping_m` = 0 is (5) as printed.
 
     Raises `RefusedPlanError`, with its reason, for a path that cannot be followed from end to end: nothing has moved
     then. Raises `CooperationError` for input that is no path or no pose.

@@ -61,8 +61,8 @@ def _plan(cards: list[_InputCard], mapped: Mapped) -> _Plan:
     sequences = [([card.sources[channel] for channel in channels], card.channel_ns) for card, channels in busy]
     schedule = ScanSchedule.merged(sequences)
     samples: list[list[tuple[int, int, int]]] = [[] for _ in busy]
-    for value, ((number, place), offset_ns) in enumerate(zip(schedule.places, schedule.offsets_ns, strict=True)):
-        samples[number].append((busy[number][1][place], offset_ns, value))
+    for value, ((number, index), offset_ns) in enumerate(zip(schedule.origins, schedule.offsets_ns, strict=True)):
+        samples[number].append((busy[number][1][index], offset_ns, value))
     scans = tuple((card.scan, tuple(taken)) for (card, _), taken in zip(busy, samples, strict=True))
     return _Plan(schedule, scans, {card.node_id: len(channels) * card.channel_ns for card, channels in busy})
 

@@ -206,16 +206,16 @@ class FaultEngine:
 
     def _take_turns(self, configuration: Configuration, now_ns: int, values: Values) -> None:
         turns = configuration.turns
-        while configuration.place < len(turns):
-            turn = turns[configuration.place]
+        while configuration.next_turn < len(turns):
+            turn = turns[configuration.next_turn]
             if turn.state is SetState.ENDED:
-                configuration.place += 1
+                configuration.next_turn += 1
             elif turn.state is SetState.WAITING:
                 if not self._may_begin(turn, now_ns, values):
                     return
                 self._begin(turn, now_ns)
             else:
-                following = turns[configuration.place + 1 : configuration.place + 2]
+                following = turns[configuration.next_turn + 1 : configuration.next_turn + 2]
                 lasts = turn.declared.duration_s is None
                 if not (lasts and following and self._may_begin(following[0], now_ns, values)):
                     return

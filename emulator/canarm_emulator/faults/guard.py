@@ -25,7 +25,7 @@ def guard(fault: Fault, report: Callable[[Exception], None]) -> None:
         def called(*arguments: Any) -> Any:
             nonlocal has_failed
             if arguments and isinstance(arguments[0], NodeHandle):
-                arguments = (_GuardedPort(arguments[0], guarded), *arguments[1:])
+                arguments = (_GuardedHandle(arguments[0], guarded), *arguments[1:])
             if not has_failed:
                 try:
                     return checked(call(*arguments))
@@ -42,20 +42,20 @@ def guard(fault: Fault, report: Callable[[Exception], None]) -> None:
             object.__setattr__(fault, name, guarded(call, neutral, checked))
 
 
-class _GuardedPort:
+class _GuardedHandle:
     """A node's handle that checks the filters of a fault like its own calls."""
 
-    def __init__(self, port: NodeHandle, guarded: Callable[..., Callable[..., Any]]) -> None:
-        self._port, self._guarded = port, guarded
+    def __init__(self, handle: NodeHandle, guarded: Callable[..., Callable[..., Any]]) -> None:
+        self._handle, self._guarded = handle, guarded
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._port, name)
+        return getattr(self._handle, name)
 
     def set_sync_filter(self, passes: Callable[[int], bool] | None) -> None:
-        self._port.set_sync_filter(passes and self._guarded(passes, lambda now_ns: True, bool))
+        self._handle.set_sync_filter(passes and self._guarded(passes, lambda now_ns: True, bool))
 
     def set_send_filter(self, passes: Callable[[Frame], Frame | None] | None) -> None:
-        self._port.set_send_filter(passes and self._guarded(passes, lambda frame: frame, _frame))
+        self._handle.set_send_filter(passes and self._guarded(passes, lambda frame: frame, _frame))
 
 
 def failure_text(fault: Fault, error: Exception) -> str:

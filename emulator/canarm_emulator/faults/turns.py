@@ -85,8 +85,8 @@ class Configuration:
 
     turns: list[Turn]
     is_parallel: bool
-    place: int = 0
-    """Index of the set whose turn it is, in a sequence."""
+    next_turn: int = 0
+    """Index of the set whose turn it is in a sequence."""
 
     @property
     def is_done(self) -> bool:
@@ -95,4 +95,4 @@ class Configuration:
 
     def keep(self, turns: list[Turn]) -> None:
         """Forget all but these."""
-        self.turns, self.place = turns, 0
+        self.turns, self.next_turn = turns, 0

@@ -16,13 +16,13 @@ class ScanSchedule:
 
     sources: tuple[Source, ...]
     offsets_ns: tuple[int, ...]
-    places: tuple[tuple[int, int], ...]
-    """The sequence of each sample, and its index there."""
+    origins: tuple[tuple[int, int], ...]
+    """The sequence of each sample, and its index in it."""
     duration_ns: int
 
     @classmethod
     def merged(cls, sequences: Sequence[tuple[Sequence[Source], int]]) -> Self:
-        """The schedule of converters that begin together; each has its sources in order, and the ns that each takes.
+        """The schedule of converters that begin together; each has its sources in order, and the ns per conversion.
 
         At equal times, the sample of the earlier sequence comes first. Raises `ValueError` for a negative duration.
         """
@@ -30,8 +30,8 @@ class ScanSchedule:
         for number, (sources, conversion_ns) in enumerate(sequences):
             if conversion_ns < 0:
                 raise ValueError(f"conversion_ns = {conversion_ns}: must be 0, for all at once, or more")
-            samples += [(place * conversion_ns, source, (number, place)) for place, source in enumerate(sources)]
+            samples += [(index * conversion_ns, source, (number, index)) for index, source in enumerate(sources)]
         samples.sort(key=lambda sample: sample[0])
-        offsets_ns, sources_in_time, places = zip(*samples, strict=True) if samples else ((), (), ())
+        offsets_ns, sources_in_time, origins = zip(*samples, strict=True) if samples else ((), (), ())
         duration_ns = max((len(sources) * conversion_ns for sources, conversion_ns in sequences), default=0)
-        return cls(sources_in_time, offsets_ns, places, duration_ns)
+        return cls(sources_in_time, offsets_ns, origins, duration_ns)

@@ -39,7 +39,7 @@ SHORTEST_FRAME_BITS = 47
 """Bits of a frame without data, with intermission (ISO 11898-1), which bounds the frames that a bus can carry."""
 
 
-class _Arrived(NamedTuple):
+class _Received(NamedTuple):
     """A frame that has come and is not taken yet."""
 
     bus: str
@@ -133,7 +133,7 @@ class EmulatorRunner:
             if self._is_behind:
                 self._catch_up(events, now_ns)
             else:
-                self._take_all(self._arrivals(events), now_ns)
+                self._take_all(self._received(events), now_ns)
             if lockstep and self._sync_sender is not None and now_ns - self._last_heard_ns > self._sync_timeout_ns:
                 self._run_on(f"no SYNC for {self._sync_timeout_ns / 1e9:g} s")
             self._telemetry(now_ns)
@@ -143,11 +143,11 @@ class EmulatorRunner:
                 collector.cycle_done(NEVER)
         self._deliver()
 
-    def _arrivals(self, events: Sequence[Event]) -> Iterator[Event | _Arrived]:
+    def _received(self, events: Sequence[Event]) -> Iterator[Event | _Received]:
         """Input in order: events of clients, frames of clients and ports. A port is read when it is due."""
         for event in events:
             if type(event) is Received:
-                yield _Arrived(event.channel, event.frame, event.client_id)
+                yield _Received(event.channel, event.frame, event.client_id)
             elif type(event) is Ready:
                 yield from self._read(event.fileobj)  # type: ignore[arg-type]
             else:
@@ -155,13 +155,13 @@ class EmulatorRunner:
         for port in self._polled:
             yield from self._read(port)
 
-    def _read(self, port: BusPort) -> Iterator[_Arrived]:
+    def _read(self, port: BusPort) -> Iterator[_Received]:
         bus = self._bus_of[id(port)]
-        return (_Arrived(bus, frame, port) for _, frame in port.receive(0.0))
+        return (_Received(bus, frame, port) for _, frame in port.receive(0.0))
 
-    def _take_all(self, arrivals: Iterable[Event | _Arrived], now_ns: int) -> None:
-        for each in arrivals:
-            if isinstance(each, _Arrived):
+    def _take_all(self, received: Iterable[Event | _Received], now_ns: int) -> None:
+        for each in received:
+            if isinstance(each, _Received):
                 self._take(*each, now_ns)
             else:
                 self._client_event(each)
@@ -190,12 +190,12 @@ class EmulatorRunner:
         Takes no more than a bus could have carried: a faster sender must not keep the emulator busy.
         """
         most = self._gap_ns * self._bench.cell.bus.bitrate // (SHORTEST_FRAME_BITS * 1_000_000_000)
-        arrivals = list(self._arrivals(events))
-        while len(arrivals) <= most and (events := self._hub.poll(0.0)):
-            arrivals += self._arrivals(events)
-        frames = [each for each in arrivals if isinstance(each, _Arrived)]
+        received = list(self._received(events))
+        while len(received) <= most and (events := self._hub.poll(0.0)):
+            received += self._received(events)
+        frames = [each for each in received if isinstance(each, _Received)]
         self._queued_syncs = sum(each.bus == ROBOT_BUS and is_sync(each.frame) for each in frames)
-        self._take_all(arrivals, now_ns)
+        self._take_all(received, now_ns)
         self._is_behind = False
         self._last_look_ns = time.monotonic_ns()
         self._bench.advance(self._last_look_ns - self._start_ns)
