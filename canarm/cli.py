@@ -9,6 +9,7 @@ import importlib
 import importlib.metadata
 import logging
 import os
+import shutil
 import sys
 import threading
 from collections.abc import Sequence
@@ -23,6 +24,7 @@ from .stopping import interrupt_on_terminate
 from .usage import UsageError
 
 FAILED = ExitStatus.FAILED
+LEAST_COLUMNS, MOST_DIGITS = 20, 4
 ENVIRONMENT_PREFIX = "CANARM_"
 LOG_LEVEL = f"{ENVIRONMENT_PREFIX}LOG"
 
@@ -88,6 +90,7 @@ def run(arguments: Sequence[str]) -> int:
         if list(arguments) == ["--version"]:
             print(version())  # the parser would load the formatting of help pages
             return 0
+        _fit_narrow_terminals()
         _import_command(arguments)
         _set_up_logging()
         result = app(arguments, exit_on_error=False, print_error=False)
@@ -108,6 +111,21 @@ def run(arguments: Sequence[str]) -> int:
         where = f"; {LOG_LEVEL}=debug shows where"
         return _complain(f"this should not happen: {named_error(error)}{where}", FAILED)
     return result if isinstance(result, int) else 0
+
+
+def _fit_narrow_terminals() -> None:
+    """Help is set in a width that it can be set in: at one column or two, its layout would never end."""
+    app.console = app.error_console = None
+    given = os.environ.get("COLUMNS", "")
+    if given.isdigit():
+        columns = int(given) if given.isascii() and len(given) <= MOST_DIGITS else 0
+    else:
+        columns = shutil.get_terminal_size().columns
+    if columns < LEAST_COLUMNS:
+        from rich.console import Console
+
+        size = {"width": LEAST_COLUMNS, "height": LEAST_COLUMNS}  # or it would read the environment
+        app.console, app.error_console = Console(**size), Console(**size, stderr=True)
 
 
 def _import_command(arguments: Sequence[str]) -> None:

@@ -16,12 +16,12 @@ FAILED = 1
 
 
 def main() -> None:
-    """Import the command line and run it. SIGINT and SIGTERM before a command has begun are status 1.
+    """Import the command line and run it. SIGINT, SIGTERM and SIGHUP before a command has begun are status 1.
 
     They end the process at once: an exception does not always get through; the initialization of an extension
     module, for example, turns it into an `ImportError`.
     """
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in filter(None, (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", None))):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _end_now)
     make_streams_safe()

@@ -9,6 +9,8 @@ from types import FrameType
 
 STUCK_S = 6
 """Seconds after which a loop that does not ask counts as stuck: less than a parent waits for the end."""
+HANGUP: signal.Signals | None = getattr(signal, "SIGHUP", None)
+"""Sent by a closing terminal; None if the system has no such signal."""
 AGAIN_S = 0.5
 """A signal this soon after the first is the same one: timeout(1) sends it to the process and to its group."""
 
@@ -96,10 +98,17 @@ class StopRequest:
 
 
 def interrupt_on_terminate() -> None:
-    """Let SIGINT and SIGTERM raise `KeyboardInterrupt`, for a command that must clean up."""
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    """Let SIGINT, SIGTERM and SIGHUP raise `KeyboardInterrupt`, for a command that must clean up."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in (signal.SIGINT, HANGUP):
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler)
+
+
+def ignore_hangups() -> None:
+    """Ignore SIGHUP from now on: a closing terminal sends it more than once, and the end must not be interrupted."""
+    if HANGUP is not None:
+        signal.signal(HANGUP, signal.SIG_IGN)
 
 
 def _end_now(why: str) -> None:

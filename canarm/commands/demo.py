@@ -46,6 +46,7 @@ from ..recording import recording_failure
 from ..serving import attach_flags, is_remote
 from ..session import make_bench, make_controller, tick_count, traffic_warning
 from ..stdout import keep_stdout
+from ..stopping import ignore_hangups
 from ..summary import Summary
 from ..usage import UsageError, parse_settings
 
@@ -84,7 +85,8 @@ def demo(
     """Run emulator and controller against each other over the virtual bus; with the dashboard on a terminal.
 
     Time stands still until every part of a cycle is done (lockstep), so a busy machine makes it slower, never wrong.
-    Ends with a summary. The run is recorded in --out, or in a new folder below runs/. Ctrl-C stops the robot safely.
+    Ends with a summary. The run is recorded in --out, or in a new folder below runs/. Ctrl-C stops the robot safely,
+    and so does leaving the dashboard (q).
     """
     nominal = cell.load()
     settings = truth or []
@@ -124,12 +126,13 @@ def demo(
             limit_s = START_S + SLOWEST * seconds / min(pace or 1.0, 1.0) if math.isfinite(sync_timeout) else math.inf
             deadline_s = time.monotonic() + limit_s
             try:
-                if with_dashboard:
-                    _show_dashboard(nominal, host, port, controller, deadline_s)
+                if with_dashboard and _dashboard_is_left(nominal, host, port, controller, deadline_s):
+                    raise KeyboardInterrupt
                 if not controller.wait(max(deadline_s - time.monotonic(), 0.0)):
                     _tell(f"the controller has not ended within {limit_s:g} s and is given up")
                     controller.end()
             except KeyboardInterrupt:
+                ignore_hangups()
                 _tell("stopping")
                 controller.end()
             complaints = emulator.complaints + controller.complaints
@@ -176,8 +179,8 @@ def _served_host(serve: str) -> str:
     return host
 
 
-def _show_dashboard(cell: Cell, host: str, port: int, controller: Child, deadline_s: float) -> None:
-    """The dashboard in this process, until the controller has ended, time is up, or the user leaves it."""
+def _dashboard_is_left(cell: Cell, host: str, port: int, controller: Child, deadline_s: float) -> bool:
+    """The dashboard in this process, until the run is over or time is up; or, which is true, its user has left it."""
     from canarm_tui.app import run_dashboard
 
     options = {"host": host, "port": port}
@@ -186,8 +189,7 @@ def _show_dashboard(cell: Cell, host: str, port: int, controller: Child, deadlin
         return controller.status is not None or time.monotonic() > deadline_s
 
     run_dashboard(cell, "canarm", BENCH_BUS, options, until=is_over)
-    if not is_over():
-        _tell("the run goes on to its end; Ctrl-C stops it")
+    return not is_over()
 
 
 def _of_summary(emulator: Child, key: str) -> Any:

@@ -12,6 +12,8 @@ from queue import SimpleQueue
 from types import FrameType
 from typing import TypeVar
 
+from ..stopping import HANGUP
+
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
 ORPHAN_S = 5.0
@@ -95,16 +97,21 @@ def _until_broken(
     executor.shutdown()
 
 
+_INTERRUPTS = tuple(filter(None, (signal.SIGINT, HANGUP)))
+"""What a terminal sends to all of its processes; it is the first one that ends the others."""
+
+
 @contextlib.contextmanager
 def _interrupts_ignored() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in _INTERRUPTS}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class _Worker:
@@ -138,7 +145,8 @@ _worker = _Worker()
 
 
 def _begin_worker() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in _INTERRUPTS:
+        signal.signal(number, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _worker.tell)
     threading.Thread(target=_worker.end_with_parent, daemon=True).start()
 

@@ -134,7 +134,7 @@ class Commands:
         popen = subprocess.Popen(
             command,
             cwd=self.folder,
-            env=self._environment(env),
+            env=self.environment(env),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -155,7 +155,7 @@ class Commands:
         command = [sys.executable, *words]
         if self._starter is None:
             return self.run(*command, env=env, **({} if stdin is None else {"stdin": stdin}))
-        fork = self._starter.start(words, self.folder, self._environment(env), (stdin, None, None))
+        fork = self._starter.start(words, self.folder, self.environment(env), (stdin, None, None))
         return self._kept(Process(command, fork))
 
     def piped(self, text: str, *arguments: str) -> Process:
@@ -182,7 +182,8 @@ class Commands:
             stderr=terminal,
         )
 
-    def _environment(self, more: dict[str, str] | None) -> dict[str, str]:
+    def environment(self, more: dict[str, str] | None = None) -> dict[str, str]:
+        """Ours, with the mark of this test, and with `more`."""
         inherited = {name: value for name, value in os.environ.items() if not name.startswith("CANARM_")}
         return {**inherited, "COLUMNS": "100", "PYTHONUNBUFFERED": "1", MARKER: self._marker, **(more or {})}
 

@@ -145,11 +145,71 @@ async def test_help_opens_and_closes_and_q_quits_from_it(app):
     assert app.return_code == 0
 
 
+@pytest.mark.parametrize("before", [(), ("f",), ("question_mark",), ("e",)])
+async def test_ctrl_c_leaves_the_dashboard_from_wherever_one_is(app, before):
+    async with running(app) as pilot:
+        await pilot.press(*before, "ctrl+c")
+    assert app.return_code == 0
+    assert not app.is_running
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 24), (80, 1), (5, 5)])
+async def test_a_terminal_of_one_column_or_line_is_borne(app, port, wire, size):
+    async with running(app, size) as pilot:
+        for key in ("question_mark", "escape", "f", "escape", "x", "escape", "e", "escape", "r", "escape", "space"):
+            port.arriving = [*wire.report(8, 0, 2), *wire.reference(8, 0.5), *wire.telemetry(8, 0.5)]
+            await shown(app, pilot)
+            await pilot.press(key)
+        await pilot.resize_terminal(*WIDE)
+        await shown(app, pilot)
+        await pilot.resize_terminal(1, 1)
+        await shown(app, pilot)
+        await pilot.press("q")
+    assert app.return_code == 0
+
+
+async def test_while_nothing_comes_the_traces_are_not_drawn_again(app, port, wire, clock):
+    """An idle bench that is watched costs next to nothing; its telemetry repeats the last cycle."""
+    drawn = []
+    async with running(app) as pilot:
+        port.arriving = [*wire.report(8, 0, 2), *wire.reference(8, 0.5), *wire.telemetry(8, 0.5)]
+        await shown(app, pilot)
+        for trace in app.query(ErrorTrace):
+            trace._draw = lambda *size: drawn.append(size) or []
+        for _ in range(5):
+            clock.advance(0.1)
+            port.arriving = wire.telemetry(8, 0.5)
+            await shown(app, pilot)
+        assert len(drawn) <= len(app.query(ErrorTrace)), "once, for the title: it has no error any more"
+        port.arriving = [*wire.reference(12, 0.5), *wire.telemetry(12, 0.5)]
+        await shown(app, pilot)
+        assert len(drawn) > len(app.query(ErrorTrace))
+
+
+async def test_while_nothing_comes_the_screen_is_drawn_once_a_second_and_news_at_once(app, port, wire, clock):
+    async with running(app):
+        drawn, start_ns = [], clock.now_ns
+        app.redraw_news()
+        app.redraw = lambda: drawn.append(clock.now_ns)
+        for tenth in range(1, 31):
+            clock.advance(0.1)
+            port.arriving = wire.telemetry(8, 0.5) if tenth > 3 else []
+            app.drain()
+            app.redraw_news()
+        seconds = [round((each - start_ns) / 1e9, 1) for each in drawn]
+        assert seconds == [0.4, 1.4, 2.4], "the first sample, and then once a second"
+        for news in (wire.telemetry(12, 0.5), wire.report(12, 0, 3)):
+            port.arriving = news
+            app.drain()
+            app.redraw_news()
+        assert len(drawn) == 5
+
+
 async def test_the_palette_offers_commands_by_area(app):
     commands = [command.title for command in app.get_system_commands(None)]
     assert commands == [
         "View: pause", "View: theme", "View: picture", "Fault: inject", "Fault: clear", "Bench: emergency stop",
-        "Dashboard: help", "Dashboard: quit",
+        "Bench: reset", "Dashboard: help", "Dashboard: quit",
     ]  # fmt: skip
     async with running(app) as pilot:
         await pilot.press("ctrl+p")

@@ -6,7 +6,7 @@ import pytest
 from textual.widgets import Input, OptionList, Static
 
 from canarm_tui import DashboardApp
-from canarm_tui.fault_screens import ClearScreen, StopScreen
+from canarm_tui.fault_screens import ClearScreen, ResetScreen, StopScreen
 from canarm_tui.inject_screen import InjectScreen
 from canarm_tui.widgets import FaultPanel, WordLine
 
@@ -239,6 +239,25 @@ async def test_the_emergency_stop_asks_first_and_stands_in_the_header(app, loop,
         assert not loop.bench.device.is_stopped
         await pilot.shown()
         assert "EMERGENCY" not in line(app, "header")
+
+
+async def test_r_switches_the_robot_off_and_on_again_and_asks_first(app, loop, clock):
+    async with running(app, loop, clock) as pilot:
+        assert any("Reset" in text for text in screen_text(app).splitlines()[-1:]), "the key stands in the footer"
+        await pilot.keys("e", "y")
+        assert loop.bench.device.is_stopped
+        await pilot.keys("r")
+        assert isinstance(app.screen, ResetScreen)
+        assert "off and on again" in screen_text(app)
+        await pilot.keys("escape")
+        assert loop.bench.device.is_stopped
+        await pilot.keys("r", "r")
+        assert line(app, "notice") == "✓ the robot was switched off and on again"
+        assert not loop.bench.device.is_stopped
+        await pilot.shown()
+        assert "EMERGENCY" not in line(app, "header")
+        await pilot.keys("question_mark")
+        assert "r  reset" in screen_text(app)
 
 
 async def test_the_dialog_fits_a_small_terminal_and_the_largest_form(app, loop, clock):

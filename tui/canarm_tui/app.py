@@ -3,7 +3,10 @@
 Only here is the wall clock read. Samples never become messages or reactives; a timer pulls one snapshot.
 """
 
+import asyncio
+import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar
@@ -19,7 +22,7 @@ from canarm_protocol.transport.port import BusPort, open_port
 from . import texts
 from .errors import TerminalError
 from .fault_desk import FaultDesk, Refusal
-from .fault_screens import ClearScreen, StopScreen
+from .fault_screens import ClearScreen, ResetScreen, StopScreen
 from .fault_texts import answer_word, panel_lines
 from .feed import Feed
 from .help import HelpScreen
@@ -29,6 +32,8 @@ from .widgets import FaultPanel, JointsPane, WordLine
 
 DRAIN_HZ = 20
 REDRAW_HZ = 10
+IDLE_NS = 1_000_000_000
+"""Without new cycles, ages and counters are drawn this often, so that watching an idle bench is cheap."""
 ANSWER_NS = 6_000_000_000
 """How long the bench's answer to a request stays below the header."""
 
@@ -37,7 +42,8 @@ class DashboardApp(App[None]):
     """The dashboard of one cell. `open_feed_port` opens the bench bus and raises `BusError` if that fails.
 
     `where` names the bus in the header until a port describes itself. `clock_ns` is the wall clock in ns. `on_start` is
-    called once, when the first screen is up; `until` is asked at every drain, and ends the dashboard when true.
+    called once, when the first screen is up; `until` is asked at every drain, and ends the dashboard when true. Each of
+    `signals` ends it too.
     """
 
     TITLE = "canarm"
@@ -48,12 +54,14 @@ class DashboardApp(App[None]):
     #panes { height: 1fr; }
     """
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("q", "quit", "Quit", id="app.quit", tooltip="Leave the dashboard; the bench and the controller go on"),
+        Binding("q", "quit", "Quit", id="app.quit", tooltip="Leave the dashboard; that ends a demo, and nothing else"),
+        Binding("ctrl+c", "quit", "Quit", id="app.interrupt", show=False, priority=True),
         Binding("question_mark", "help", "Help", key_display="?", id="app.help", tooltip="What the screen means"),
         Binding("space", "pause", "Pause", id="view.pause", tooltip="Hold the panes; data are still received"),
         Binding("f", "inject", "Inject", id="fault.inject", tooltip="Inject a fault, chosen in a dialog"),
         Binding("x", "clear", "Clear", id="fault.clear", tooltip="End faults, all or those of one set"),
         Binding("e", "stop", "Stop", id="bench.stop", tooltip="Emergency stop: asks first, then opens all supplies"),
+        Binding("r", "reset", "Reset", id="bench.reset", tooltip="Switch the robot off and on again; asks first"),
     ]
 
     def __init__(
@@ -66,6 +74,7 @@ class DashboardApp(App[None]):
         in_background: InBackground = in_thread,
         on_start: Callable[[], None] | None = None,
         until: Callable[[], bool] | None = None,
+        signals: Iterable[signal.Signals] = (),
     ) -> None:
         super().__init__()
         self.cell = cell
@@ -74,10 +83,12 @@ class DashboardApp(App[None]):
         self.desk = FaultDesk(cell, self.link, in_background)
         self.is_paused = False
         self._clock_ns = clock_ns
-        self._on_start, self._until = on_start, until
+        self._on_start, self._until, self._signals = on_start, until, signals
         self._connections = 0
         self._answer: texts.Word | None = None
         self._answer_until_ns = 0
+        self._drawn: tuple[object, ...] = ()
+        self._redraw_ns = 0
 
     def compose(self) -> ComposeResult:
         """Header, notice, panes, faults, counters, keys."""
@@ -91,10 +102,12 @@ class DashboardApp(App[None]):
 
     def on_mount(self) -> None:
         """Start the timers."""
+        for number in self._signals:
+            asyncio.get_running_loop().add_signal_handler(number, self.exit)
         self.drain()
         self.redraw()
         self.set_interval(1.0 / DRAIN_HZ, self.drain)
-        self.set_interval(1.0 / REDRAW_HZ, self.redraw)
+        self.set_interval(1.0 / REDRAW_HZ, self.redraw_news)
 
     def on_ready(self) -> None:
         """The first screen is up."""
@@ -118,12 +131,19 @@ class DashboardApp(App[None]):
         if self._until is not None and self._until():
             self.exit()
 
+    def redraw_news(self) -> None:
+        """Draw new data at once; without any, ages and counters every `IDLE_NS`."""
+        now_ns = self._clock_ns()
+        news = self.link.state, self.feed.changes, self.feed.faults, self.desk.faults, self.desk.refusal, self._answer
+        if news != self._drawn or now_ns >= self._redraw_ns:
+            self._drawn, self._redraw_ns = news, now_ns + IDLE_NS
+            self.redraw()
+
     def redraw(self) -> None:
         """Draw one snapshot: header and faults always, the panes unless they are paused."""
-        snapshot = self.feed.snapshot(self._clock_ns())
-        screen = self.screen_stack[0]
-        if not screen.query("#header"):
+        if not self.screen_stack or not self.screen_stack[0].query("#header"):
             return  # a last timer tick, while the screen closes
+        snapshot, screen = self.feed.snapshot(self._clock_ns()), self.screen_stack[0]
         header, notice = screen.query_one("#header", WordLine), screen.query_one("#notice", WordLine)
         header.show(texts.header_words(self.link, snapshot, self.is_paused, self.size.width - 2))
         said = texts.notice(self.link, snapshot)
@@ -170,6 +190,15 @@ class DashboardApp(App[None]):
 
         self.push_screen(StopScreen(is_on), switch)
 
+    def action_reset(self) -> None:
+        """Ask whether the robot is to be switched off and on again, and do it."""
+
+        def reset(is_wanted: bool | None) -> None:
+            if is_wanted:
+                self.desk.reset(self._tell)
+
+        self.push_screen(ResetScreen(), reset)
+
     def _tell(self, answer: str | Refusal | None) -> None:
         if answer is not None:
             self._answer, self._answer_until_ns = answer_word(answer), self._clock_ns() + ANSWER_NS
@@ -182,8 +211,9 @@ class DashboardApp(App[None]):
         yield SystemCommand("Fault: inject", "Inject a fault, chosen in a dialog", self.action_inject)
         yield SystemCommand("Fault: clear", "End faults, all or those of one set", self.action_clear)
         yield SystemCommand("Bench: emergency stop", "Open all supplies, or close them again", self.action_stop)
+        yield SystemCommand("Bench: reset", "Switch the robot off and on again", self.action_reset)
         yield SystemCommand("Dashboard: help", "What the screen means, and its keys", self.action_help)
-        yield SystemCommand("Dashboard: quit", "Leave; the bench and the controller go on", self.action_quit)
+        yield SystemCommand("Dashboard: quit", "Leave; that ends a demo, and nothing else", self.action_quit)
 
     def _save_picture(self) -> None:
         # The palette must be gone before the picture is taken.
@@ -201,8 +231,8 @@ def run_dashboard(
     """Show the bench bus `-i interface -c channel key=value …` until the user quits; return an exit status, 0 = quit.
 
     `on_start` is called once, when the first screen is up; `until` often, and the dashboard ends when it is true.
-    A missing or lost bus is shown and tried again. Raises `TerminalError` if stdin or stderr, on which the
-    dashboard is drawn, is no terminal.
+    A missing or lost bus is shown and tried again. SIGINT, SIGTERM and SIGHUP end the dashboard and leave the terminal
+    as it was. Raises `TerminalError` if stdin or stderr, on which the dashboard is drawn, is no terminal.
     """
     for stream, name in ((sys.__stdin__, "stdin"), (sys.__stderr__, "stderr")):
         if stream is None or not stream.isatty():
@@ -210,7 +240,25 @@ def run_dashboard(
     words = [f"-i {interface}", *([] if channel is None else [f"-c {channel}"])]
     where = " ".join([*words, *(f"{key}={value}" for key, value in bus_options.items())])
     app = DashboardApp(
-        cell, lambda: open_port(interface, channel, **bus_options), where=where, on_start=on_start, until=until
+        cell,
+        lambda: open_port(interface, channel, **bus_options),
+        where=where,
+        on_start=on_start,
+        until=until,
+        signals=_ending_signals(),
     )
-    app.run()
+    before = {number: signal.getsignal(number) for number in _ending_signals()}
+    try:
+        app.run()
+    finally:  # the event loop puts its own in the place of ours
+        for number, handler in before.items():
+            signal.signal(number, handler)
     return app.return_code or 0
+
+
+def _ending_signals() -> tuple[signal.Signals, ...]:
+    """Signals that end a program and are not switched off, as nohup does; none where they cannot be waited for."""
+    if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():
+        return ()
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    return tuple(number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN)

@@ -113,6 +113,15 @@ class FaultDesk:
 
         self._do(job, then)
 
+    def reset(self, then: Callable[[str | Refusal], None]) -> None:
+        """Power-on reset of the robot: faults and emergency stop gone, arms parked, every card boots."""
+
+        def job(client: BenchClient) -> str:
+            client.power_cycle()
+            return "the robot was switched off and on again"
+
+        self._do(job, then)
+
     def _look(self, signal: FaultSignal, now_ns: int) -> None:
         # Events are many; without a change in the telemetry there are no new ones.
         known = self.faults if signal == self._events_of else None

@@ -1,4 +1,4 @@
-"""The small dialogs about faults: which sets to clear, and the emergency stop. Others carry out the choice."""
+"""The small dialogs: which sets to clear, emergency stop, power-on reset. Others carry out the choice."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -7,6 +7,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.content import Content
+from textual.events import Key
 from textual.screen import ModalScreen
 from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
@@ -44,34 +45,61 @@ class ClearScreen(ModalScreen[tuple[str | None] | None]):
         self.dismiss((self._choices[event.option_index],))
 
 
-class StopScreen(ModalScreen[bool]):
-    """Ends with whether to switch the emergency stop."""
+class QuestionScreen(ModalScreen[bool]):
+    """Ends with the answer to a question; `key` says yes too."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("enter,y,e", "answer(True)", "Yes"),
+        Binding("enter,y", "answer(True)", "Yes"),
         Binding("escape,n,q", "answer(False)", "No"),
     ]
     DEFAULT_CSS = """
-    StopScreen { align: center middle; }
-    StopScreen Static {
+    QuestionScreen { align: center middle; }
+    QuestionScreen Static {
         width: 60; max-width: 100%; height: auto; border: heavy $error; padding: 1 2; background: $surface;
     }
     """
 
-    def __init__(self, is_on: bool) -> None:
+    def __init__(self, title: str, question: str, key: str) -> None:
         super().__init__()
-        self._is_on = is_on
+        self._heading, self._text, self._yes = title, question, key
 
     def compose(self) -> ComposeResult:
         """The question."""
-        question = Static(
-            "Close the supply of all amplifiers again?\nThe robot may move at once."
-            if self._is_on
-            else "Open the supply of all amplifiers?\nThe arm is without torque then."
-        )
-        question.border_title, question.border_subtitle = "Emergency stop", "enter, y or e: yes │ escape, n: no"
+        question = Static(self._text)
+        question.border_title = self._heading
+        question.border_subtitle = f"enter, y or {self._yes}: yes │ escape, n: no"
         yield question
+
+    def on_key(self, event: Key) -> None:
+        """The key that has led here says yes as well."""
+        if event.key == self._yes:
+            event.stop()
+            self.dismiss(True)
 
     def action_answer(self, is_wanted: bool) -> None:
         """The user has decided."""
         self.dismiss(is_wanted)
+
+
+class StopScreen(QuestionScreen):
+    """Whether the emergency stop is to be switched."""
+
+    def __init__(self, is_on: bool) -> None:
+        text = (
+            "Close the supply of all amplifiers again?\nThe robot may move at once."
+            if is_on
+            else "Open the supply of all amplifiers?\nThe arm is without torque then."
+        )
+        super().__init__("Emergency stop", text, "e")
+
+
+class ResetScreen(QuestionScreen):
+    """Whether the robot is to be switched off and on again."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "Reset",
+            "Switch the robot off and on again?\nFaults and emergency stop are gone then, the arm is parked, and a "
+            "controller that runs loses its cards.",
+            "r",
+        )

@@ -38,6 +38,15 @@ class _Mark(NamedTuple):
     cycle: int
 
 
+class _Window(NamedTuple):
+    """Samples, oldest first: cycles (n,), values (n, joints, FIELDS), references (n, joints), errors (n, joints)."""
+
+    cycles: NDArray[np.int64]
+    values: NDArray[np.float64]
+    references: NDArray[np.float64]
+    error_lsb: NDArray[np.float64]
+
+
 class Feed:
     """The state of the dashboard's data. A cycle or tick that goes backwards begins a new run."""
 
@@ -61,6 +70,7 @@ class Feed:
         self._telemetry_wall_ns: int | None = None
         self._previous_ticks: list[int | None] = [None] * len(joints)
         self._marks: deque[_Mark] = deque()
+        self._drawn: tuple[tuple[int, int], _Window] | None = None
         self._report: tuple[int, int, int] | None = None
         self._report_wall_ns = 0
         self.faults: FaultSignal | None = None
@@ -93,6 +103,11 @@ class Feed:
             handlers |= {layout.cob_id: (layout, handler) for layout, handler in parts}
         return handlers
 
+    @property
+    def changes(self) -> tuple[int, int, tuple[int, int, int] | None]:
+        """Is another one as soon as a cycle, a reference or a report of the controller has come."""
+        return self._samples.changes, self._references.changes, self._report
+
     def receive(self, frames: Iterable[tuple[int, Frame]], wall_ns: int) -> None:
         """Take (bus time in ns, frame) as a port gives them, at the wall time `wall_ns`."""
         self._wall_ns = wall_ns
@@ -120,13 +135,9 @@ class Feed:
 
     def snapshot(self, wall_ns: int) -> Snapshot:
         """The run as received so far, at the wall time `wall_ns`."""
-        cycles, values = self._samples.since(0 if self._sample is None else self._sample[0] - self._window)
-        references = self._references.at(cycles)
-        with np.errstate(invalid="ignore", over="ignore"):
-            error_lsb = (values[:, :, _ANGLE] - references) / self._lsb_rad
-        error_lsb[~np.isfinite(error_lsb)] = np.nan
+        cycles, values, references, error_lsb = self._window_now()
         reported, internals = self._reported.copy(), self._internals.copy()
-        for array in (cycles, error_lsb, reported, internals):
+        for array in (reported, internals):
             array.flags.writeable = False
         report = self._report
         return Snapshot(
@@ -147,6 +158,20 @@ class Feed:
             reported=reported,
             internals=internals,
         )
+
+    def _window_now(self) -> _Window:
+        """The window as it is; the same arrays as long as nothing has come, so that nobody draws them again."""
+        changes = self.changes[:2]
+        if self._drawn is None or self._drawn[0] != changes:
+            cycles, values = self._samples.since(0 if self._sample is None else self._sample[0] - self._window)
+            references = self._references.at(cycles)
+            with np.errstate(invalid="ignore", over="ignore"):
+                error_lsb = (values[:, :, _ANGLE] - references) / self._lsb_rad
+            error_lsb[~np.isfinite(error_lsb)] = np.nan
+            for array in (cycles, error_lsb):
+                array.flags.writeable = False
+            self._drawn = changes, _Window(cycles, values, references, error_lsb)
+        return self._drawn[1]
 
     def _joint(
         self,

@@ -12,6 +12,8 @@ HELP = """\
 [b]Keys[/b]
   q  quit      space  pause and go on      ctrl+p  all commands      ?  this help
   f  inject a fault      x  clear faults      e  emergency stop, on and off; it asks first
+  r  reset: the robot off and on again, as canarm reset does; it asks first
+  q and ctrl+c leave the dashboard; of canarm demo they stop the robot, of canarm tui nothing else.
   Paused, the panes stand still; data are still received, and the header stays live.
 
 [b]Header[/b]

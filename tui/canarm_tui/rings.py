@@ -22,6 +22,8 @@ class SampleRing:
         self._values = self._rows.reshape(capacity, joints, FIELDS)
         self._capacity = capacity
         self._written = 0
+        self.changes = 0
+        """Grows with each addition and each clearing."""
 
     def append(self, cycle: int, row: Sequence[float]) -> None:
         """Add one sample; `row` has `FIELDS` values for each joint in turn."""
@@ -29,10 +31,12 @@ class SampleRing:
         self._cycles[slot] = cycle
         self._rows[slot] = row
         self._written += 1
+        self.changes += 1
 
     def clear(self) -> None:
         """Forget all samples."""
         self._written = 0
+        self.changes += 1
 
     def since(self, cycle: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Copies of the samples from `cycle` on, oldest first: cycles (n,) and values (n, joints, FIELDS)."""
@@ -51,6 +55,8 @@ class ReferenceRing:
         self._capacity = capacity
         self.last_ticks = [_NO_TICK] * joints
         """The newest tick of each joint; -1 if there is none."""
+        self.changes = 0
+        """Grows with each addition and each clearing."""
 
     def put(self, joint: int, tick: int, angle_rad: float) -> None:
         """Keep the reference of `joint` at `tick`."""
@@ -58,11 +64,13 @@ class ReferenceRing:
         self._ticks[joint, slot] = tick
         self._angles_rad[joint, slot] = angle_rad
         self.last_ticks[joint] = tick
+        self.changes += 1
 
     def clear(self, joint: int) -> None:
         """Forget the references of one joint."""
         self._ticks[joint] = _NO_TICK
         self.last_ticks[joint] = _NO_TICK
+        self.changes += 1
 
     def at(self, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
         """References in rad at `ticks` (n,), NaN where missing; shape (n, joints)."""

@@ -41,9 +41,14 @@ class ErrorTrace(Widget):
         self._drawn: tuple[tuple[Snapshot | None, int, int], list[Strip]] | None = None
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show the window of `snapshot`."""
-        self._snapshot = snapshot
-        self.refresh()
+        """Show the window of `snapshot`, unless that is the one that is shown."""
+        before, self._snapshot = self._snapshot, snapshot
+        if before is None or self._looks_other(before, snapshot):
+            self.refresh()
+
+    def _looks_other(self, before: Snapshot, now: Snapshot) -> bool:
+        titles = (texts.trace_words(self._joint_name, each.joints[self._joint]) for each in (before, now))
+        return before.error_lsb is not now.error_lsb or len(set(titles)) > 1
 
     def notify_style_update(self) -> None:
         """The theme has changed: discard everything drawn before."""
