@@ -124,8 +124,9 @@ def _fit_narrow_terminals() -> None:
     if columns < LEAST_COLUMNS:
         from rich.console import Console
 
-        size = {"width": LEAST_COLUMNS, "height": LEAST_COLUMNS}  # or it would read the environment
-        app.console, app.error_console = Console(**size), Console(**size, stderr=True)
+        wide = high = LEAST_COLUMNS  # without a height, too, it would read the environment
+        app.console = Console(width=wide, height=high)
+        app.error_console = Console(width=wide, height=high, stderr=True)
 
 
 def _import_command(arguments: Sequence[str]) -> None:
