@@ -5,6 +5,8 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 
+from canarm_protocol.shown import printable
+
 from ..errors import ControllerError, InterruptedRunError, LawError
 from .base import ControlLaw
 
@@ -32,7 +34,7 @@ def shown(value: object, text_of: Callable[[object], str], width: int = LONGEST_
         text = text_of(value)
     except BaseException as error:
         return f"(a {type(value).__name__} whose text cannot be had: {type(error).__name__})"
-    return "".join(c if c.isprintable() else "?" for c in " ".join(text.split())[:width])
+    return printable(" ".join(text.split())[:width])
 
 
 def _line(law: type[ControlLaw], error: BaseException) -> str:

@@ -80,6 +80,8 @@ class Runner:
         self._pace, self._answer_s, self._sleep = pace, answer_s, sleep
         self._lockstep_pace: LockstepPace | None = None
         self._starvation = Starvation(controller.cell.bus.cycle_ns)
+        self._last_cause: str | None = None
+        """The lack of computing time that explained the last detection."""
         self._collector: Collector | None = None
         self._record: Callable[[], None] | None = None
         self._is_tick_untold = False
@@ -237,8 +239,14 @@ class Runner:
         if not explains(detector, detail, is_lockstep=is_lockstep):
             return None
         if is_lockstep:
-            return long_law(controller.loop.law_ns, controller.loop.cycle.tick)
-        return self._starvation.cause(self._clock())
+            cause = long_law(controller.loop.law_ns, controller.loop.cycle.tick)
+        else:
+            cause = self._starvation.cause(self._clock())
+        verdict, last = controller.verdict, self._last_cause
+        if cause is None and last is not None and verdict is not None and verdict.detail.startswith(last):
+            return last  # it has begun the safe stop, until the end of which the cards stay as they are
+        self._last_cause = cause
+        return cause
 
     def _publish(self, everything: bool = False) -> None:
         if self._report is None or self._bench is None or not self._owns_the_bus:

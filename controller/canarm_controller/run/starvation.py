@@ -6,7 +6,7 @@ Owns only that judgement; the robot and buses never enter.
 from collections import deque
 from dataclasses import dataclass
 
-from canarm_protocol.canopen.frames import ErrorCode
+from canarm_protocol.canopen.frames import ErrorCode, NmtState
 
 WINDOW_NS = 1_000_000_000
 """Left-out cycles explain detections for this long: filters of the watch forget in one or two tenths of a second."""
@@ -21,8 +21,6 @@ LONG_NS = 1_000_000_000
 UNTOUCHED = frozenset(
     (
         "foreign-master",
-        "card-state",
-        "inputs-repeated",
         "deadline-missed",
         "law-output",
         "law-failed",
@@ -34,10 +32,14 @@ UNTOUCHED = frozenset(
 SILENCE = frozenset(("card-emergency", "heartbeat-lost"))
 """Detectors of silence, which lack of computing time explains in lockstep too."""
 HEARTBEAT_LOST = f"0x{ErrorCode.LIFE_GUARD_OR_HEARTBEAT:04X}"
+RESTARTED = f" {NmtState.BOOT_UP.name},"
+"""The state of a card that has started anew; no missed heartbeat of the controller leads to it."""
 
 
 def explains(detector: str, detail: str, *, is_lockstep: bool) -> bool:
     """Whether lack of computing time can explain what `detector` has found."""
+    if detector == "card-state":
+        return RESTARTED not in detail
     if detector == "card-emergency":
         return HEARTBEAT_LOST in detail
     return detector in SILENCE if is_lockstep else detector not in UNTOUCHED

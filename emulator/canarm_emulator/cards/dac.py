@@ -10,18 +10,16 @@ from collections.abc import Callable
 from canarm_protocol.cards.kind import highest_code
 from canarm_protocol.cell.model import Card
 
-from ..signals import Distortion
-from .converters import output_fractions
+from .dac_converters import DacConverters
 from .device import DacDevice
 from .plugged import Connections, Plugged
-from .registers import OPEN_BUS
 
 CHANNELS = 4
 SPACING = 4
 """Addresses per channel."""
 
 
-class DacCard:
+class DacCard(DacConverters):
     """Buffers and converters of `bits` bits. `on_output(channel, fraction)` is told of every change of I_out / I_ref.
 
     Full scale is 255/256 of the reference as with eight bits, so that the op-amp behind it is trimmed in the same way.
@@ -29,16 +27,10 @@ class DacCard:
     """
 
     def __init__(self, bits: int, on_output: Callable[[int, float], None], nonlinearity: float = 0.0) -> None:
+        super().__init__(bits, on_output, nonlinearity)
         self._low = [0] * CHANNELS
         self._codes = [0] * CHANNELS
         self._mask = highest_code(bits)
-        self._on_output = on_output
-        self._fractions = output_fractions(bits, nonlinearity)
-        self._distortions: dict[int, Distortion] = {}
-
-    def read(self, address: int, now_ns: int) -> int:
-        """The registers cannot be read back."""
-        return OPEN_BUS
 
     def write(self, address: int, value: int, now_ns: int) -> None:
         """Keep a low byte, or load a converter."""
@@ -55,20 +47,6 @@ class DacCard:
         """Write both bytes of a channel."""
         self.write(SPACING * channel, code & 0xFF, now_ns)
         self.write(SPACING * channel + 1, code >> 8, now_ns)
-
-    def refresh(self, channel: int) -> None:
-        """Convert the code again, with the faults in front of the converter."""
-        code = self._codes[channel]
-        if self._distortions and channel in self._distortions:
-            code = int(self._distortions[channel](code))
-        self._on_output(channel, self._fractions[code])
-
-    def distort(self, channel: int, distortion: Distortion | None) -> None:
-        """Change the code that the converter sees, from the next `refresh` on."""
-        if distortion is None:
-            self._distortions.pop(channel, None)
-        else:
-            self._distortions[channel] = distortion
 
     def code(self, channel: int) -> int:
         """The code that a converter was loaded with."""

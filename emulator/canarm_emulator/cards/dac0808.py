@@ -9,18 +9,16 @@ from collections.abc import Callable
 
 from canarm_protocol.cell.model import Card
 
-from ..signals import Distortion
-from .converters import output_fractions
+from .dac_converters import DacConverters
 from .device import DacDevice
 from .plugged import Connections, Plugged
-from .registers import OPEN_BUS
 
 CHANNELS = 4
 BITS = 8
 NIBBLE = 4
 
 
-class Dac0808Card:
+class Dac0808Card(DacConverters):
     """Latches and converters. `on_output(channel, fraction)` is told of every change of I_out / I_ref.
 
     `nonlinearity` is the largest deviation from the end-point line, as a fraction of full scale (data sheet: 0.19 % at
@@ -28,14 +26,8 @@ class Dac0808Card:
     """
 
     def __init__(self, on_output: Callable[[int, float], None], nonlinearity: float = 0.0) -> None:
+        super().__init__(BITS, on_output, nonlinearity)
         self._latches = [0] * (2 * CHANNELS)
-        self._on_output = on_output
-        self._fractions = output_fractions(BITS, nonlinearity)
-        self._distortions: dict[int, Distortion] = {}
-
-    def read(self, address: int, now_ns: int) -> int:
-        """The latches cannot be read back."""
-        return OPEN_BUS
 
     def write(self, address: int, value: int, now_ns: int) -> None:
         """Load one 4-bit latch."""
@@ -52,20 +44,6 @@ class Dac0808Card:
         if latches[2 * channel + 1] != high:
             latches[2 * channel + 1] = high
             self.refresh(channel)
-
-    def refresh(self, channel: int) -> None:
-        """Convert the latched code again, with the faults between latches and converter."""
-        code = self._latches[2 * channel] | self._latches[2 * channel + 1] << NIBBLE
-        if self._distortions and channel in self._distortions:
-            code = int(self._distortions[channel](code))
-        self._on_output(channel, self._fractions[code])
-
-    def distort(self, channel: int, distortion: Distortion | None) -> None:
-        """Change the code (0 to 255) that the converter sees, from the next `refresh` on."""
-        if distortion is None:
-            self._distortions.pop(channel, None)
-        else:
-            self._distortions[channel] = distortion
 
     def code(self, channel: int) -> int:
         """The 8-bit code in front of a converter."""
