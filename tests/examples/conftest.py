@@ -45,12 +45,16 @@ def emulator() -> Iterator[int]:
 
 
 @pytest.fixture
-def run_python():
+def run_python(starter):
     """Run a program in Python to its end."""
 
     def run(*words: object) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, *map(str, words)]
-        return subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S)
+        if starter is None:
+            return subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S)
+        fork = starter.start(command[1:], Path.cwd(), os.environ)
+        said = fork.communicate(DEADLINE_S)
+        return subprocess.CompletedProcess(command, fork.wait(DEADLINE_S), *said)
 
     return run
 
