@@ -60,14 +60,16 @@ def safety(
     near its reference. Torque is off where every amplifier is asked for nothing. The state must last.
     """
     off = np.asarray((motion.command_a == 0.0).all(axis=1))
-    weak = np.asarray((np.abs(motion.current_a) <= SAFE_CURRENT_A * _EXACT).all(axis=1))
+    braked = np.array([joint.brake is not None for joint in cell.joints])
+    # A motor that its brake shorts is a generator: that current no amplifier gives.
+    given_a = np.where(braked & (motion.command_a == 0.0), 0.0, np.abs(motion.current_a))
+    weak = np.asarray((given_a <= SAFE_CURRENT_A * _EXACT).all(axis=1))
     good = (off | holding | tracking) & weak
     bad = np.flatnonzero(~good)
     start = max(clock, int(bad[-1]) + 1 if len(bad) else 0)
     is_reached = start < len(good)
     safe_s = float(motion.time_s[start] - motion.time_s[clock]) if is_reached else None
     by = "" if not is_reached else "off" if off[start] else "hold" if holding[start] else "tracking"
-    braked = np.array([joint.brake is not None for joint in cell.joints])
     growth_rad_s = _growth_rad_s(motion, twin_rad_s, injected, clock, start, ~braked)
     braked_rad_s = float(np.abs(motion.speed_rad_s[clock:, braked]).max(initial=0.0))
     driven_w = _driven_w(cell, motion, start) if by == "off" else 0.0
@@ -76,7 +78,7 @@ def safety(
         by,
         growth_rad_s,
         braked_rad_s,
-        current_a=float(np.abs(motion.current_a[clock:]).max()),
+        current_a=float(given_a[clock:].max()),
         driven_w=driven_w,
         is_safe=safe_s is not None
         and safe_s <= FTTI_S * _EXACT

@@ -201,6 +201,13 @@ def test_a_joint_with_a_brake_is_never_faster_than_3_rad_s_not_even_after_the_ft
     assert not judge(braked, harmless, a_run(), is_dangerous=False).is_safe  # loss of torque is no excuse
 
 
+def test_the_current_of_a_motor_that_its_brake_shorts_is_no_amplifiers() -> None:
+    evidence = driven(160)
+    evidence.motion.current_a[170, 0] = -2.0  # against the motion
+    assert not judged(evidence, is_dangerous=True).is_safe
+    assert judge(load_cell("konkuk1-brakes"), evidence, a_run(), is_dangerous=True).is_safe
+
+
 @pytest.mark.parametrize(
     ("current_a", "cycle", "speed_rad_s", "is_safe"),
     [
