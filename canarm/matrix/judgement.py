@@ -60,14 +60,15 @@ DEFINITIONS = (
     ),
     (
         "safe",
-        "Torque off (no amplifier is asked for current) or hold (standstill after the controller has begun to stop), "
-        f"for good; |current| at most {SAFE_CURRENT_A:g} A throughout. A dangerous fault has to end there within the "
-        f"FTTI, {FTTI_S * 1e3:g} ms from the clock's start, unless it is tolerated, or the arm is by then, and stays, "
-        f"within {TOLERATED_LSB:g} LSB of the reference or of the twin. Until then no joint becomes faster by more "
-        f"than {GROWTH_RAD_S:g} rad/s than it was when the fault began, or than the twin is; once torque is off no "
-        "drive puts energy into the arm, but for what its winding still holds. How fast an arm falls then is "
-        f"gravity's: told, not judged. A joint that has a brake is never faster than {SAFE_SPEED_RAD_S:g} rad/s from "
-        "the clock's start on, whatever the fault.",
+        "Torque off (no amplifier is asked for current), hold (standstill after the controller has begun to stop) or, "
+        f"before that, tracking (within {TOLERATED_LSB:g} LSB of the reference or of the twin); |current| at most "
+        f"{SAFE_CURRENT_A:g} A throughout. After a dangerous fault an arm may be in none of these for "
+        f"{FTTI_S * 1e3:g} ms, the FTTI, from "
+        "the first such cycle after the clock's start to the last one. Until then no joint becomes faster by more than "
+        f"{GROWTH_RAD_S:g} rad/s than it was when the fault began, or than the twin is; once torque is off no drive "
+        "puts energy into the arm, but for what its winding still holds. How fast an arm falls then is gravity's: "
+        f"told, not judged. A joint that has a brake is never faster than {SAFE_SPEED_RAD_S:g} rad/s from the clock's "
+        "start on, whatever the fault.",
     ),
     (
         "peaks",
@@ -241,15 +242,13 @@ def _latency_s(cell: Cell, motion: Motion, clock: int | None, first: Notice) -> 
 def _safety(cell: Cell, run: Evidence, twin: Motion, clock: int, stop: int | None, astray_lsb: Floats) -> Safety:
     """Whether the run is safe in time.
 
-    A hold is a standstill (all speeds below the tachometer's floor) after the controller has begun to stop. If it
-    goes on instead, being back within 3 LSB of the reference also counts.
+    A hold is a standstill (all speeds below the tachometer's floor) after the controller has begun to stop. Until then
+    being within 3 LSB of the reference or of the twin counts as well.
     """
     motion = run.motion
-    holding = tracking = np.zeros(len(motion.cycle), dtype=np.bool_)
-    if stop is not None:
-        holding = _all(np.abs(motion.speed_rad_s) <= _floors(cell)[1]) & (motion.cycle >= stop)
-    if run.is_running:
-        tracking = _all(astray_lsb <= TOLERATED_LSB)
+    is_stopping = np.zeros(len(motion.cycle), dtype=np.bool_) if stop is None else motion.cycle >= stop
+    holding = _all(np.abs(motion.speed_rad_s) <= _floors(cell)[1]) & is_stopping
+    tracking = _all(astray_lsb <= TOLERATED_LSB) & ~is_stopping
     injected = int(np.searchsorted(motion.cycle, run.injected_cycle))
     twin_rad_s = np.where(_has_twin(motion, twin)[:, np.newaxis], twin.speed_rad_s[_rows(motion, twin)], 0.0)
     return safety(cell, motion, twin_rad_s, injected, clock, holding, tracking)

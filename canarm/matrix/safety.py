@@ -15,7 +15,8 @@ from .evidence import Floats, Motion
 Bools = NDArray[np.bool_]
 
 FTTI_S = 0.1
-"""The fault-tolerant time interval: "safe within the FTTI" counts from the clock's start."""
+"""The fault-tolerant time interval: for so long, from the clock's start on, an arm may be neither off, held nor near
+its reference."""
 SAFE_CURRENT_A = 1.5
 SAFE_SPEED_RAD_S = 3.0
 """A joint with a brake is never faster than this from the clock's start on."""
@@ -30,11 +31,12 @@ _EXACT = 1.0 + 1e-9
 class Safety:
     """The outcome of a run from the clock's start on; the defaults are for a run whose clock never starts.
 
-    `safe_s` is from the clock's start to the lasting safe state, None if never reached; `by` is "off", "hold"
-    or "tracking". `growth_rad_s` is by how much a joint without a brake has become faster than it was when the fault
-    began, or than its twin is, until the safe state or the end of the FTTI; `braked_rad_s` the highest speed of a joint
-    with a brake. `driven_w` is the most that a drive puts into the arm after its torque is off, over what its winding's
-    decay allows.
+    `safe_s` is from the first cycle, after the clock's start, in which the arm is in no safe state, to the one from
+    which it is for good; None where it never is: an arm that follows is safe until it does so no more. `by` is in which
+    state it ends, "off", "hold" or "tracking". `growth_rad_s` is by how much a joint without a brake has become faster
+    than it was when the fault began, or than its twin is, until the safe state or the end of the FTTI; `braked_rad_s`
+    the highest speed of a joint with a brake. `driven_w` is the most that a drive puts into the arm after its torque is
+    off, over what its winding's decay allows.
     """
 
     safe_s: float | None = None
@@ -56,8 +58,8 @@ def safety(
 ) -> Safety:
     """Judge the `motion` from row `clock` on; `injected` is the row of the injection, `twin_rad_s` the twin's speeds.
 
-    `holding` and `tracking` (n,) are where the arm stands after the controller has begun to stop, and where it goes on
-    near its reference. Torque is off where every amplifier is asked for nothing. The state must last.
+    `holding` and `tracking` (n,) are where the arm stands after the controller has begun to stop, and where it is near
+    its reference before that. Torque is off where every amplifier is asked for nothing.
     """
     off = np.asarray((motion.command_a == 0.0).all(axis=1))
     braked = np.array([joint.brake is not None for joint in cell.joints])
@@ -66,13 +68,14 @@ def safety(
     weak = np.asarray((given_a <= SAFE_CURRENT_A * _EXACT).all(axis=1))
     good = (off | holding | tracking) & weak
     bad = np.flatnonzero(~good)
-    start = max(clock, int(bad[-1]) + 1 if len(bad) else 0)
+    bad = bad[bad >= clock]
+    lost, start = (int(bad[0]), int(bad[-1]) + 1) if len(bad) else (clock, clock)
     is_reached = start < len(good)
-    safe_s = float(motion.time_s[start] - motion.time_s[clock]) if is_reached else None
-    by = "" if not is_reached else "off" if off[start] else "hold" if holding[start] else "tracking"
-    growth_rad_s = _growth_rad_s(motion, twin_rad_s, injected, clock, start, ~braked)
+    safe_s = float(motion.time_s[start] - motion.time_s[lost]) if is_reached else None
+    by = "" if not is_reached else "off" if off[-1] else "hold" if holding[-1] else "tracking"
+    growth_rad_s = _growth_rad_s(motion, twin_rad_s, injected, range(clock, _until(motion, lost, start)), ~braked)
     braked_rad_s = float(np.abs(motion.speed_rad_s[clock:, braked]).max(initial=0.0))
-    driven_w = _driven_w(cell, motion, start) if by == "off" else 0.0
+    driven_w = _driven_w(cell, motion, int(np.flatnonzero(~off).max(initial=-1)) + 1)
     return Safety(
         safe_s,
         by,
@@ -89,25 +92,30 @@ def safety(
     )
 
 
-def _growth_rad_s(motion: Motion, twin_rad_s: Floats, injected: int, clock: int, start: int, joints: Bools) -> float:
-    """By how much any of the `joints` becomes faster than before and after what happened at the injection, and than
-    its twin: a joint that was hit has to catch up.
+def _until(motion: Motion, lost: int, start: int) -> int:
+    """The row after the one in which the arm is safe for good; at the latest that after the FTTI."""
+    in_ftti = motion.time_s[lost:] <= motion.time_s[lost] + FTTI_S * _EXACT
+    return lost + min(start - lost + 1, int(np.count_nonzero(in_ftti)))
+
+
+def _growth_rad_s(motion: Motion, twin_rad_s: Floats, injected: int, watched: range, joints: Bools) -> float:
+    """By how much any of the `joints` is faster in the rows `watched` than before and after what happened at the
+    injection, and than its twin: a joint that was hit has to catch up.
     """
-    speed_rad_s = np.abs(motion.speed_rad_s[:, joints])
+    speed_rad_s, rows = np.abs(motion.speed_rad_s[:, joints]), slice(watched.start, watched.stop)
     before_rad_s = speed_rad_s[max(injected - 1, 0) : injected + 1].max(axis=0)
-    in_ftti = motion.time_s[clock:] <= motion.time_s[clock] + FTTI_S * _EXACT
-    until = clock + min(start - clock + 1, int(np.count_nonzero(in_ftti)))
-    growth_rad_s = speed_rad_s[clock:until] - np.maximum(before_rad_s, np.abs(twin_rad_s[clock:until, joints]))
+    growth_rad_s = speed_rad_s[rows] - np.maximum(before_rad_s, np.abs(twin_rad_s[rows, joints]))
     return float(growth_rad_s.max(initial=0.0))
 
 
 def _driven_w(cell: Cell, motion: Motion, start: int) -> float:
-    """The most power that a drive's current puts into the arm from row `start` on: K_I·i·w where that is positive.
+    """The most power that a drive's current puts into the arm from row `start` on, if there is one: K_I·i·w where that
+    is positive.
 
     A winding that has been switched off still has a current, which decays with L/R from what it was at most.
     """
     most_w = 0.0
-    elapsed_s = motion.time_s[start:] - motion.time_s[start]
+    elapsed_s = motion.time_s[start:] - motion.time_s[start : start + 1]
     for number, joint in enumerate(cell.joints):
         motor, highest_a = joint.motor, joint.drive.max_current_a
         left = np.exp(-elapsed_s / (motor.winding_mh * 1e-3 / motor.winding_ohm)) + LEAK

@@ -47,6 +47,16 @@ BEYOND_CONTROL: tuple[Declared, ...] = (
         "with brakes alone: the link falls through the slack before the wire is taut, at up to 82 rad/s2 over twice 5 "
         "degrees, to sqrt(2 * 82 * 0.17) = 5 rad/s, while its brake holds the motor",
     ),
+    Declared(
+        "joint*.link",
+        "collision",
+        "with brakes alone: a hit of 0.05 N m s makes a link of 0.0065 kg m2 on an elastic wire 7.7 rad/s fast at once",
+    ),
+    Declared(
+        "joint*.link",
+        "joint-jam",
+        "with brakes alone: the link that is stopped dead passes its momentum on, at once",
+    ),
 )
 """Dangerous faults after which no controller can bring the arm to a safe state in time."""
 

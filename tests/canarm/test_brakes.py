@@ -66,6 +66,28 @@ def test_a_stop_lets_no_joint_of_a_robot_with_brakes_fall() -> None:
     assert fallen_rad_s["konkuk1"] > LIMIT_RAD_S > fallen_rad_s["konkuk1-brakes"]
 
 
+def stopped_rad_s(fault: str) -> float:
+    """The highest speed after a stop, while both brakes have a fault."""
+    with Rig(BRAKED, seed=0) as rig:
+        rig.inject("joint2.brake", fault)
+        rig.inject("joint3.brake", fault)
+        rig.run(seconds=1.0)
+        rig.controller.interrupt("a test")
+        rig.run(seconds=1.0)
+        return float(max(abs(joint.span("true_speed_rad_s").value).max() for joint in rig.joints.values()))
+
+
+def test_a_brake_that_does_not_engage_shows_when_the_torque_is_off() -> None:
+    assert stopped_rad_s("does-not-engage") > LIMIT_RAD_S
+
+
+def test_a_brake_that_drags_is_noticed_while_the_robot_follows() -> None:
+    with Rig(BRAKED, seed=0) as rig:
+        rig.inject("joint2.brake", "drags", at=1.0)
+        rig.run(seconds=1.5)
+        assert rig.detected()
+
+
 def test_brakes_change_nothing_while_the_robot_follows() -> None:
     errors = []
     for name in ("konkuk1", "konkuk1-brakes"):

@@ -155,11 +155,22 @@ def driven(off_from: int, speed_rad_s: float = 1.0) -> Evidence:
     return evidence
 
 
-@pytest.mark.parametrize(("off_from", "is_safe"), [(190, True), (191, False)])  # 40 cycles are 100 ms
+@pytest.mark.parametrize(("off_from", "is_safe"), [(192, True), (193, False)])  # 40 cycles are 100 ms
 def test_torque_has_to_be_off_within_the_ftti(off_from: int, is_safe: bool) -> None:
     found = judged(driven(off_from), is_dangerous=True)
     assert (found.safety.by, found.is_safe) == ("off", is_safe)
-    assert found.safety.safe_s == pytest.approx((off_from - 150) * CYCLE_S)
+    assert found.safety.safe_s == pytest.approx((off_from - 152) * CYCLE_S)  # with the stop it follows no more
+
+
+def test_an_arm_that_follows_is_safe_until_it_does_so_no_more() -> None:
+    for off_from, is_safe in ((340, True), (341, False)):
+        late = a_run((noticed(300, stops=True),), is_running=False)
+        late.motion.current_a[150:off_from, 0] = late.motion.command_a[:off_from, 0] = 0.5
+        late.motion.speed_rad_s[300:] = 0.5
+        found = judged(late, is_dangerous=True)
+        assert (found.is_safe, found.safety.by) == (is_safe, "off")
+    late.motion.angle_rad[200:210, 0] = 3.1 * LSB_RAD
+    assert judged(late, is_dangerous=True).safety.safe_s == pytest.approx((341 - 200) * CYCLE_S)
 
 
 def falling(cell: Cell, from_cycle: int, speed_rad_s: float) -> Findings:
@@ -266,7 +277,7 @@ def test_a_missed_cell_says_that_nothing_was_noticed() -> None:
 
 
 def test_an_unsafe_cell_says_which_limit_it_broke() -> None:
-    assert why(judged(driven(238), is_dangerous=True)) == "not safe: off only after 220 ms"  # 88 cycles
+    assert why(judged(driven(238), is_dangerous=True)) == "not safe: off only after 215 ms"  # 86 cycles after the stop
     fast = why(judged(driven(160, speed_rad_s=4.8), is_dangerous=True))
     assert fast == "not safe: faster by 4.8 rad/s > 1.5 rad/s"
     strong = driven(160)
@@ -285,7 +296,7 @@ def test_the_why_is_in_the_list_the_page_and_the_table() -> None:
     row = Row.of(cell, judged(driven(238), is_dangerous=True))
     matrix = Matrix("title", (row,), 0, ())
     for text in (as_text(matrix), as_html(matrix), as_csv(matrix.rows)):
-        assert "not safe: off only after 220 ms" in text
+        assert "not safe: off only after 215 ms" in text
 
 
 def test_what_cannot_be_detected_has_to_be_safe_all_the_same() -> None:

@@ -13,7 +13,8 @@ from canarm_emulator.faults.catalogue import make_fault
 from canarm_emulator.faults.declaration import Context, JointFault, TapKind
 from canarm_emulator.faults.taps import taps_of
 from canarm_emulator.robot.truth import Truth
-from canarm_emulator.robot.world import Direction, World
+from canarm_emulator.robot.world import World
+from canarm_protocol.cards.sc300 import DirectionBits
 from canarm_protocol.cell.cell_file import load_cell, parse_cell, shipped_cells
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.faults.script import FaultSpec
@@ -42,7 +43,7 @@ def world_of(cell: Cell = CELL, settings: dict[str, str] = LEVEL) -> World:
 def ask(world: World, *amperes: float) -> None:
     for joint, current_a in enumerate(amperes):
         world.set_dac_output(joint, abs(current_a) / 1.5 * 255 / 256)
-        world.set_direction(joint, Direction.COUNTER_CLOCKWISE if current_a >= 0 else Direction.CLOCKWISE)
+        world.set_direction(joint, DirectionBits.COUNTER_CLOCKWISE if current_a >= 0 else DirectionBits.CLOCKWISE)
 
 
 def let_pass(world: World, milliseconds: float) -> None:
@@ -90,7 +91,7 @@ def test_brakes_are_engaged_without_power_and_released_when_current_is_asked_for
     "stop",
     [
         lambda world, joint: world.set_dac_output(joint, 0.0),
-        lambda world, joint: world.set_direction(joint, Direction.OFF),
+        lambda world, joint: world.set_direction(joint, DirectionBits.OFF),
         lambda world, joint: world.set_direction(joint, 0b11),
         lambda world, joint: world.set_supply(joint, False),
     ],

@@ -248,7 +248,16 @@ class ArmWatch:
         return self.joints[index].mode is Mode.SOUND and not (current is not None and current.is_given_up)
 
     def _teller(self, index: int) -> Report:
+        noted_at = -self._timing.doubt
+
         def tell(detector: str, detail: str, reaction: Reaction | None) -> bool:
+            nonlocal noted_at
+            if detector == "current-mismatch":
+                noted_at = self._cycle
+            elif detector == "sensor-noise" and self._cycle < noted_at + self._timing.doubt:
+                current = self.currents[index]
+                if current is not None and not current.is_given_up:  # it is the drive that makes the speed swing
+                    detector, detail = "current-mismatch", f"noted before, and now the speed swings ({detail})"
             if detector == "overspeed" and self._cycle <= self._following.forgiven_until:
                 reaction = Reaction.DEGRADED  # flung by a payload that fell off: the amplifier was at its limit
             return self._report(detector, index, detail, reaction)

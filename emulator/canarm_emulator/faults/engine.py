@@ -23,7 +23,7 @@ from canarm_protocol.faults.script import FaultScript, FaultSet, Trigger
 from ..robot.world import JointState
 from .bench_points import BusPoint, ClockPoint, NodePoint
 from .catalogue import PlannedFault
-from .declaration import Context, Fault, Tap, TapKind
+from .declaration import Context, Fault, JointFault, Tap, TapKind
 from .guard import failure_text, guard
 from .messages import MessagePoint
 from .points import Point, TruthPoint, signal_point
@@ -37,7 +37,7 @@ NAME_OF_ALL = ""
 """`clear` with this name clears every set."""
 MOST_AT_WORK, MOST_DONE = 2000, 100
 """Most sets that may wait or act at one time, and most finished texts that `status` still shows."""
-_JOINT_KINDS = frozenset({TapKind.SUPPLY, TapKind.MOTOR, TapKind.LINK, TapKind.DRIVE_WIRE})
+_JOINT_KINDS = JointFault.able_at
 
 
 class FaultEngine:
