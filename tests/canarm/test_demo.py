@@ -51,6 +51,21 @@ def test_the_last_line_is_the_summary_as_json(recorded, run_folder):
     assert folder.run["controller"]["seconds"] == 1.0
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="processes cannot be kept to two cores here")
+def test_a_demo_beside_four_busy_loops_on_two_cores_succeeds_and_accuses_nobody(canarm):
+    """Paced lockstep, as on a terminal: a busy machine makes it slower, and nothing else."""
+    cores = set(sorted(os.sched_getaffinity(0))[:2])
+    kept = {"preexec_fn": lambda: os.sched_setaffinity(0, cores)}
+    loops = [canarm.run(sys.executable, "-c", "while True: pass", **kept) for _ in range(4)]
+    options = ("--no-tui", "--pace", "1", "--json", "--seconds", "5", "--out", "run")
+    demo = canarm.run(sys.executable, "-m", "canarm", "demo", *options, **kept)
+    assert demo.wait() == 0, demo
+    assert all(loop.is_running for loop in loops)
+    assert (demo.json["state"], demo.json["ticks"], demo.json["missed"]) == ("done", 2000, 0)
+    assert demo.json["detections"] == []
+
+
 def test_options_reach_the_process_that_they_are_for(recorded, run_folder):
     run = run_folder(recorded.folder).run
     assert (run["summary"]["law"], run["summary"]["feedforward"], run["summary"]["ticks"]) == ("pd", "online", 400)
