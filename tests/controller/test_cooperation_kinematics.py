@@ -143,6 +143,8 @@ def test_joint_limits_choose_the_full_turn_or_refuse() -> None:
     turned = FiveAxisArm(**values, limits_deg=((-360, 0), (-180, 180), (-180, 180), (-180, 180), (0, 360)))
     found = inverse(turned, pose)
     np.testing.assert_allclose(np.degrees(found.q_rad[0]), [-190.0, -40.0, 60.0, -30.0, 185.0], atol=1e-9)
+    wide = FiveAxisArm(**values, limits_deg=((-180, 900), *((-400, 400),) * 4))
+    np.testing.assert_allclose(inverse(wide, pose).q_rad[0], q, atol=1e-12)  # within them already: left as it is
     narrow = FiveAxisArm(**values, limits_deg=((-180, 180), (-180, 180), (-50, 50), (-180, 180), (-180, 180)))
     assert inverse(narrow, pose).reason[0] == Reason.JOINT_LIMIT
     assert np.isnan(inverse(narrow, pose).q_rad[0]).all()

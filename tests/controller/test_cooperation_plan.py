@@ -32,6 +32,7 @@ from canarm.cooperation import (
     comply,
     follow,
     forward,
+    inverse_branch,
     line,
     pair_of,
     plan_cooperation,
@@ -180,6 +181,40 @@ def test_damping_is_that_of_the_damped_jacobian_where_the_plane_is_singular() ->
     np.testing.assert_allclose(found[0], expected, atol=1e-12)
 
 
+def test_damping_is_that_of_the_damped_jacobian_where_the_tip_is_near_the_waists_axis() -> None:
+    downward = np.diag([1.0, -1.0, -1.0, 1.0])
+    downward[:3, 3] = 0.03, 0.02, 0.35
+    q = inverse_branch(RHINO_XR, downward).q_rad
+    tip, jacobian = forward(RHINO_XR, q)[:3, 3], position_jacobian(RHINO_XR, q)
+    distance = math.hypot(tip[0], tip[1])
+    assert distance < 0.05
+    across = np.array([-math.sin(q[0]), math.cos(q[0]), 0.0])
+    point = tip + 1e-4 * across
+    damped = jacobian @ jacobian.T + 0.02**2 * (1.0 - (distance / 0.05) ** 2) * np.outer(across, across)
+    found = follow(RHINO_XR, q, [point], newton_steps=0, damping_m=0.02, damped_below_m=0.05)
+    np.testing.assert_allclose(found[0], q + jacobian.T @ np.linalg.solve(damped, point - tip), atol=1e-12)
+
+
+def test_a_damped_plan_may_pass_singular_poses_and_states_how_far_the_tip_lags() -> None:
+    pair, inwards = standing(0.2755, -0.30), line((-0.02, 0.0, -0.02), seconds=1.0)
+    limits = PlanLimits(largest_path_error_m=5e-3)
+    with pytest.raises(RefusedPlanError):
+        plan_cooperation(pair, inwards, STRETCHED, limits=limits)
+    plan = plan_cooperation(pair, inwards, STRETCHED, damping_m=0.01, limits=limits)
+    assert plan.checks().least_singular_value_m < 0.01
+    assert 1e-6 < plan.checks().path_error_m < 5e-3
+
+
+def test_a_hand_that_must_point_straight_up_or_down_points_down() -> None:
+    """The object's approach level and towards or away from the slave, B straight ahead at x = 0.4 m."""
+    for heading in (1.0, -1.0):
+        seen = np.eye(4)
+        seen[:3, :3] = np.array([[0.0, 0.0, heading], [0.0, heading, 0.0], [-1.0, 0.0, 0.0]])
+        seen[:3, 3] = 0.4, 0.0, 0.3
+        found = comply(RHINO_XR, seen[None], Posture())
+        np.testing.assert_allclose(found.frame[0, :3, 2], [0.0, 0.0, -1.0], atol=1e-15)
+
+
 def test_newton_steps_take_the_error_from_its_square_to_rounding() -> None:
     errors = [plan_cooperation(PAIR, LAP, START, newton_steps=n).checks().path_error_m for n in range(4)]
     assert errors[0] == pytest.approx(9.07e-8, rel=0.01)
@@ -234,6 +269,11 @@ def test_joint_limits_of_either_arm_refuse_the_plan_and_name_the_joint() -> None
     with pytest.raises(RefusedPlanError, match=r"joint 2 would be at -80.* deg; must be within -80") as refused:
         plan_cooperation(replace(PAIR, master=limited(-80.0, 0.0, 2)), LAP, START)
     assert (refused.value.reason, refused.value.robot) == (Reason.JOINT_LIMIT, "master")
+    elbow = np.degrees(plan_cooperation(PAIR, LAP, START).slave_rad[:, 2])
+    highest = (elbow[0] + elbow.max()) / 2
+    with pytest.raises(RefusedPlanError, match="joint 3 would be at") as refused:
+        plan_cooperation(replace(PAIR, slave=limited(-100.0, highest, 3)), LAP, START)
+    assert refused.value.pose == np.flatnonzero(elbow > highest)[0] > 10
     turned = plan_cooperation(replace(PAIR, slave=limited(90.0, 300.0, 5)), LAP, START)
     assert np.degrees(turned.slave_rad[:, 4]).min() > 170.0
 
@@ -248,6 +288,12 @@ def test_steps_too_large_for_5_are_refused_as_off_the_path() -> None:
     with pytest.raises(RefusedPlanError, match=r"the tip would be .* mm beside it; at most 0\.1 mm") as refused:
         plan_cooperation(PAIR, circle(0.05, seconds=0.03), START, newton_steps=0)
     assert (refused.value.reason, refused.value.robot) == (Reason.OFF_PATH, "master")
+
+
+def test_a_path_so_coarse_that_the_masters_joints_leap_is_refused() -> None:
+    with pytest.raises(RefusedPlanError, match="from one pose to the next; at most 5 deg") as refused:
+        plan_cooperation(PAIR, circle(0.05, seconds=0.02), START)
+    assert (refused.value.reason, refused.value.robot) == (Reason.BRANCH_FLIP, "master")
 
 
 def test_a_slave_with_a_straight_elbow_is_refused_as_singular() -> None:
