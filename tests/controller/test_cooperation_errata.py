@@ -157,6 +157,7 @@ def test_the_steps_as_printed_lead_along_o_o_wherever_the_slave_stands_and_miss_
     steps = printed_steps(seen)
     hand = steps.third[:, :3, 2]
     np.testing.assert_allclose(np.abs((hand * seen[:, :3, 1]).sum(axis=1)), 1.0, atol=1e-12)
+    assert (hand[10:350, :2] * seen[10:350, :2, 3]).sum(axis=1).min() > 0.0  # away from the slave's base
     np.testing.assert_allclose(yaw_deg(hand, seen), np.degrees(steps.yaw_rad), atol=1e-6)
     assert np.degrees(steps.yaw_rad).max() == pytest.approx(worst_deg, abs=0.01)
     assert set(inverse_branch(RHINO_XR, steps.third[10:350]).reason) == {Reason.YAW}
@@ -164,6 +165,14 @@ def test_the_steps_as_printed_lead_along_o_o_wherever_the_slave_stands_and_miss_
     assert set(exact.reason) == {Reason.NONE}
     reached = forward(RHINO_XR, exact.q_rad)
     np.testing.assert_allclose(reached, exact.frame, atol=1e-12)
+
+
+def test_of_the_two_turns_of_step_1_the_one_is_taken_after_which_the_hand_points_away_from_the_base() -> None:
+    """The paper does not say which. Objects in any direction; the other steps hold for all of them."""
+    seen = forward(RHINO_XR, np.random.default_rng(4).uniform(-math.pi, math.pi, (500, 5)))
+    hand = printed_steps(seen).third[:, :3, 2]
+    assert (hand[:, :2] * seen[:, :2, 3]).sum(axis=1).min() > -1e-12
+    np.testing.assert_allclose(np.abs((hand * seen[:, :3, 1]).sum(axis=1)), 1.0, atol=1e-12)
 
 
 def test_step_2_always_turns_by_a_right_angle_and_step_3_undoes_step_1() -> None:

@@ -56,7 +56,17 @@ def test_joint_limits_show_in_the_map() -> None:
     limited = reachability(replace(PAIR, slave=narrow), COARSE, START, X_M, Y_M)
     assert limited.shares()[Reason.JOINT_LIMIT] > 0.1
     assert limited.shares()[Reason.NONE] < free.shares()[Reason.NONE]
+    np.testing.assert_array_equal(np.isnan(limited.travel_ratio), limited.reason != Reason.NONE)
     np.testing.assert_array_equal(limited.reason[free.reason != Reason.NONE], free.reason[free.reason != Reason.NONE])
+
+
+def test_the_map_names_the_pose_at_which_a_limit_is_passed() -> None:
+    elbow = np.degrees(plan_cooperation(PAIR, COARSE, START).slave_rad[:, 2])
+    highest = (elbow[0] + elbow.max()) / 2
+    low = replace(PAIR.slave, limits_deg=(*((-400.0, 400.0),) * 2, (-100.0, highest), *((-400.0, 400.0),) * 2))
+    found = reachability(replace(PAIR, slave=low), COARSE, START, [-0.28], [-0.30])
+    assert found.reason == Reason.JOINT_LIMIT
+    assert found.pose == np.flatnonzero(elbow > highest)[0] > 0
 
 
 def test_the_arrangement_of_least_motion_is_the_least_of_all_and_a_plan_confirms_it() -> None:

@@ -23,6 +23,7 @@ from canarm.cooperation import (
     CooperationPlan,
     FiveAxisArm,
     Path,
+    PlanChecks,
     PlanLimits,
     Posture,
     Reason,
@@ -222,6 +223,29 @@ def test_newton_steps_take_the_error_from_its_square_to_rounding() -> None:
     assert errors[2] < 5e-16
     coarse = plan_cooperation(PAIR, circle(seconds=0.45), START, newton_steps=0).checks().path_error_m
     assert coarse / errors[0] == pytest.approx(4.0, rel=0.02)  # of the order of the step's square
+
+
+def test_the_checks_of_a_plan_are_of_its_joint_angles_and_see_what_is_wrong_with_them() -> None:
+    """A roll 0.01 rad off turns the normal by as much, a pitch the hand; a waist moves the tip by 0.01 of its reach."""
+    plan = plan_cooperation(PAIR, LAP, START)
+
+    def off_by(robot: str, joint: int) -> PlanChecks:
+        angles = getattr(plan, robot).copy()
+        angles[:, joint] += 0.01
+        return replace(plan, **{robot: angles}).checks()
+
+    assert off_by("slave_rad", 4).normal_error == pytest.approx(0.01, rel=1e-3)
+    assert off_by("slave_rad", 3).perpendicular_error == pytest.approx(0.01, rel=1e-3)
+    assert off_by("slave_rad", 0).point_error_m == pytest.approx(0.0056, abs=2e-4)
+    assert off_by("slave_rad", 3).grasp_error_m > 1e-6
+    assert off_by("master_rad", 0).path_error_m == pytest.approx(0.00274, rel=0.02)
+
+
+def test_the_path_of_the_master_ends_where_5_would_leap() -> None:
+    here = forward(RHINO_XR, START)[:3, 3]
+    found = follow(RHINO_XR, START, here + np.array([[0, 0, 0], [0, 0.01, 0], [0, 0.6, -0.5], [0, 0, 0]]))
+    assert np.isfinite(found[:2]).all()
+    assert np.isnan(found[2:]).all()
 
 
 @pytest.mark.parametrize("normal", [1, -1])
