@@ -248,18 +248,16 @@ class ArmWatch:
         return self.joints[index].mode is Mode.SOUND and not (current is not None and current.is_given_up)
 
     def _teller(self, index: int) -> Report:
-        noted_at = -self._timing.doubt
+        doubt = self._timing.doubt
+        noted_at = -doubt
 
         def tell(detector: str, detail: str, reaction: Reaction | None) -> bool:
             nonlocal noted_at
             if detector == "current-mismatch":
                 noted_at = self._cycle
-            elif detector == "sensor-noise" and self._cycle < noted_at + self._timing.doubt:
-                current = self.currents[index]
-                if current is not None and not current.is_given_up:  # it is the drive that makes the speed swing
-                    detector, detail = "current-mismatch", f"noted before, and now the speed swings ({detail})"
-            if detector == "overspeed" and self._cycle <= self._following.forgiven_until:
-                reaction = Reaction.DEGRADED  # flung by a payload that fell off: the amplifier was at its limit
+            elif detector == "sensor-noise" and detail.startswith("tachometer") and self._cycle < noted_at + doubt:
+                # A drive makes the speed swing, and a current sense does not: even where it has been blamed.
+                detector, detail = "current-mismatch", f"noted before, and now the speed swings ({detail})"
             return self._report(detector, index, detail, reaction)
 
         return tell
