@@ -372,6 +372,7 @@ def test_a_law_that_fails_is_a_safe_stop_with_a_reason(tmp_path: Path, extra: st
 # Arguments
 
 
+@pytest.mark.filterwarnings("ignore:.*has never run:canarm.rig.arguments.RigWarning")
 @pytest.mark.parametrize("seconds", [0, -1.0, 0.001, math.nan, math.inf])
 def test_a_length_that_is_none_is_refused_and_nothing_has_begun(seconds: float) -> None:
     with Rig(law="pd") as rig:

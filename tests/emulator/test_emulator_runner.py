@@ -202,11 +202,11 @@ def test_when_the_sender_of_sync_falls_silent_the_world_runs_on_once() -> None:
 
 def test_the_sender_of_sync_may_take_its_time_as_long_as_it_says_something() -> None:
     """Somebody who steps by hand thinks between two cycles; the heartbeat shows that nobody is lost."""
-    with serving(sync_timeout_s=0.2) as emulator:
+    with serving(sync_timeout_s=1.0) as emulator:
         controller = emulator.client()
         start_watched(controller)
         controller.send([*outputs(40), sync_frame(None)])
-        end_s = time.monotonic() + 0.6
+        end_s = time.monotonic() + 1.5
         while time.monotonic() < end_s:
             controller.send([heartbeat_frame(1, NmtState.OPERATIONAL)])
             controller.receive(0.02)
