@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 .PHONY: help setup demo test soak check check-format check-lint check-types check-imports check-lock check-wheels \
 	check-docs check-install \
-	check-socketcan bench ablation matrix rhino robots fuzz docs notice format lock clean
+	check-socketcan bench ablation alarms matrix rhino robots fuzz docs notice format lock clean
 
 help: ## List the targets
 	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12] [NO_UV=1] [JOBS=2]'
@@ -82,6 +82,9 @@ ablation: setup ## Write docs/ablation.md anew: what each term of the laws is wo
 
 rhino: setup ## Write docs/rhino.md anew: two robots carry one object, the paper's result side by side; takes seconds
 	$(BIN)/python scripts/rhino.py $(ARGS)
+
+alarms: setup ## Count false alarms of 3000 robots drawn from the box; takes an hour (ARGS="--draws 300 --cells")
+	$(BIN)/python scripts/alarms.py $(ARGS)
 
 matrix: setup ## Run the fault matrix of konkuk1 against its golden copy; takes minutes (ARGS=--update-golden)
 	$(BIN)/python scripts/fault_matrix.py $(ARGS)

@@ -1,6 +1,7 @@
 """Robots drawn from a box: what may differ from nominal, a Latin hypercube over it, and the bound of a proportion.
 
-Owns the box and what a draw means for a cell. What is run with a draw, and how it is judged, is not known here.
+Owns what a draw means for a cell; the numbers are those that the detectors derive their limits from. What is run with a
+draw, and how it is judged, is not known here.
 """
 
 import math
@@ -8,6 +9,10 @@ import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from canarm_controller.dynamics import cell_arm
+from canarm_controller.laws.tuning import suggested_control
+from canarm_controller.supervision import uncertainty as box
+from canarm_controller.supervision.thresholds import LIGHTEST_SHARE
 from canarm_protocol.cell.cell_checks import problems
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import CellError
@@ -21,6 +26,10 @@ HEARTBEAT_CYCLES = 2
 """A heartbeat is sent every second cycle at most."""
 SHORT_DELAY_SHARE = 8
 """The compute delay is one cycle over this if the cell's own delay exceeds a fifth of the cycle."""
+LATE_CYCLES = 2
+"""Cycles from a measurement to the middle of the time in which its command acts, with scan and winding."""
+LONGEST_CYCLE_US = 100_000
+"""The longest cycle of any cell."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,18 +87,18 @@ class Whole:
 Axis = Span | Choice | Whole
 
 SEED = Whole("seed", 0, 2**31 - 1)
-CYCLE_MS = Span("cycle", 0.8, 10.0, "ms", is_factor=True)
-PAYLOAD = Span("payload", -0.5, 0.8)
+CYCLE_MS = Span("cycle", *box.CYCLE_MS, "ms", is_factor=True)
+PAYLOAD = Span("payload", *box.PAYLOAD)
 """How much heavier the last link is than the controller thinks, as a share of its mass."""
 JOINT_BOX: tuple[Axis, ...] = (
     Choice("wire", ("rigid", "elastic")),
-    Span("wire_stiffness", 0.5, 2.0, is_factor=True),
-    Span("noise", 0.5, 2.0, is_factor=True),
-    Span("coulomb", 0.3, 2.7, is_factor=True),
-    Span("viscous", 1.0 / 3.0, 3.0, is_factor=True),
-    Span("torque_constant", 0.9, 1.1, is_factor=True),
-    Span("offset", -1.0, 1.0, "deg"),
-    Span("start", -20.0, 20.0, "deg"),
+    Span("wire_stiffness", *box.WIRE, is_factor=True),
+    Span("noise", *box.NOISE, is_factor=True),
+    Span("coulomb", *box.COULOMB, is_factor=True),
+    Span("viscous", *box.VISCOUS, is_factor=True),
+    Span("torque_constant", *box.TORQUE_CONSTANT, is_factor=True),
+    Span("offset", -box.OFFSET_DEG, box.OFFSET_DEG, "deg"),
+    Span("start", -box.START_DEG, box.START_DEG, "deg"),
 )
 """Drawn separately for each joint: factors of the cell's nominal values, the error of the potentiometer's zero,
 and how far from its home pose the arm is parked."""
@@ -121,9 +130,14 @@ def hypercube(axes: Sequence[Axis], count: int, seed: int) -> list[dict[str, Val
 
 
 def truth_of(cell: Cell, draw: Mapping[str, Value]) -> dict[str, str]:
-    """What `--truth` takes for a draw from `robot_box`; an axis that the draw lacks is nominal."""
+    """What `--truth` takes for a draw from `robot_box`; an axis that the draw lacks is nominal.
+
+    A wire is elastic where that is drawn and the cycle of `cell` lets a controller bear it.
+    """
     truth: dict[str, str] = {}
-    for name, joint in zip(cell.joint_names, cell.joints, strict=True):
+    arm = cell_arm(cell.robot, cell.joint_names)
+    inertias = zip(arm.effective_inertia, arm.rotor_inertia, strict=True)
+    for name, joint, (whole, rotor) in zip(cell.joint_names, cell.joints, inertias, strict=True):
         motor = joint.motor
 
         def lay(key: str, value: float | None, owner: str = name) -> None:
@@ -134,9 +148,10 @@ def truth_of(cell: Cell, draw: Mapping[str, Value]) -> dict[str, str]:
             factor = draw.get(f"{owner}.{axis}")
             return None if factor is None else float(factor) * nominal
 
-        if draw.get(f"{name}.wire") == "elastic":
+        stiffness = times("wire_stiffness", motor.wire_stiffness_nm_rad) or motor.wire_stiffness_nm_rad
+        if draw.get(f"{name}.wire") == "elastic" and _is_borne(stiffness, whole, rotor, cell.bus.cycle_s):
             truth[f"{name}.wire"] = "1"
-            lay("wire_stiffness", times("wire_stiffness", motor.wire_stiffness_nm_rad))
+            lay("wire_stiffness", stiffness)
         lay("coulomb", times("coulomb", motor.coulomb_friction_nm))
         lay("viscous", times("viscous", motor.viscous_friction_nm_s))
         lay("torque_constant", times("torque_constant", motor.torque_constant_nm_a))
@@ -156,16 +171,30 @@ def truth_of(cell: Cell, draw: Mapping[str, Value]) -> dict[str, str]:
     return truth
 
 
+def _is_borne(stiffness_nm_rad: float, whole: float, rotor: float, cycle_s: float) -> bool:
+    """Whether a controller can damp the swing on a wire: acting two cycles late, it pushes where a quarter is shorter.
+
+    Inertias of joint and rotor in kg·m².
+    """
+    swing_rad_s = math.sqrt(stiffness_nm_rad * (1.0 / rotor + 1.0 / max(whole - rotor, LIGHTEST_SHARE * whole)))
+    return LATE_CYCLES * cycle_s * swing_rad_s <= 0.5 * math.pi
+
+
 def payload_truth(cell: Cell, share: float) -> dict[str, str]:
     """The key of `--truth` that makes the last link heavier by a `share` of its mass, and its value."""
     return {f"{cell.joint_names[-1]}.mass": f"{cell.joints[-1].mass_kg * (1.0 + share):.6g}"}
 
 
 def retimed(cell: Cell, cycle_us: int) -> Cell:
-    """The same cell with another cycle; heartbeat and delay are adjusted if needed. Raises `CellError`."""
+    """The same cell with another cycle, and what has to go with it. Raises `CellError`.
+
+    Heartbeat and delay follow where they have to. With a longer cycle the gains are what the laws suggest for it. A
+    motor on an elastic wire is lighter than its joint by the share of the rotor, and answers so much faster: the law of
+    the highest rates has those of a cycle that is longer by that.
+    """
     table = cell.model_dump(exclude_none=True)
     bus = table["bus"]
-    bus["cycle_us"] = cycle_us
+    own_us, bus["cycle_us"] = bus["cycle_us"], cycle_us
     bus["heartbeat_ms"] = max(bus["heartbeat_ms"], math.ceil(HEARTBEAT_CYCLES * cycle_us / 1000))
     if 5 * bus["compute_delay_us"] > cycle_us:
         bus["compute_delay_us"] = cycle_us // SHORT_DELAY_SHARE
@@ -173,7 +202,17 @@ def retimed(cell: Cell, cycle_us: int) -> Cell:
     wrong = list(problems(other))
     if wrong:
         raise CellError("\n".join(f"{cell.name} at {cycle_us} us: {line}" for line in wrong))
-    return other
+    if cycle_us <= own_us:
+        return other
+    arm = cell_arm(other.robot, other.joint_names)
+    lighter = max(whole / rotor for whole, rotor in zip(arm.effective_inertia, arm.rotor_inertia, strict=True))
+    bus["cycle_us"] = min(round(cycle_us * lighter), LONGEST_CYCLE_US)
+    quickest = suggested_control(Cell.model_validate(table))["control.slotine_li"]
+    bus["cycle_us"] = cycle_us
+    for name, gains in (suggested_control(other) | {"control.slotine_li": quickest}).items():
+        _, _, law = name.partition(".")
+        (table["control"].setdefault(law, {}) if law else table["control"]).update(gains)
+    return Cell.model_validate(table)
 
 
 def clopper_pearson(hits: int, count: int, confidence: float = CONFIDENCE) -> tuple[float, float]:

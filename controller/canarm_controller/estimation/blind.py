@@ -13,18 +13,22 @@ def blind_pole_rad_s(period_s: float) -> float:
     return min(POLE_RAD_S, SLOWEST_POLE / period_s)
 
 
+def observer_gains(period_s: float) -> tuple[float, float, float]:
+    """Of angle, speed and acceleration bias for three poles at ω: 3ωT, 3ω²T, ω³T (Luenberger)."""
+    omega = blind_pole_rad_s(period_s)
+    return 3.0 * omega * period_s, 3.0 * omega**2 * period_s, omega**3 * period_s
+
+
 class BlindObserver:
     """x' = x + T·v + T²/2·(a + b),  v' = v + T·(a + b),  b' = b, corrected by the potentiometer.
 
-    Three poles at ω: gains 3ωT, 3ω²T, ω³T (Luenberger).
+    The gains are `observer_gains`.
     """
 
     __slots__ = ("_gains", "_period_s", "bias", "position_rad", "velocity_rad_s")
 
     def __init__(self, period_s: float) -> None:
-        omega = blind_pole_rad_s(period_s)
-        self._period_s = period_s
-        self._gains = 3.0 * omega * period_s, 3.0 * omega**2 * period_s, omega**3 * period_s
+        self._period_s, self._gains = period_s, observer_gains(period_s)
         self.start(0.0, 0.0, 0.0)
 
     def start(self, position_rad: float, velocity_rad_s: float, bias_rad_s2: float) -> None:

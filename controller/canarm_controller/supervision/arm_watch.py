@@ -235,7 +235,9 @@ class ArmWatch:
     def _refresh(self, position_rad: Sequence[float], speed_rad_s: Sequence[float]) -> None:
         self._refresh_at = self._cycle + self._timing.refresh
         for robot in self._robots:
-            robot.expected.refresh(position_rad[robot.joints], speed_rad_s[robot.joints])
+            speeds = speed_rad_s[robot.joints]
+            robot.expected.refresh(position_rad[robot.joints], speeds)
+            robot.twist(speeds, self._last_nm[robot.joints])
 
     def _own_mobility(self, index: int) -> float:
         robot = self._robot_of[index]
@@ -270,13 +272,22 @@ class _RobotWatch:
         self, arm: Arm, joints: slice, witnesses: Sequence[Witness], limits: Sequence[Thresholds], timing: Timing,
         report: ArmReport,
     ) -> None:  # fmt: skip
-        self.joints, self._witnesses = joints, witnesses
+        self.joints, self._witnesses, self._arm = joints, witnesses, arm
+        self._wired = [(index, joint) for index, joint in enumerate(witnesses) if isinstance(joint, JointWitness)]
         self.expected: ArmExpectation = expectation(arm)
 
         def tell(detector: str, index: int, detail: str, reaction: Reaction | None) -> bool:
             return report(detector, joints.start + index, detail, reaction)
 
         self.surprise = SurpriseWatch(witnesses, limits, arm.torque_per_ampere, timing, self.expected, tell)
+
+    def twist(self, speed_rad_s: Sequence[float], acted_nm: Sequence[float]) -> None:
+        """What changes slowly, once in 10 ms: which joints turn, and what their wires carry."""
+        self.surprise.turn(speed_rad_s)
+        if self._wired:
+            accelerations, friction_nm = self.expected.accelerations(acted_nm), self._arm.friction(speed_rad_s)
+            for index, joint in self._wired:
+                joint.twist(acted_nm[index] - friction_nm[index], accelerations[index])
 
     def look_into(self, count: int, speed_rad_s: Sequence[float], acted_nm: Sequence[float], may_stop: bool) -> None:
         """Judge one cycle of unexpected accelerations."""

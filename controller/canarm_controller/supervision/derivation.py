@@ -12,6 +12,7 @@ from canarm_protocol.cell.sensing import joint_sensors
 
 from ..dynamics import Arm, SeveralArms, cell_arm
 from . import thresholds as limit
+from . import uncertainty as box
 from .detection import DETECTORS
 from .following import NORMAL_FACTOR
 from .nominal import JointNominal, joint_nominals, sensor_nominal
@@ -44,6 +45,7 @@ def detector_lines(cell: Cell) -> Iterator[str]:
     nominals = joint_nominals(cell, parts)
     missing = limit.missing_cycles(limits, timing.period_s)
     yield f"cycle {1e3 * timing.period_s:g} ms; {missing} cycles without inputs in a row stop the run"
+    yield from _box_lines()
     rows = zip(nominals, cell_thresholds(nominals, limits, timing), cell.joints, joint_sensors(cell), strict=True)
     for nominal, derived, joint, sensors in rows:
         yield ""
@@ -57,6 +59,18 @@ def detector_lines(cell: Cell) -> Iterator[str]:
     named = {row.detector for row in joint_rows(nominals[0], derived, limits, timing)}
     others = [name for name in DETECTORS if name not in named and not name.startswith("impossible")]
     yield f"without a limit of a joint: {', '.join(others)}"
+
+
+def _box_lines() -> Iterator[str]:
+    light, heavy = box.PAYLOAD
+    yield (
+        f"no whole robot is accused: payload {light:+.0%} to {heavy:+.0%} of the last link, Coulomb friction "
+        f"{_times(box.COULOMB)}, viscous {_times(box.VISCOUS)},"
+    )
+    yield (
+        f"  torque constant {_times(box.TORQUE_CONSTANT)}, noise {_times(box.NOISE)}, potentiometers off by "
+        f"{box.OFFSET_DEG:g} deg, drive wires rigid or elastic, {_times(box.WIRE)} as stiff as the cell says"
+    )
 
 
 def joint_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision, timing: Timing) -> list[Row]:
@@ -76,14 +90,14 @@ def _grain_lines(nominal: JointNominal, derived: Thresholds, timing: Timing) -> 
     yield (
         f"  grain of angle {_deg(derived.position_grain)}: {position.title} {position.noise_lsb:.2f} LSB of "
         f"{_deg(position.step)} makes {_deg(position.noise / limit.REFERENCE_NOISE)}, "
-        f"the integrated tachometer {_deg(integral)}, "
+        f"the integrated tachometer {_deg(integral)}, twist of the wire {_deg(limit.unlearned_twist_rad(nominal))}, "
         f"a tenth of a cycle {_deg(limit.timing_error_rad(nominal, timing))}"
     )
     noise = limit.speed_noise_rad_s(nominal, timing)
     source = f"{speed.title} {speed.noise_lsb:.2f} LSB of {speed.step:.3g} rad/s" if speed else "observer of the angle"
     yield (
         f"  grain of speed {derived.speed_grain:.3g} rad/s: {source} makes {noise / limit.REFERENCE_NOISE:.3g}, "
-        f"half the weight that turns {limit.payload_speed_rad_s(nominal, timing):.3g}, "
+        f"the payload that turns {limit.payload_speed_rad_s(nominal, timing):.3g}, "
         f"friction that turns {limit.friction_speed_rad_s(nominal, timing):.3g}"
     )
 
@@ -116,6 +130,11 @@ def _position_rows(nominal: JointNominal, derived: Thresholds, limits: Supervisi
     yield Row("potentiometer-stuck", _deg(travel), stuck)
     drift = f"{limit.POSITION_DRIFT:g} grains, filtered over 16 readings"
     drift = _source("position_drift_lsb", limits.position_drift_lsb, drift)
+    if has_tachometer:
+        drift += (
+            f"; {_deg(derived.twist)} more in the first 2 s: {nominal.weight_nm:.3g} N m and {nominal.payload_nm:.3g} "
+        )
+        drift += f"of payload on {box.WIRE[0] * nominal.wire_stiffness_nm_rad:.3g} N m/rad, until the wire is learned"
     for name in ("potentiometer-mismatch", "tachometer-mismatch", "drive-broken"):
         yield Row(name, _deg(derived.drift), drift) if has_tachometer else Row(name, "", NO_TACHOMETER)
         drift = f"the same, after {'a doubtful speed' if 'pot' in name else 'an unexpected acceleration'}"
@@ -135,7 +154,11 @@ def _speed_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision)
     if speed.end_codes:
         yield Row("tachometer-range", _rad_s(derived.step), f"the same, at code {_ends(speed.end_codes)}")
         yield Row("overspeed", f"{nominal.fastest_rad_s:.3g} rad/s", "its end, after an unexpected acceleration")
-    stuck = f"{limit.STUCK_SPEED:g} grains that the model's speed changes while the code stands"
+    stuck = (
+        f"{limit.STUCK_SPEED:g} grains that the model's speed changes while the code stands; payload that turns makes "
+    )
+    stuck += f"up to {_rad_s(derived.stuck_drift * 0.05 * (0.025 + 2.0 / limit.BANDWIDTH_RAD_S))} of it in 50 ms, "
+    stuck += f"friction that has just turned {_rad_s(0.05 * derived.stuck_turned)}"
     yield Row("tachometer-stuck", _rad_s(derived.stuck_speed), stuck)
     yield Row("sensor-noise", _rad_s(derived.doubt), "off one way, then the other; or three spikes")
     yield Row("both-sensors", _deg(BLIND_FACTOR * derived.jump), f"{BLIND_FACTOR:g} times the limit of a jump")
@@ -165,8 +188,11 @@ def _arm_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision, t
         friction = limit.FRICTION_REVERSALS * nominal.coulomb_nm * nominal.mobility_per_kg_m2[1]
         why = f"noise over {1e3 * timing.assessed_s:g} ms {noise:.3g}, friction that turns {friction:.3g}; "
         why = _source("acceleration_mismatch_rad_s2", limits.acceleration_mismatch_rad_s2, why)
-        start = f"at the start {derived.start_acceleration:.3g}; lasting, more than any payload: {derived.lasting:.3g}"
-        yield Row("acceleration-mismatch", _rad_s2(derived.acceleration), f"{why.rstrip('; ')}; {start}")
+        turned = derived.turned_nm * nominal.mobility_per_kg_m2[1]
+        turned_why = f"+{turned:.3g} where it has just turned: {limit.COULOMB_TURN:.3g} x {nominal.coulomb_nm:.3g} N m"
+        start = f"at the start, on elastic wires, {derived.start_acceleration:.3g}; lasting, more than any payload: "
+        start += f"{derived.lasting:.3g}"
+        yield Row("acceleration-mismatch", _rad_s2(derived.acceleration), f"{why.rstrip('; ')}; {turned_why}; {start}")
         told = f"commanded at least, of which 1.5 to 2.6 times are missing; sudden {_ampere(derived.sudden_current)}"
         yield Row("wrong-direction", _ampere(derived.told_current), told)
     unit = f"{NORMAL_FACTOR:g} x what the law says, in units of {_deg(derived.following_unit)}"
@@ -178,6 +204,10 @@ def _arm_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision, t
 
 def _source(key: str, value: float | None, derived: str) -> str:
     return derived if value is None else f"{key} = {value:g} of the cell; else {derived}"
+
+
+def _times(factors: tuple[float, float]) -> str:
+    return f"x{factors[0]:.2g} to x{factors[1]:.2g}"
 
 
 def _ends(codes: tuple[int, ...]) -> str:

@@ -12,6 +12,8 @@ from .timing import Timing
 
 NO_END = 1 << 40
 """Above all codes of any converter."""
+LACKING_KEPT = 0.998
+"""How what the model has lacked fades in 10 ms: by half within two swings of an arm."""
 FIRST_READINGS = 20
 """Base and offset of the tachometer are learned as if this many readings had gone before."""
 
@@ -35,14 +37,17 @@ class JointState:
         "_accel_gain",
         "_angle_ends",
         "_astray_cycles",
+        "_bandwidth_rad_s",
         "_base",
         "_base_gain",
         "_blurred_until",
         "_calm_at",
         "_code",
         "_code_cycles",
+        "_code_turned",
         "_half_s",
         "_highest_speed_code",
+        "_lacking",
         "_last_off",
         "_last_rad_s",
         "_learn_from",
@@ -60,6 +65,7 @@ class JointState:
         "_thresholds",
         "_timing",
         "_travel",
+        "_twist",
         "_upset_at",
         "bias",
         "cycles",
@@ -68,6 +74,7 @@ class JointState:
         "model_rad_s",
         "position_rad",
         "speed",
+        "turned_until",
         "velocity_rad_s",
     )  # fmt: skip
 
@@ -80,7 +87,7 @@ class JointState:
         self._speed_lsb = speed.step if speed else thresholds.speed_grain
         self._highest_speed_code = speed.end_codes[1] if speed and speed.end_codes else NO_END
         self._half_s = 0.5 * period_s - (speed.skew_s if speed else 0.0)
-        bandwidth_rad_s = observer_bandwidth_rad_s(period_s)
+        bandwidth_rad_s = self._bandwidth_rad_s = observer_bandwidth_rad_s(period_s)
         self._speed_gain = 2.0 * bandwidth_rad_s * period_s
         self._accel_gain = bandwidth_rad_s**2 * period_s
         self._learning_cycles = round(DRIFT_S / period_s)
@@ -92,12 +99,13 @@ class JointState:
         self.cycles = self._learn_from = 0
         self.speed = self.bias = self.model_rad_s = self._last_rad_s = 0.0
         self._travel = self._mismatch = self._swing = self._offset = self._last_off = 0.0
-        self._base = position_rad
+        self._base, self._twist = position_rad, 0.0
         self._code = -1
         self._code_cycles = self._astray_cycles = 0
         self._calm_at = self._timing.calm
         self._blurred_until = -1
-        self._upset_at = 0
+        self._upset_at = self.turned_until = self._code_turned = 0
+        self._lacking = 0.0
         self._set_rate()
         self.is_agitated = False
         """Whether the speed left the model's prediction; reset once investigated."""
@@ -112,6 +120,30 @@ class JointState:
     def is_upset(self) -> bool:
         """Whether its speed has been unexpected within the last second, apart from the start."""
         return self._upset_at > self._timing.calm and self.cycles < self._upset_at + self._timing.doubt
+
+    @property
+    def noisiness(self) -> float:
+        """By what factor its speed is noisier than nominal."""
+        noisier: float = self._limits.step / self._thresholds.step
+        return noisier
+
+    def learn_lack(self) -> None:
+        """Once in 10 ms while nothing surprises: the most that the model has lacked lately."""
+        if self._code_cycles < self._timing.stuck:
+            self._lacking = max(abs(self.bias), LACKING_KEPT * self._lacking)
+
+    def unlearned_friction(self, turned_until: int, cycle: int, worst_rad_s2: float) -> float:
+        """What friction may make, rad/s², of the joint that turned lately, as `turned_until` says, in `cycle`.
+
+        `worst_rad_s2` is what the box has; twice the most that the model has lacked bounds it as well: half of the
+        error of friction that turns shows on either side.
+        """
+        unlearned = min((turned_until - cycle) / self._timing.turning, 1.0)
+        if unlearned <= 0.0:
+            return 0.0
+        if self.cycles >= self._timing.early:
+            worst_rad_s2 = min(worst_rad_s2, 2.0 * self._lacking)
+        return unlearned * worst_rad_s2
 
     def coast(self, acceleration: float) -> None:
         """A cycle without a measurement."""
@@ -139,7 +171,7 @@ class JointState:
         self._offset_gain = rate**2 * self._period_s
 
     def _angle(self, v: float) -> float:
-        return self._travel + self._half_s * v + self._base
+        return self._travel + self._half_s * v + self._base - self._twist
 
     def _advance(self, speed: float, turned_rad_s: float) -> None:
         """Advance to the next cycle at the estimated speed."""

@@ -7,7 +7,7 @@ measured noise.
 from collections.abc import Callable
 
 from .detection import Reaction
-from .thresholds import Thresholds
+from .thresholds import WIRE_OVERSHOOT, Thresholds
 
 Report = Callable[[str, str, Reaction | None], bool]
 """Detector, detail, and the reaction if it is not the table's. False if that detector is switched off."""
@@ -35,8 +35,8 @@ class JointLimits:
     """Limits of one joint's residuals in rad and rad/s."""
 
     __slots__ = (
-        "_angle2", "_is_nominal", "_nominal", "_per_angle", "_per_speed", "_samples", "_slow2", "_speed2", "doubt",
-        "drift", "jump", "step", "swing",
+        "_angle2", "_is_nominal", "_nominal", "_per_angle", "_per_speed", "_samples", "_slow2", "_speed2", "_twist",
+        "doubt", "drift", "jump", "step", "swing",
     )  # fmt: skip
 
     def __init__(self, nominal: Thresholds) -> None:
@@ -49,7 +49,14 @@ class JointLimits:
         self._samples = PRIOR_SAMPLES
         self._angle2 = self._speed2 = NOMINAL
         self._slow2 = 0.0
+        self._twist = WIRE_OVERSHOOT * self._nominal.twist
         self._set()
+
+    def settle(self) -> None:
+        """What the arm twists its wires by is known now."""
+        if self._twist:
+            self._twist = 0.0
+            self._set()
 
     def learn(self, astray_rad: float, mismatch_rad: float, change_rad_s: float) -> None:
         """Take residuals of one cycle: the angle's, the same filtered, and the change of the speed's in a cycle.
@@ -83,7 +90,7 @@ class JointLimits:
         is_first = self._samples < PRIOR_SAMPLES + FIRST_SAMPLES
         jump = HIGHEST_JUMP_FACTOR if is_first else min(angle, HIGHEST_JUMP_FACTOR)
         self._is_nominal = jump == speed == angle == 1.0 and slow <= 1.0
-        self.jump = jump * nominal.jump
+        self.jump = jump * nominal.jump + self._twist
         self.drift = max(angle, slow) * nominal.drift
         self.step = speed * nominal.step
         self.swing = speed * nominal.swing

@@ -25,18 +25,23 @@ class SpikeCount:
 
 
 class TurnCount:
-    """Reversals of a doubtful speed: neither an arm nor another kind of fault does that."""
+    """Reversals of a doubtful speed: neither an arm nor another kind of fault does that.
 
-    __slots__ = ("_at", "_off", "_soon", "_turns")
 
-    def __init__(self, soon_cycles: int) -> None:
+    A motor swings on an elastic wire: a turn counts if it takes no longer than `quick_cycles`, as no wire's does.
+    """
+
+    __slots__ = ("_at", "_off", "_quick", "_soon", "_turns")
+
+    def __init__(self, soon_cycles: int, quick_cycles: int) -> None:
         self._at, self._off, self._turns, self._soon = -soon_cycles, 0.0, 0, soon_cycles
+        self._quick = quick_cycles
 
     def is_too_many(self, cycle: int, off_rad_s: float) -> bool:
         """Take a speed error beyond the limit of doubt."""
         if cycle > self._at + self._soon:
             self._turns = 0
-        elif off_rad_s * self._off < 0.0:
+        elif off_rad_s * self._off < 0.0 and cycle <= self._at + self._quick:
             self._turns += 1
         self._at, self._off = cycle, off_rad_s
         return self._turns >= TURNS

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from canarm_protocol.cell.model import Cell, Joint
+from canarm_protocol.cell.model import Cell, Joint, Robot
 from canarm_protocol.cell.sensing import JointSensors, WiredSensor, joint_sensors
 from canarm_protocol.cell.sensors import AnalogueSensor
 
-from ..dynamics import Arm
+from ..dynamics import Arm, nominal_arm
+from .uncertainty import PAYLOAD, TORQUE_CONSTANT
 
 ROUNDING_LSB = 1.0 / math.sqrt(12.0)
 """Standard deviation of the error of rounding to a whole code."""
@@ -55,6 +56,10 @@ class JointNominal:
     """The highest acceleration of the joint by the arm's own weight with all torque off."""
     weight_nm: float
     """The highest holding torque of the joint."""
+    payload_nm: float
+    """The most that a payload within the box adds to it."""
+    payload_rad_s2: float
+    """Highest acceleration by payload and torque constant within the box of an arm that is held as nominal."""
     coulomb_nm: float
     rotor_kg_m2: float
     wire_stiffness_nm_rad: float
@@ -74,10 +79,25 @@ def joint_nominals(cell: Cell, arms: Sequence[Arm]) -> tuple[JointNominal, ...]:
     nominals: list[JointNominal] = []
     sensors = iter(joint_sensors(cell))
     for robot, arm in zip(cell.robot, arms, strict=True):
-        loads = _loads(arm, [joint.limits_deg for joint in robot.joint])
+        loads = _loads(arm, heavier_arm(robot), [joint.limits_deg for joint in robot.joint])
         for joint, load in zip(robot.joint, loads, strict=True):
             nominals.append(_nominal(cell.joint_names[len(nominals)], joint, load, next(sensors)))
     return tuple(nominals)
+
+
+def heavier_arm(robot: Robot) -> Arm:
+    """The nominal arm with its last link heavier by the most that the box has."""
+    *others, last = robot.joint
+    factor = 1.0 + PAYLOAD[1]
+    solid = last.solid
+    heavier = solid.model_copy(
+        update={
+            "mass_kg": factor * solid.mass_kg,
+            "inertia_kg_m2": tuple(factor * moment for moment in solid.inertia_kg_m2),
+        }
+    )
+    last = last.model_copy(update={"body" if last.body else "link": heavier})
+    return nominal_arm(robot.model_copy(update={"joint": (*others, last)}))
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,24 +105,40 @@ class _Load:
     mobility: tuple[float, float]
     falling_rad_s2: float
     weight_nm: float
+    payload_nm: float
+    payload_rad_s2: float
 
 
-def _loads(arm: Arm, limits_deg: Sequence[tuple[float, float]]) -> list[_Load]:
-    """Extremes over poses within the limits, per joint."""
+def _loads(arm: Arm, heavier: Arm, limits_deg: Sequence[tuple[float, float]]) -> list[_Load]:
+    """Extremes over poses within the limits, per joint. Inertia and weight are linear in the payload."""
     low, high = np.radians(limits_deg).T
     count = arm.joint_count
     steps = np.array([PLASTIC ** -(axis + 1) for axis in range(count)])
-    mobility, falling, weight = [], [], []
+    lightest = PAYLOAD[0] / PAYLOAD[1]
+    rotors = np.diag(arm.rotor_inertia)
+    mobility, falling, weight, payload, sagging = [], [], [], [], []
     for number in range(1, POSES + 1):
         pose = (low + (high - low) * ((0.5 + number * steps) % 1.0)).tolist()
-        inverse = np.linalg.inv(np.array(arm.inertia(pose)) + np.diag(arm.rotor_inertia))
-        gravity = np.array(arm.gravity(pose))
+        inertia, gravity = np.array(arm.inertia(pose)) + rotors, np.array(arm.gravity(pose))
+        inverse = np.linalg.inv(inertia)
         mobility.append(np.diag(inverse))
         falling.append(np.abs(inverse @ gravity))
         weight.append(np.abs(gravity))
-    least, most = np.min(mobility, axis=0), np.max(mobility, axis=0)
-    rows = zip(least.tolist(), most.tolist(), np.max(falling, 0).tolist(), np.max(weight, 0).tolist(), strict=True)
-    return [_Load((low, high), fall, heavy) for low, high, fall, heavy in rows]
+        more_inertia = np.array(heavier.inertia(pose)) + rotors - inertia
+        more_gravity = np.array(heavier.gravity(pose)) - gravity
+        payload.append(np.abs(more_gravity) * max(1.0, -lightest))
+        for share in (lightest, 1.0):
+            true = np.linalg.inv(inertia + share * more_inertia)
+            sagging += [np.abs(true @ ((factor - 1.0) * gravity - share * more_gravity)) for factor in TORQUE_CONSTANT]
+    extremes = (
+        np.min(mobility, 0),
+        np.max(mobility, 0),
+        *(np.max(rows, 0) for rows in (falling, weight, payload, sagging)),
+    )
+    return [
+        _Load((least, most), *others)
+        for least, most, *others in zip(*(extreme.tolist() for extreme in extremes), strict=True)
+    ]
 
 
 def _nominal(name: str, joint: Joint, load: _Load, sensors: JointSensors) -> JointNominal:
@@ -115,6 +151,8 @@ def _nominal(name: str, joint: Joint, load: _Load, sensors: JointSensors) -> Joi
         mobility_per_kg_m2=load.mobility,
         falling_rad_s2=load.falling_rad_s2,
         weight_nm=load.weight_nm,
+        payload_nm=load.payload_nm,
+        payload_rad_s2=load.payload_rad_s2,
         coulomb_nm=motor.coulomb_friction_nm,
         rotor_kg_m2=motor.reflected_inertia_kg_m2,
         wire_stiffness_nm_rad=motor.wire_stiffness_nm_rad,

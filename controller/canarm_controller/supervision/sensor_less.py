@@ -79,7 +79,7 @@ class SensorLess(JointState):
     def _believe_tachometer(self, x: float, v: float) -> None:
         self.mode, self.speed, self._last_rad_s = Mode.SOUND, v, v
         self._mismatch = self._swing = self._last_off = 0.0
-        self._base = x - self._travel - self._half_s * v
+        self._base = x - self._travel - self._half_s * v + self._twist
         self._learn_from = self.cycles
         self._set_rate()
         self._calm_at = self.cycles + self._timing.calm

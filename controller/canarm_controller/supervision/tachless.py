@@ -65,6 +65,11 @@ class TachlessWitness(SensorLess):
         self._calm_at = max(self._calm_at, self.cycles + self._timing.blurred)
         return self.step(x, v, acceleration, x_code, v_code)
 
+    @property
+    def is_elastic(self) -> bool:
+        """Nobody can tell whether its wire is elastic."""
+        return True
+
     def settle(self, bias_rad_s2: float) -> None:
         """There is nothing to settle: the observer learns the model's error by itself."""
 

@@ -15,6 +15,7 @@ from canarm_protocol.cell.model import Joint, Supervision
 from ..estimation.blind import blind_pole_rad_s
 from .nominal import ROUNDING_LSB, JointNominal, SensorNominal
 from .timing import Timing
+from .uncertainty import COULOMB, PAYLOAD, TORQUE_CONSTANT, WIRE
 
 REFERENCE_NOISE = math.hypot(0.3, ROUNDING_LSB)
 """Noise of one reading in grains at which the multiples below were measured: 0.42."""
@@ -25,8 +26,8 @@ SLOWEST_POLE = 0.5
 """Highest product of bandwidth and cycle time: an observer must be slower than its cycle."""
 DRIFT_S = 6.0
 """Time in which the tachometer's offset is learned from the position; shorter at first."""
-PAYLOAD_SHARE = 0.5
-"""Error of the payload, as a share of a joint's acceleration by the arm's own weight."""
+COULOMB_TURN = 2.0 * (COULOMB[1] - 1.0)
+"""Error of the model's friction when the worst of the box changes its sign, over the nominal Coulomb friction."""
 USUAL_SPEED_SHARE = 0.5
 """Speed of a joint while its payload is wrong, as a share of its highest speed."""
 KICK_SHARE = 0.4
@@ -52,8 +53,13 @@ fifth of its range if that is less."""
 ACCELERATION_SIGMAS, FRICTION_REVERSALS = 3.5, 2.0
 """An unexpected acceleration exceeds these: deviations of two readings `assessed` cycles apart, and friction."""
 START_FACTOR, WIRE_OVERSHOOT = 4.0, 2.0
-"""While the arm leaves its support the payload is unknown; and an elastic wire that takes up the weight lets the
-motor swing, up to twice the rotor's acceleration by the weight."""
+"""While the arm leaves its support the payload is not known; and an elastic wire that takes up the arm lets the motor
+swing by itself, up to twice what drive, weight and friction make of the rotor alone."""
+UNLEARNED_TWIST = 0.25
+"""A compliance is learned to a third of what the softest of the box has, a drift is 0.65 grains, and the arm's weight
+turns by half of its most about its mean: 0.33 x 0.5 = 0.65 x 0.25."""
+LIGHTEST_SHARE = 0.05
+"""Of a joint's inertia: no link is lighter than that beside its rotor."""
 LASTING_SHARE_OF_FALL, LASTING_FACTOR = 0.9, 3.0
 """Share of the acceleration by the arm's whole weight, which no gained or lost payload reaches; never less
 than this factor on the limit of unexpected accelerations."""
@@ -80,6 +86,8 @@ STEP_SPEEDS, STEP_SIGMAS = 4.0, 15.0
 class Thresholds:
     """Limits of one joint in rad, rad/s, rad/s² and A. Without a tachometer, speed limits apply to the model."""
 
+    noise_rad: float
+    """Standard deviation of one reading of the angle."""
     position_grain: float
     speed_grain: float
     jump: float
@@ -94,7 +102,23 @@ class Thresholds:
     told_speed: float
     acceleration: float
     start_acceleration: float
+    start_speed: float
+    """While the arm takes up its wires, rad/s: what the motors swing by."""
+    wire_turn_s: float
+    """A quarter of the quickest swing of a motor on its wire: from one side to the other it takes twice as long."""
+    twist: float
+    """What the softest wire of the box is twisted by under the heaviest arm, rad."""
     lasting: float
+    turned_nm: float
+    """What Coulomb friction of the box, in N·m, may be off by in a joint that has just turned, or stands."""
+    motor_share: float
+    """How much more a motor answers alone, on an elastic wire, than with its joint."""
+    payload: float
+    """What payload and torque constant of the box make of the joint, rad/s²."""
+    stuck_drift: float
+    """What that may change by in a second, rad/s³, while a code does not change."""
+    stuck_turned: float
+    """The same for a joint that stands, rad/s: its friction may be anything."""
     current: float
     told_current: float
     sudden_current: float
@@ -118,6 +142,7 @@ def thresholds(joint: JointNominal, limits: Supervision, timing: Timing, falling
     )
     current_a = limits.current_mismatch_a or current_limit_a(joint)
     return Thresholds(
+        noise_rad=REFERENCE_NOISE * position_grain,
         position_grain=position_grain,
         speed_grain=speed_grain,
         jump=_chosen(limits.position_jump_lsb, position_step, POSITION_JUMP * position_grain),
@@ -132,7 +157,17 @@ def thresholds(joint: JointNominal, limits: Supervision, timing: Timing, falling
         told_speed=min(TOLD * speed_grain, TOLD_SHARE * joint.fastest_rad_s),
         acceleration=acceleration,
         start_acceleration=max(START_FACTOR * acceleration, wire_swing_rad_s2(joint)),
-        lasting=max(LASTING_SHARE_OF_FALL * falling_rad_s2, LASTING_FACTOR * acceleration),
+        start_speed=wire_speed_rad_s(joint),
+        wire_turn_s=0.5 * math.pi / wire_rad_s(joint, WIRE[1]),
+        twist=twist_rad(joint) if speed else 0.0,
+        lasting=max(
+            LASTING_SHARE_OF_FALL * falling_rad_s2, LASTING_FACTOR * acceleration, payload_change_rad_s2(joint)
+        ),
+        turned_nm=turned_nm(joint),
+        motor_share=motor_share(joint),
+        payload=joint.payload_rad_s2,
+        stuck_drift=payload_turn_rad_s3(joint),
+        stuck_turned=turned_nm(joint) * joint.mobility_per_kg_m2[1],
         current=current_a,
         told_current=told_a,
         sudden_current=SUDDEN_FACTOR * told_a,
@@ -155,7 +190,17 @@ def observer_bandwidth_rad_s(period_s: float) -> float:
 def position_grain_rad(joint: JointNominal, timing: Timing) -> float:
     """Grain of an angle: noise of the sensor, or the error of the integrated tachometer."""
     grain = joint.position.noise / REFERENCE_NOISE
-    return max(grain, INTEGRAL_GRAINS * integral_error_rad(joint, timing), timing_error_rad(joint, timing))
+    return max(
+        grain,
+        INTEGRAL_GRAINS * integral_error_rad(joint, timing),
+        timing_error_rad(joint, timing),
+        unlearned_twist_rad(joint),
+    )
+
+
+def unlearned_twist_rad(joint: JointNominal) -> float:
+    """What of a wire's twist is not known after its compliance has been learned; with a sensor at either end of it."""
+    return UNLEARNED_TWIST * twist_rad(joint) if joint.speed else 0.0
 
 
 def timing_error_rad(joint: JointNominal, timing: Timing) -> float:
@@ -191,9 +236,13 @@ def speed_noise_rad_s(joint: JointNominal, timing: Timing) -> float:
 
 def payload_speed_rad_s(joint: JointNominal, timing: Timing) -> float:
     """Error of the observer's speed while a wrong payload turns with the arm."""
-    turning = PAYLOAD_SHARE * joint.falling_rad_s2 * USUAL_SPEED_SHARE * joint.fastest_rad_s
     bandwidth = observer_bandwidth_rad_s(timing.period_s) if joint.speed else blind_pole_rad_s(timing.period_s)
-    return turning / bandwidth**2
+    return payload_turn_rad_s3(joint) / bandwidth**2
+
+
+def payload_turn_rad_s3(joint: JointNominal) -> float:
+    """How fast what a payload makes of the joint changes while the arm turns."""
+    return joint.payload_rad_s2 * USUAL_SPEED_SHARE * joint.fastest_rad_s
 
 
 def friction_speed_rad_s(joint: JointNominal, timing: Timing) -> float:
@@ -208,8 +257,44 @@ def acceleration_noise_rad_s2(joint: JointNominal, timing: Timing) -> float:
 
 
 def wire_swing_rad_s2(joint: JointNominal) -> float:
-    """How the motor may swing while the wire takes up the arm's weight."""
-    return WIRE_OVERSHOOT * joint.weight_nm / joint.rotor_kg_m2
+    """How the motor may swing while the wire takes up the arm: all that the drive has, the heaviest arm, friction."""
+    drive_nm = TORQUE_CONSTANT[1] * joint.torque_per_ampere * joint.max_current_a
+    torque_nm = drive_nm + joint.weight_nm + joint.payload_nm + COULOMB[1] * joint.coulomb_nm
+    return WIRE_OVERSHOOT * torque_nm / joint.rotor_kg_m2
+
+
+def wire_rad_s(joint: JointNominal, factor: float) -> float:
+    """The swing of motor against joint on an elastic wire that is `factor` times as stiff as the cell says."""
+    whole = 1.0 / joint.mobility_per_kg_m2[0]
+    link = max(whole - joint.rotor_kg_m2, LIGHTEST_SHARE * whole)
+    return math.sqrt(factor * joint.wire_stiffness_nm_rad * (1.0 / joint.rotor_kg_m2 + 1.0 / link))
+
+
+def wire_speed_rad_s(joint: JointNominal) -> float:
+    """How fast a motor swings on its wire that takes up the heaviest arm, and turns friction."""
+    torque_nm = joint.weight_nm + joint.payload_nm + COULOMB[1] * joint.coulomb_nm
+    return WIRE_OVERSHOOT * torque_nm / (joint.rotor_kg_m2 * wire_rad_s(joint, WIRE[0]))
+
+
+def motor_share(joint: JointNominal) -> float:
+    """How much more a motor answers alone, on an elastic wire, than with its joint."""
+    return max(1.0 / (joint.mobility_per_kg_m2[0] * joint.rotor_kg_m2) - 1.0, 0.0)
+
+
+def twist_rad(joint: JointNominal) -> float:
+    """What the softest wire is twisted by under the heaviest arm."""
+    return (joint.weight_nm + joint.payload_nm) / (WIRE[0] * joint.wire_stiffness_nm_rad)
+
+
+def turned_nm(joint: JointNominal) -> float:
+    """What the model's friction is off by in a joint that has turned: the worst of the box, one way and the other."""
+    return COULOMB_TURN * joint.coulomb_nm
+
+
+def payload_change_rad_s2(joint: JointNominal) -> float:
+    """What a payload that changes from one end of the box to the other makes, while friction of the box turns."""
+    ends = (PAYLOAD[1] - PAYLOAD[0]) / max(PAYLOAD[1], -PAYLOAD[0])
+    return ends * joint.payload_rad_s2 + turned_nm(joint) * joint.mobility_per_kg_m2[1]
 
 
 def current_limit_a(joint: JointNominal) -> float:
@@ -225,8 +310,8 @@ def flutter_limit_a(joint: JointNominal, current_a: float) -> float:
 
 
 def following_unit_rad(joint: JointNominal, position_grain: float) -> float:
-    """The unit of laws' normal following errors: a grain, or a share of a loop's sag under half the weight."""
-    sag = PAYLOAD_SHARE * joint.falling_rad_s2 / JUDGED_AT_RAD_S**2
+    """The unit of laws' normal following errors: a grain, or a share of a loop's sag under a wrong payload."""
+    sag = joint.payload_rad_s2 / JUDGED_AT_RAD_S**2
     return max(position_grain, 2.0 * SAG_SHARE * sag)
 
 
@@ -235,8 +320,8 @@ def _chosen(override_lsb: float | None, step: float, derived: float) -> float:
 
 
 def unmodelled_rad_s2(joint: JointNominal) -> float:
-    """Error of a right model: half the payload, and Coulomb friction of the wrong sign."""
-    return PAYLOAD_SHARE * joint.falling_rad_s2 + 2.0 * joint.coulomb_nm * joint.mobility_per_kg_m2[1]
+    """Error of a right model: a payload, and Coulomb friction that changes its sign, both of the box."""
+    return joint.payload_rad_s2 + turned_nm(joint) * joint.mobility_per_kg_m2[1]
 
 
 def range_margin_rad(position: SensorNominal, limits: Supervision) -> float:

@@ -15,6 +15,8 @@ CALM_S = 0.25
 """How long the payload is unknown after the start or a change of the arm: speed limits are wider."""
 BLURRED_S = 0.1
 """How long limits are wide after a measurement of uncertain time."""
+TURNING_S = 0.15
+"""How long friction is unknown after a joint has turned; the observer of 30 rad/s has then learned it to 6 %."""
 DOUBT_S = 1.0
 """How long a doubtful speed is remembered."""
 EARLY_S = 2.0
@@ -52,6 +54,7 @@ class Timing:
     assessed: int
     calm: int
     blurred: int
+    turning: int
     doubt: int
     early: int
     swinging: int
@@ -84,6 +87,7 @@ class Timing:
             assessed=cycles(ASSESSED_S, 2),
             calm=cycles(CALM_S),
             blurred=cycles(BLURRED_S),
+            turning=cycles(TURNING_S),
             doubt=cycles(DOUBT_S),
             early=cycles(EARLY_S),
             swinging=cycles(SWINGING_S),

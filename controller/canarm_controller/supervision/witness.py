@@ -4,6 +4,7 @@ Owns a joint's residuals and decides which sensor is to blame. Plain floats: `st
 Names of joints and cards, and how the robot is stopped, are not known here.
 """
 
+from ..estimation.blind import observer_gains
 from .joint_state import Mode
 from .limits import NOISE_MASK, Report
 from .noisiness import SPIKES, TURNS, SpikeCount, TurnCount
@@ -12,6 +13,7 @@ from .sensor_less import BLIND_FACTOR, EARLY_FACTOR, PERSISTENT_CYCLES, SensorLe
 from .step_trial import StepTrial
 from .thresholds import Thresholds
 from .timing import Timing
+from .wire_twist import WireTwist
 
 MISMATCH_GAIN = 1.0 / 16.0
 """White noise of 0.42 grains leaves 0.42/sqrt(31) = 0.075; a step of 3 grains passes 0.65 in the fourth cycle."""
@@ -31,6 +33,8 @@ SLOW_SHARE = 0.35
 RANGE_CYCLES = 2
 STEP_SHARE = 0.75
 """Share of the limit by which a speed must change in one cycle to have stepped; else the arm accelerates."""
+LACKING_FLOOR = 0.1
+"""Share of the payload of the box that no observer tells from its own noise."""
 LEARNING_MASK = 15
 """The learning rate changes every 16 cycles."""
 
@@ -50,25 +54,29 @@ class JointWitness(SensorLess):
     """
 
     __slots__ = (
-        "_code_at", "_code_bias", "_code_model", "_doubt_until", "_gap_at", "_new_mismatch", "_old_mismatch",
-        "_settled_at", "_spikes", "_stepped_until", "_stuck_cycles", "_stuck_limit", "_trial", "_turns", "_x_code",
-        "_x_travel",
+        "_code_at", "_code_bias", "_code_model", "_doubt_until", "_end_gains", "_gap_at", "_new_mismatch",
+        "_old_mismatch", "_quick_cycles", "_raw", "_settled_at", "_spikes", "_stepped_until", "_stuck_cycles",
+        "_stuck_limit", "_trial", "_turns", "_wire", "_x_code", "_x_travel",
     )  # fmt: skip
 
     def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
         super().__init__(nominal, thresholds, timing, report)
         self._stuck_limit, self._stuck_cycles = thresholds.stuck_speed, timing.stuck
+        self._quick_cycles = max(int(thresholds.wire_turn_s / timing.period_s), 1)
         self._trial = StepTrial(thresholds.position_grain, timing.period_s, timing.step)
+        self._end_gains = observer_gains(timing.period_s)
+        self._wire = WireTwist(nominal, thresholds, timing.refresh, timing.period_s)
         self.start(0.0)
 
     def start(self, position_rad: float) -> None:
         """At rest at a measured angle."""
         super().start(position_rad)
+        self._wire.start()
         self._spikes, self._turns = (
             {sensor: SpikeCount(self._timing.spike) for sensor in ("potentiometer", "tachometer")},
-            TurnCount(self._timing.turn),
+            TurnCount(self._timing.turn, self._quick_cycles),
         )
-        self._old_mismatch = self._new_mismatch = 0.0
+        self._old_mismatch = self._new_mismatch = self._raw = 0.0
         self._x_code, self._code_at = -1, 0
         self._code_model = self._code_bias = self._x_travel = 0.0
         self._doubt_until = self._stepped_until = -1
@@ -89,18 +97,20 @@ class JointWitness(SensorLess):
         is_stuck = False
         if v_code != self._code:
             self._code, self._code_cycles, self._code_model, self._code_bias = v_code, 0, model, bias
-            self._code_at = count
+            self._code_at, self._code_turned = count, self.turned_until
         else:
             cycles = self._code_cycles = self._code_cycles + 1
             if cycles >= self._stuck_cycles and count >= self._calm_at:
-                moved = model - self._code_model + (count - self._code_at) * period_s * self._code_bias
+                stood_s = (count - self._code_at) * period_s
+                moved = model - self._code_model + stood_s * self._code_bias
                 limit = self._stuck_limit if cycles >= self._timing.stuck_sure else STUCK_HASTE * self._stuck_limit
-                is_stuck = not -limit < moved < limit
+                is_stuck = not -limit < moved < limit and self._is_beyond_model(moved, limit, stood_s)
         if x_code != self._x_code:
             self._x_code, self._x_travel = x_code, travel
         if self.mode is not _SOUND:
             return self._step_unsound(x, v, acceleration, predicted, v_code)
-        astray = x - travel - self._half_s * v - self._base
+        raw = self._raw = x - travel - self._half_s * v - self._base
+        astray = raw + self._twist
         mismatch = self._mismatch
         mismatch += (astray - mismatch) * MISMATCH_GAIN
         swing = self._swing
@@ -121,6 +131,8 @@ class JointWitness(SensorLess):
             limits.learn(astray, mismatch, off - self._last_off)
             if not count & LEARNING_MASK:
                 self._set_rate()
+                if count >= self._timing.early:
+                    limits.settle()
                 self._old_mismatch, self._new_mismatch = self._new_mismatch, mismatch
         self.speed = predicted + self._speed_gain * off
         self.bias = bias + self._accel_gain * off
@@ -129,8 +141,8 @@ class JointWitness(SensorLess):
         self._last_rad_s = v
         self._travel = travel + period_s * v
         self._mismatch = mismatch
-        self._base += period_s * self._offset + self._base_gain * astray
-        self._offset += self._offset_gain * astray
+        self._base += period_s * self._offset + self._base_gain * raw
+        self._offset += self._offset_gain * raw
         return False
 
     def glimpse(self, x: float, v: float, acceleration: float, x_code: int, v_code: int, is_gap: bool) -> bool:
@@ -149,13 +161,13 @@ class JointWitness(SensorLess):
         self.model_rad_s += self._period_s * acceleration
         if v_code != self._code:
             self._code, self._code_cycles, self._code_model, self._code_bias = v_code, 0, self.model_rad_s, self.bias
-            self._code_at = self.cycles
+            self._code_at, self._code_turned = self.cycles, self.turned_until
         else:
             self._code_cycles += 1
         is_believed = is_gap or -limit < off < limit
         v = v if is_believed else predicted
         if is_gap:
-            self._base = x - self._travel - self._half_s * v - self._mismatch
+            self._base = x - self._travel - self._half_s * v - self._mismatch + self._twist
             self._learn_from = self._gap_at = self.cycles
             self._set_rate()
         angle = self._angle(v)
@@ -165,6 +177,18 @@ class JointWitness(SensorLess):
         is_near = abs(x - angle) < BLIND_FACTOR * self._limits.jump
         self._substitute(x if is_near else angle, v)
         return not (is_believed and is_near)
+
+    def twist(self, drive_nm: float, acceleration: float) -> None:
+        """Take what drive, less friction, and the model's acceleration make of the wire's torque, once in 10 ms."""
+        if self.mode is _SOUND:
+            wire = self._wire
+            wire.take(drive_nm, acceleration + self.bias, self._raw, self._base_gain, self._offset_gain)
+            self._twist = wire.twist_rad
+
+    @property
+    def is_elastic(self) -> bool:
+        """Whether its wire is known to be elastic."""
+        return self._wire.is_elastic
 
     def settle(self, bias_rad_s2: float) -> None:
         """The unexpected acceleration has been investigated."""
@@ -181,14 +205,11 @@ class JointWitness(SensorLess):
         if self._judge_angle(x, predicted, off, astray):
             return True
         if self._code in (0, self._highest_speed_code) and (
-            (off if predicted + off > 0.0 else -off) < limits.step * UNREST_FACTOR
+            (off if predicted + off > 0.0 else -off)
+            < limits.step * UNREST_FACTOR + self._model_drift(self._code_cycles * self._period_s)
             or count < self._gap_at + timing.blurred  # in which the current stayed what it was
         ):
-            # As fast as that, and perhaps faster: nothing can be told from it.
-            self._base += MISMATCH_GAIN * (x - self._angle(predicted) - self._mismatch)
-            self._last_off = self._swing = 0.0
-            self._advance(predicted, predicted)
-            return self._substitute(x, predicted)
+            return self._beyond_end(x, predicted)
         if is_stuck and self._report("tachometer-stuck", self._stuck_detail(), None):
             return self._lose_tachometer(x, predicted)
         is_doubtful = not -limits.doubt < off < limits.doubt
@@ -198,6 +219,8 @@ class JointWitness(SensorLess):
         is_calm = count >= max(self._calm_at, self._blurred_until, self._gap_at + timing.doubt)
         factor = 1.0 if is_calm else UNREST_FACTOR
         step = limits.step * factor
+        if count < timing.swinging:
+            step = max(step, self._thresholds.start_speed)
         if not -step < off < step:
             self.is_agitated = True
             if abs(off - self._last_off) >= STEP_SHARE * step:
@@ -211,7 +234,20 @@ class JointWitness(SensorLess):
             self.is_agitated = True
         is_wide = count < max(self._stepped_until, self._blurred_until)
         drift = limits.drift * (EARLY_FACTOR if is_wide or count < self._learn_from + timing.early else 1.0)
+        if count < timing.early:
+            drift += self._thresholds.twist
         return not -drift < mismatch < drift and self._judge_mismatch(x, predicted, mismatch)
+
+    def _beyond_end(self, x: float, predicted: float) -> bool:
+        """As fast as the tachometer can show, and perhaps faster: the angle corrects the model, with three poles."""
+        by_position, by_speed, by_bias = self._end_gains
+        off = x - self._angle(predicted) - self._mismatch
+        self._base += by_position * off
+        predicted += by_speed * off
+        self.bias += by_bias * off
+        self._last_off = self._swing = 0.0
+        self._advance(predicted, predicted)
+        return self._substitute(x, predicted)
 
     def _judge_angle(self, x: float, predicted: float, off: float, astray: float) -> bool:
         """The potentiometer against the integrated tachometer in one cycle: no tachometer goes wrong that fast.
@@ -230,9 +266,12 @@ class JointWitness(SensorLess):
             ):
                 self._base += astray
                 return self._lose_tachometer(x, predicted)
-            at_end = self._x_code in self._angle_ends
-            name = "potentiometer-range" if at_end else "potentiometer-jump"
-            if self._report(name, f"code {self._x_code}" if at_end else self._angle_detail(astray), None):
+            name, detail = "potentiometer-jump", self._angle_detail(astray)
+            if self._x_code in self._angle_ends:
+                name, detail = "potentiometer-range", f"code {self._x_code}"
+            elif (turned := abs(self._travel - self._x_travel)) > self._thresholds.stuck_travel:
+                name, detail = "potentiometer-stuck", self._still_detail(turned)
+            if self._report(name, detail, None):
                 self.mode = Mode.NO_POTENTIOMETER
         self._advance(predicted + self._speed_gain * off, predicted + off)
         self.bias += self._accel_gain * off
@@ -241,7 +280,7 @@ class JointWitness(SensorLess):
     def _judge_mismatch(self, x: float, predicted: float, mismatch: float) -> bool:
         """Potentiometer and integrated tachometer have drifted apart."""
         detail = self._angle_detail(mismatch)
-        lsb, thresholds = self._position_lsb, self._thresholds
+        thresholds = self._thresholds
         turned = abs(self._travel - self._x_travel)
         soon = turned + STUCK_SOON_CYCLES * self._period_s * abs(predicted)
         if self.cycles < self._settled_at + self._timing.unsettled:
@@ -249,8 +288,7 @@ class JointWitness(SensorLess):
         elif self.cycles < self._stepped_until:
             name = "tachometer-mismatch"
         elif turned > thresholds.stuck_travel:
-            detail = f"code {self._x_code} while the tachometer turned {turned / lsb:.1f} LSB"
-            name = "potentiometer-stuck"
+            name, detail = "potentiometer-stuck", self._still_detail(turned)
         elif turned > thresholds.stuck_suspect and soon > thresholds.stuck_travel:
             return False
         elif self.cycles < self._doubt_until or self._code_cycles >= self._stuck_cycles:
@@ -334,6 +372,30 @@ class JointWitness(SensorLess):
         if sensor == "potentiometer":
             self.mode, self._agreed = Mode.NOISY_POTENTIOMETER, 0
         return False
+
+    def _is_beyond_model(self, moved: float, limit: float, stood_s: float) -> bool:
+        """Whether the model's speed has moved by more than a right model may be off by after `stood_s`.
+
+        The payload's share turns with the arm, and its observer is two time constants behind. Friction of a joint that
+        had just turned when its code changed last was not known then.
+        """
+        limit += self._model_drift(stood_s)
+        limit += self.unlearned_friction(self._code_turned, self._code_at, self._thresholds.stuck_turned) * stood_s
+        return not -limit < moved < limit
+
+    def _model_drift(self, elapsed_s: float) -> float:
+        """What a payload that turns makes of the model's speed, rad/s, while nothing corrects it.
+
+        How much payload there is tells what the model has lacked lately.
+        """
+        thresholds = self._thresholds
+        share = 1.0
+        if self.cycles >= self._timing.doubt:
+            share = min(LACKING_FLOOR + self._lacking / thresholds.payload, 1.0)
+        return share * thresholds.stuck_drift * elapsed_s * (0.5 * elapsed_s + 2.0 / self._bandwidth_rad_s)
+
+    def _still_detail(self, turned_rad: float) -> str:
+        return f"code {self._x_code} while the tachometer turned {turned_rad / self._position_lsb:.1f} LSB"
 
     def _stuck_detail(self) -> str:
         return f"code {self._code} for {self._code_cycles + 1} cycles"
