@@ -93,13 +93,13 @@ def test_an_amplifier_too_weak_to_hold_the_arm_is_found(check: Check) -> None:
         ),
         ("full_scale_a = 1.5", "full_scale_a = 1.0", "full_scale_a = 1: drive.max_current_a = 1.5 is beyond it"),
         (
-            "speed_jump_lsb = 5.0",
-            "speed_jump_lsb = 5e-6",
+            "missing_cycles = 16",
+            "speed_jump_lsb = 5e-6\nmissing_cycles = 16",
             "speed_jump_lsb = 5e-06: steps and noise of the sensors",
         ),
         (
-            "current_mismatch_a = 0.075",
-            "current_mismatch_a = 1e-4",
+            "missing_cycles = 16",
+            "current_mismatch_a = 1e-4\nmissing_cycles = 16",
             "current_mismatch_a = 0.0001: steps and noise",
         ),
     ],
@@ -123,7 +123,7 @@ def test_a_law_that_loses_the_arm_is_named_and_the_others_are_not_blamed(check: 
 def test_detectors_that_speak_without_a_fault_are_heard(check: Check, monkeypatch: pytest.MonkeyPatch) -> None:
     # Beyond the arithmetic: limits that it lets through, and a sound run does not.
     monkeypatch.setattr("canarm.rehearsal.unsound", lambda cell: ())
-    status, said = check("current_mismatch_a = 0.075", "current_mismatch_a = 1e-3")
+    status, said = check("missing_cycles = 16", "current_mismatch_a = 1e-3\nmissing_cycles = 16")
     assert status == 2
     assert "current" in said
     assert "without any fault, it raised: " in said or "was stopped within 3 s" in said
