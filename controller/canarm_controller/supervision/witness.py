@@ -379,8 +379,8 @@ class JointWitness(SensorLess):
         The payload's share turns with the arm, and its observer is two time constants behind. Friction of a joint that
         had just turned when its code changed last was not known then.
         """
-        limit += self._model_drift(stood_s)
-        limit += self.unlearned_friction(self._code_turned, self._code_at, self._thresholds.stuck_turned) * stood_s
+        friction = self.unlearned_friction(self._code_turned, self._code_at, self._thresholds.stuck_turned)
+        limit += self._model_drift(stood_s) + friction * stood_s
         return not -limit < moved < limit
 
     def _model_drift(self, elapsed_s: float) -> float:
