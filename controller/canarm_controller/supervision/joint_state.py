@@ -12,6 +12,8 @@ from .timing import Timing
 
 NO_END = 1 << 40
 """Above all codes of any converter."""
+LACKING_FLOOR = 0.1
+"""Share of the payload of the box that no observer tells from its own noise."""
 LACKING_KEPT = 0.998
 """How what the model has lacked fades in 10 ms: by half within two swings of an arm."""
 FIRST_READINGS = 20
@@ -144,6 +146,17 @@ class JointState:
         if self.cycles >= self._timing.early:
             worst_rad_s2 = min(worst_rad_s2, 2.0 * self._lacking)
         return unlearned * worst_rad_s2
+
+    def _model_drift(self, elapsed_s: float) -> float:
+        """What a payload that turns makes of the model's speed, rad/s, while nothing corrects it.
+
+        How much payload there is tells what the model has lacked lately.
+        """
+        thresholds = self._thresholds
+        share = 1.0
+        if self.cycles >= self._timing.doubt:
+            share = min(LACKING_FLOOR + self._lacking / thresholds.payload, 1.0)
+        return share * thresholds.stuck_drift * elapsed_s * (0.5 * elapsed_s + 2.0 / self._bandwidth_rad_s)
 
     def coast(self, acceleration: float) -> None:
         """A cycle without a measurement."""

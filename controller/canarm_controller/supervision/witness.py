@@ -33,8 +33,6 @@ SLOW_SHARE = 0.35
 RANGE_CYCLES = 2
 STEP_SHARE = 0.75
 """Share of the limit by which a speed must change in one cycle to have stepped; else the arm accelerates."""
-LACKING_FLOOR = 0.1
-"""Share of the payload of the box that no observer tells from its own noise."""
 LEARNING_MASK = 15
 """The learning rate changes every 16 cycles."""
 
@@ -382,17 +380,6 @@ class JointWitness(SensorLess):
         friction = self.unlearned_friction(self._code_turned, self._code_at, self._thresholds.stuck_turned)
         limit += self._model_drift(stood_s) + friction * stood_s
         return not -limit < moved < limit
-
-    def _model_drift(self, elapsed_s: float) -> float:
-        """What a payload that turns makes of the model's speed, rad/s, while nothing corrects it.
-
-        How much payload there is tells what the model has lacked lately.
-        """
-        thresholds = self._thresholds
-        share = 1.0
-        if self.cycles >= self._timing.doubt:
-            share = min(LACKING_FLOOR + self._lacking / thresholds.payload, 1.0)
-        return share * thresholds.stuck_drift * elapsed_s * (0.5 * elapsed_s + 2.0 / self._bandwidth_rad_s)
 
     def _still_detail(self, turned_rad: float) -> str:
         return f"code {self._x_code} while the tachometer turned {turned_rad / self._position_lsb:.1f} LSB"
