@@ -184,7 +184,7 @@ def test_a_dynamic_brake_that_slips_lets_the_link_sink_faster_by_its_share() -> 
     world = world_of()
     with_fault(world, "slips", share=0.5)
     joints = [*world.truth.joints]
-    joints[0] = dataclasses.replace(joints[0], brake_grip=1.0)
+    joints[0] = dataclasses.replace(joints[0], brake_slip=0.0)
     world.change(dataclasses.replace(world.truth, joints=tuple(joints)))
     ask(world, 0.0, 0.0)
     let_pass(world, 150)

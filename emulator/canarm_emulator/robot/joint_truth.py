@@ -30,8 +30,9 @@ class JointTruth:
     """An elastic wire connects nothing: the motor turns alone and the link hangs."""
     shorted_turns: float = 0.0
     """Share of the winding's turns that are shorted."""
-    brake_engages: bool = True
-    brake_grip: float = 1.0
-    """What an engaged brake has of its torque, as a share."""
+    brake_is_released: bool = False
+    """The brake does not engage."""
+    brake_slip: float = 0.0
+    """What an engaged brake lacks of its torque, as a share."""
     brake_drag: float = 0.0
     """What a released brake still has of it."""

@@ -15,7 +15,7 @@ class BrakeDoesNotEngage(JointFault, name="does-not-engage", family=Family.ACTUA
 
     def change(self, joint: JointTruth, now_ns: int) -> JointTruth:
         """No braking torque."""
-        return replace(joint, brake_engages=False)
+        return replace(joint, brake_is_released=True)
 
 
 @dataclass
@@ -37,4 +37,4 @@ class BrakeSlips(JointFault, name="slips", family=Family.ACTUATOR, acts_on=BRAKE
 
     def change(self, joint: JointTruth, now_ns: int) -> JointTruth:
         """It holds less."""
-        return replace(joint, brake_grip=joint.brake_grip * self.share)
+        return replace(joint, brake_slip=1.0 - (1.0 - joint.brake_slip) * self.share)

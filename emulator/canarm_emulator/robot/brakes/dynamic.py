@@ -50,7 +50,7 @@ class DynamicBrakeModel:
         self._taken = winding_ohm / self._total_ohm
         """Share of the amplifier's current that a closed contact bypasses around the winding."""
         self._time_constant_s = motor.winding_mh * 1e-3 * turns**2 / self._total_ohm
-        self._grip = truth.brake_grip if truth.brake_engages else 0.0
+        self._grip = 0.0 if truth.brake_is_released else 1.0 - truth.brake_slip
         self._drag = truth.brake_drag
 
     @property

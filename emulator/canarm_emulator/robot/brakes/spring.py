@@ -23,7 +23,7 @@ class SpringBrakeModel:
 
     def change(self, truth: JointTruth) -> None:
         """The brake is another one from now on."""
-        self._grip = truth.brake_grip if truth.brake_engages else 0.0
+        self._grip = 0.0 if truth.brake_is_released else 1.0 - truth.brake_slip
         self._drag = truth.brake_drag
         self._press()
 
