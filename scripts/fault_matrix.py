@@ -57,10 +57,9 @@ def with_figures(page: str, matrix: Matrix, scenarios: Sequence[Scenario]) -> st
 
 def sum_of(matrix: Matrix) -> list[str]:
     """The last lines of the command."""
-    return [
-        f"{matrix.alarmed_runs} of {matrix.fault_free_runs} fault-free runs raised an alarm",
-        *as_they_should_be(matrix),
-    ]
+    partial = [part_of(matrix)] if matrix.runs_left else []
+    alarmed = f"{matrix.alarmed_runs} of {matrix.fault_free_runs} fault-free runs raised an alarm"
+    return [*partial, alarmed, *as_they_should_be(matrix)]
 
 
 def _share(name: str, share: Share) -> str:

@@ -31,7 +31,7 @@ DEFINITIONS = (
     (
         "true residual",
         "(a) what the controller last received for a sensor, against the true value between this SYNC and the next; "
-        "(b) true angle, speed and current against the twin: the fault-free run with the same seed, same cycle.",
+        "(b) true angle, speed and current against the twin: the fault-free run of the same scenario, same cycle.",
     ),
     (
         "clock of a detection",
@@ -123,7 +123,7 @@ class Findings:
 
 
 def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool, may_mislead: bool = True) -> Findings:
-    """Judge a run against its fault-free `twin`, which has the same seed; `is_dangerous` as the fault is declared.
+    """Judge a run against its fault-free `twin`, of the same scenario; `is_dangerous` as the fault is declared.
 
     The fault counts as dangerous if it is declared so, or if it `may_mislead` controller or drives and moves the
     arm away from the twin by more than the potentiometer's floor before the controller begins to stop. A dangerous
@@ -186,7 +186,7 @@ def sensor_error(cell: Cell, run: Evidence) -> Bools:
 def true_departure(cell: Cell, motion: Motion, twin: Motion) -> tuple[Bools, Bools]:
     """In which cycles the true angle, and the true speed or current, leave the twin's by the floor; (n,) each.
 
-    "True residual (b): true angle, speed and current against the fault-free run with the same seed, same cycle."
+    "True residual (b): true angle, speed and current against the fault-free run of the same scenario, same cycle."
     """
     is_paced, rows = np.append(True, np.diff(motion.cycle) > 0) & _has_twin(motion, twin), _rows(motion, twin)
     pairs = (
