@@ -16,9 +16,9 @@ def test_a_joint_that_swings_under_a_drive_in_doubt_is_stopped_before_it_errs(
 ) -> None:
     with Rig("konkuk1", seed=seed) as rig:
         rig.inject(tap, fault, at=at_s)
-        rig.run(seconds=at_s + 1.0)
+        rig.run(seconds=at_s + 2.0)
         assert rig.state is State.FAILED
         assert rig.detected("current-mismatch", joint)
-        assert "the speed swings" in str(rig.reason)
+        assert "current-mismatch" in str(rig.reason)
         error_lsb = abs(rig.joints[joint].error_lsb)
         assert error_lsb[rig.joints[joint].time_s > at_s].max() < TOLERATED_LSB
