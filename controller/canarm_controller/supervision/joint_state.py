@@ -44,8 +44,10 @@ class JointState:
         "_base_gain",
         "_blurred_until",
         "_calm_at",
+        "_changed_at",
         "_code",
         "_code_cycles",
+        "_code_swing",
         "_code_turned",
         "_half_s",
         "_highest_speed_code",
@@ -107,7 +109,8 @@ class JointState:
         self._calm_at = self._timing.calm
         self._blurred_until = -1
         self._upset_at = self.turned_until = self._code_turned = 0
-        self._lacking = 0.0
+        self._lacking = self._code_swing = 0.0
+        self._changed_at = 0
         self._set_rate()
         self.is_agitated = False
         """Whether the speed left the model's prediction; reset once investigated."""
@@ -150,11 +153,11 @@ class JointState:
     def _model_drift(self, elapsed_s: float) -> float:
         """What a payload that turns makes of the model's speed, rad/s, while nothing corrects it.
 
-        How much payload there is tells what the model has lacked lately.
+        How much payload there is tells what the model has lacked lately, unless the arm has changed since.
         """
         thresholds = self._thresholds
         share = 1.0
-        if self.cycles >= self._timing.doubt:
+        if self.cycles >= self._changed_at + self._timing.doubt:
             share = min(LACKING_FLOOR + self._lacking / thresholds.payload, 1.0)
         return share * thresholds.stuck_drift * elapsed_s * (0.5 * elapsed_s + 2.0 / self._bandwidth_rad_s)
 

@@ -5,7 +5,7 @@ What is done with a residual must not enter.
 """
 
 from .nominal import JointNominal
-from .thresholds import Thresholds
+from .thresholds import POSITION_DRIFT, UNLEARNED_TWIST, Thresholds
 from .uncertainty import WIRE
 
 SMOOTHING = 1.0 / 3.0
@@ -22,6 +22,7 @@ class WireTwist:
 
     __slots__ = (
         "_base_nm", "_first2", "_largest", "_offset_nm_s", "_period_s", "_readings", "_rotor", "_sum2", "_torque_nm",
+        "_twist_rad",
         "compliance", "twist_rad",
     )  # fmt: skip
 
@@ -29,6 +30,7 @@ class WireTwist:
         usual = 1.0 / joint.wire_stiffness_nm_rad
         self._largest, self._rotor = usual / WIRE[0], joint.rotor_kg_m2
         self._readings, self._period_s = readings, readings * period_s
+        self._twist_rad = thresholds.twist
         self._first2 = (thresholds.noise_rad / usual) ** 2
         self.start()
 
@@ -42,6 +44,11 @@ class WireTwist:
     def is_elastic(self) -> bool:
         """Whether it gives by more than half of what the stiffest of the box does."""
         return self.compliance > 0.5 * self._largest * WIRE[0] / WIRE[1]
+
+    @property
+    def unlearned_rad(self) -> float:
+        """What of the twist is not known, as the compliance is learned to a third and the weight turns by half."""
+        return POSITION_DRIFT * UNLEARNED_TWIST * self._twist_rad * self.compliance / self._largest
 
     def take(
         self, drive_nm: float, acceleration_rad_s2: float, astray_rad: float, base_gain: float, offset_gain: float

@@ -4,6 +4,8 @@ Owns a joint's residuals and decides which sensor is to blame. Plain floats: `st
 Names of joints and cards, and how the robot is stopped, are not known here.
 """
 
+import math
+
 from ..estimation.blind import observer_gains
 from .joint_state import Mode
 from .limits import NOISE_MASK, Report
@@ -95,7 +97,7 @@ class JointWitness(SensorLess):
         is_stuck = False
         if v_code != self._code:
             self._code, self._code_cycles, self._code_model, self._code_bias = v_code, 0, model, bias
-            self._code_at, self._code_turned = count, self.turned_until
+            self._code_at, self._code_turned, self._code_swing = count, self.turned_until, self._swing
         else:
             cycles = self._code_cycles = self._code_cycles + 1
             if cycles >= self._stuck_cycles and count >= self._calm_at:
@@ -159,7 +161,7 @@ class JointWitness(SensorLess):
         self.model_rad_s += self._period_s * acceleration
         if v_code != self._code:
             self._code, self._code_cycles, self._code_model, self._code_bias = v_code, 0, self.model_rad_s, self.bias
-            self._code_at, self._code_turned = self.cycles, self.turned_until
+            self._code_at, self._code_turned, self._code_swing = self.cycles, self.turned_until, self._swing
         else:
             self._code_cycles += 1
         is_believed = is_gap or -limit < off < limit
@@ -193,7 +195,7 @@ class JointWitness(SensorLess):
         self.bias += bias_rad_s2
         self._swing = 0.0
         self._calm_at = self.cycles + self._timing.calm
-        self._settled_at = self._upset_at = self.cycles
+        self._settled_at = self._upset_at = self._changed_at = self.cycles
 
     def _examine(
         self, x: float, predicted: float, off: float, astray: float, mismatch: float, swing: float, is_stuck: bool
@@ -232,8 +234,7 @@ class JointWitness(SensorLess):
             self.is_agitated = True
         is_wide = count < max(self._stepped_until, self._blurred_until)
         drift = limits.drift * (EARLY_FACTOR if is_wide or count < self._learn_from + timing.early else 1.0)
-        if count < timing.early:
-            drift += self._thresholds.twist
+        drift += self._thresholds.twist if count < timing.early else self._wire.unlearned_rad
         return not -drift < mismatch < drift and self._judge_mismatch(x, predicted, mismatch)
 
     def _beyond_end(self, x: float, predicted: float) -> bool:
@@ -375,10 +376,11 @@ class JointWitness(SensorLess):
         """Whether the model's speed has moved by more than a right model may be off by after `stood_s`.
 
         The payload's share turns with the arm, and its observer is two time constants behind. Friction of a joint that
-        had just turned when its code changed last was not known then.
+        had just turned when its code changed last was not known then; nor was what left a speed of a/(e·ω).
         """
-        friction = self.unlearned_friction(self._code_turned, self._code_at, self._thresholds.stuck_turned)
-        limit += self._model_drift(stood_s) + friction * stood_s
+        unlearned = self.unlearned_friction(self._code_turned, self._code_at, self._thresholds.stuck_turned)
+        unlearned += math.e * self._bandwidth_rad_s * abs(self._code_swing)
+        limit += self._model_drift(stood_s) + unlearned * stood_s
         return not -limit < moved < limit
 
     def _still_detail(self, turned_rad: float) -> str:
