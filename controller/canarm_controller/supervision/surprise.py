@@ -144,7 +144,7 @@ class SurpriseWatch:
             may_judge = may_stop and not is_start and abs(unexpected) > excused
             self._judge_direction(index, missing_nm[index], self._begun[index][2] / own, may_judge)
             allowed = limits.start_acceleration if is_swinging else limits.acceleration * joint.noisiness
-            if abs(unexpected) > allowed + excused:
+            if abs(unexpected) > allowed + excused and not joint.accuse_code():
                 is_unexpected = True
                 worth_a = missing_nm[index] / self._per_ampere[index]
                 detail = f"{unexpected:+.0f} rad/s2 beyond the model, {worth_a:+.2f} A worth of torque"

@@ -56,6 +56,10 @@ class TachlessWitness(SensorLess):
         self._judge_bias()
         return is_astray and self._substitute(blind.position_rad, self.speed)
 
+    def accuse_code(self) -> bool:
+        """There is no tachometer whose code could stand."""
+        return False
+
     def glimpse(self, x: float, v: float, acceleration: float, x_code: int, v_code: int, is_gap: bool) -> bool:
         """As `step`, but when this was measured is known badly."""
         self._stood_cycles = self._lasting_cycles = 0

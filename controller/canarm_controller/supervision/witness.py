@@ -54,8 +54,8 @@ class JointWitness(SensorLess):
     """
 
     __slots__ = (
-        "_code_at", "_code_bias", "_code_model", "_doubt_until", "_end_gains", "_gap_at", "_new_mismatch",
-        "_old_mismatch", "_quick_cycles", "_raw", "_settled_at", "_spikes", "_stepped_until", "_stuck_cycles",
+        "_accused_at", "_code_at", "_code_bias", "_code_model", "_doubt_until", "_end_gains", "_gap_at",
+        "_new_mismatch", "_old_mismatch", "_quick_cycles", "_raw", "_settled_at", "_spikes", "_stepped_until", "_stuck_cycles",
         "_stuck_limit", "_trial", "_turns", "_wire", "_x_code", "_x_travel",
     )  # fmt: skip
 
@@ -77,7 +77,7 @@ class JointWitness(SensorLess):
             TurnCount(self._timing.turn, self._quick_cycles),
         )
         self._old_mismatch = self._new_mismatch = self._raw = 0.0
-        self._x_code, self._code_at = -1, 0
+        self._x_code, self._code_at, self._accused_at = -1, 0, -1
         self._code_model = self._code_bias = self._x_travel = 0.0
         self._doubt_until = self._stepped_until = -1
         self._settled_at = -self._timing.unsettled
@@ -105,6 +105,7 @@ class JointWitness(SensorLess):
                 moved = model - self._code_model + stood_s * self._code_bias
                 limit = self._stuck_limit if cycles >= self._timing.stuck_sure else STUCK_HASTE * self._stuck_limit
                 is_stuck = not -limit < moved < limit and self._is_beyond_model(moved, limit, stood_s)
+                is_stuck = is_stuck or self._accused_at == self._code_at
         if x_code != self._x_code:
             self._x_code, self._x_travel = x_code, travel
         if self.mode is not _SOUND:
@@ -189,6 +190,17 @@ class JointWitness(SensorLess):
     def is_elastic(self) -> bool:
         """Whether its wire is known to be elastic."""
         return self._wire.is_elastic
+
+    def accuse_code(self) -> bool:
+        """Whether an unexpected acceleration is the tachometer's: its code stands, at a speed. It is then called stuck.
+
+        An arm that accelerates changes the code, and one that was stopped shows that it stands.
+        """
+        moves = not -self._thresholds.standing < self._last_rad_s < self._thresholds.standing
+        is_stuck = moves and self._code_cycles >= self._stuck_cycles
+        if is_stuck:
+            self._accused_at = self._code_at
+        return is_stuck
 
     def settle(self, bias_rad_s2: float) -> None:
         """The unexpected acceleration has been investigated."""
