@@ -55,8 +55,8 @@ class JointWitness(SensorLess):
 
     __slots__ = (
         "_accused_at", "_code_at", "_code_bias", "_code_model", "_doubt_until", "_end_gains", "_gap_at",
-        "_new_mismatch", "_old_mismatch", "_quick_cycles", "_raw", "_settled_at", "_spikes", "_stepped_until", "_stuck_cycles",
-        "_stuck_limit", "_trial", "_turns", "_wire", "_x_code", "_x_travel",
+        "_new_mismatch", "_old_mismatch", "_quick_cycles", "_raw", "_settled_at", "_spikes", "_stepped_until",
+        "_stuck_cycles", "_stuck_limit", "_trial", "_turns", "_wire", "_x_code", "_x_travel",
     )  # fmt: skip
 
     def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
@@ -197,10 +197,8 @@ class JointWitness(SensorLess):
         An arm that accelerates changes the code, and one that was stopped shows that it stands.
         """
         moves = not -self._thresholds.standing < self._last_rad_s < self._thresholds.standing
-        is_stuck = moves and self._code_cycles >= self._stuck_cycles
-        if is_stuck:
-            self._accused_at = self._code_at
-        return is_stuck
+        self._accused_at = self._code_at if moves and self._code_cycles >= self._stuck_cycles else -1
+        return self._accused_at >= 0
 
     def settle(self, bias_rad_s2: float) -> None:
         """The unexpected acceleration has been investigated."""
