@@ -12,12 +12,12 @@ def test_the_filter_mask_says_which_outputs_change(link) -> None:
     latch = link.card(LATCH)
     latch.sdo[0x6200][1].raw = 0xF0
     latch.sdo[0x6208][1].raw = 0x3C
-    latch.sdo[0x6200][1].raw = 0x0F
-    assert latch.sdo[0x6200][1].raw == 0xCC
+    latch.sdo[0x6200][1].raw = 0x0A
+    assert latch.sdo[0x6200][1].raw == 0xC8
     link.reset()
     latch = link.card(LATCH)
-    latch.sdo[0x6200][1].raw = 0x0F
-    assert latch.sdo[0x6200][1].raw == 0x0F
+    latch.sdo[0x6200][1].raw = 0x0A
+    assert latch.sdo[0x6200][1].raw == 0x0A
 
 
 def test_the_filter_mask_holds_for_rpdos(link) -> None:
