@@ -25,16 +25,10 @@ PLACEHOLDER: dict[str, dict[str, Any]] = {
 MISSING_S, LEAST_MISSING = 0.04, 4
 """Time without an input after which the controller stops, and the least number of cycles."""
 MARGIN_DEG = 3.0
-LARGEST_STEP_DEG = 8.0
 
 
 def control_tables(cell: Cell | None, cycle_us: int) -> Mapping[str, Mapping[str, Any]]:
     """The tables `control` and `supervision` for `cell`, whose own gains count for nothing; None before it is there."""
     tables = PLACEHOLDER if cell is None else suggested_control(cell)
     missing = max(LEAST_MISSING, round(MISSING_S * 1e6 / cycle_us))
-    supervision = {
-        "missing_cycles": missing,
-        "range_margin_deg": MARGIN_DEG,
-        "max_position_step_deg": LARGEST_STEP_DEG,
-    }
-    return {**tables, "supervision": supervision}
+    return {**tables, "supervision": {"missing_cycles": missing, "range_margin_deg": MARGIN_DEG}}

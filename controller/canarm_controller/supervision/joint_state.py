@@ -157,7 +157,7 @@ class JointState:
         """
         thresholds = self._thresholds
         share = 1.0
-        if self.cycles >= self._changed_at + self._timing.doubt:
+        if thresholds.payload > 0.0 and self.cycles >= self._changed_at + self._timing.doubt:
             share = min(LACKING_FLOOR + self._lacking / thresholds.payload, 1.0)
         return share * thresholds.stuck_drift * elapsed_s * (0.5 * elapsed_s + 2.0 / self._bandwidth_rad_s)
 
