@@ -5,6 +5,7 @@ import math
 import platform
 import sys
 from collections.abc import Mapping
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from canarm_controller.laws.loading import load_law
@@ -68,6 +69,8 @@ def make_controller(
 
 def tick_count(cell: Cell, seconds: float, source: str = "--seconds") -> int:
     """The number of cycles in `seconds`, given in `source`. Raises `UsageError` for less than one, or no number."""
+    if not isinstance(seconds, Real) or isinstance(seconds, bool):
+        raise UsageError(f"{source} {seconds!r}: must be a number of seconds")
     ticks = round(seconds / cell.bus.cycle_s) if math.isfinite(seconds) else 0
     if ticks < 1:
         raise UsageError(f"{source} {seconds:g}: must be at least one cycle, {cell.bus.cycle_s:g} s")

@@ -3,8 +3,9 @@
 The controller resolves law and trajectory. Nothing is run here.
 """
 
+import math
 from collections.abc import Mapping
-from numbers import Integral
+from numbers import Integral, Real
 
 from canarm_emulator.errors import TruthError
 from canarm_emulator.robot.truth import truth_keys
@@ -30,13 +31,23 @@ def checked_seed(seed: object) -> int:
     return int(seed)
 
 
+def check_number(what: str, value: object) -> None:
+    """Raises `UsageError` unless `value` is a number, NaN excepted."""
+    if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(float(value)):
+        raise UsageError(f"{what} {value!r}: must be a number")
+
+
 def as_text(values: Mapping[str, object] | None) -> dict[str, str]:
-    """Values as `--set` and `--truth` spell them."""
+    """Values as `--set` and `--truth` spell them. Raises `UsageError` for what is no mapping."""
+    if not isinstance(values, Mapping | None):
+        raise UsageError(f"{values!r}: must be a mapping of keys and values, such as {{'joint3.mass': 0.9}}")
     return {key: value_text(value) for key, value in (values or {}).items()}
 
 
 def check_mechanics(cell: Cell, key: str) -> None:
     """Raises `TruthError` unless `key` can change during a run."""
+    if not isinstance(key, str):
+        raise TruthError(f"{key!r}: a key is a name, such as 'joint3.mass'")
     known = [each.name for each in truth_keys(cell)]
     if key not in known:
         raise TruthError(f"{key}: no such key{nearest(key, known, 'canarm check --keys')}")

@@ -14,6 +14,7 @@ from canarm_controller.bus.assessment import JointFigures
 from canarm_protocol.cell.cell_messages import nearest
 
 from ..usage import UsageError
+from .arguments import check_number
 from .findings import HALF_NS, Finding
 
 Floats = NDArray[np.float64]
@@ -170,6 +171,7 @@ class RigJoint:
         begins with cycles that are no longer kept and the others stay below.
         """
         __tracebackhide__ = True
+        check_number("limit", limit)
         return self._check(signal, -limit, limit, since, until)
 
     def stays_within(
@@ -205,6 +207,8 @@ class RigJoint:
 
     def _check(self, signal: str, low: float, high: float, since: float, until: float) -> Finding:
         __tracebackhide__ = True
+        for what, given in (("limit", low), ("limit", high), ("since", since), ("until", until)):
+            check_number(what, given)
         span = self.span(signal)
         chosen = (span.time_s >= since - HALF_NS) & (span.time_s <= until + HALF_NS)
         if not chosen.any():

@@ -51,8 +51,9 @@ def test_with_brakes_no_fault_of_a_drive_makes_a_joint_faster_than_3_rad_s_whene
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)
 def test_with_brakes_no_fault_at_all_makes_a_joint_faster_than_3_rad_s_whenever_it_strikes() -> None:
-    assert passing(FAULTS, 400, 1) == []
+    assert passing(FAULTS, 200, 1) == []
 
 
 def test_a_stop_lets_no_joint_of_a_robot_with_brakes_fall() -> None:

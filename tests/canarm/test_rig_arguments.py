@@ -179,3 +179,24 @@ def test_the_package_says_what_it_has_and_which_version_it_is() -> None:
     assert names == ["BenchClient", "BusRig", "Rig", "State"]
     assert {"__all__", "__doc__", "__version__"} <= set(dir(canarm))
     assert canarm.__version__.count(".") == 2
+
+
+@pytest.mark.parametrize(
+    ("ask", "message"),
+    [
+        (lambda rig: Rig("konkuk1", truth="joint3.mass=0.9"), "must be a mapping of keys and values"),
+        (lambda rig: Rig("konkuk1", truth=["joint3.mass=0.9"]), "must be a mapping of keys and values"),
+        (lambda rig: rig.change_truth(3, 1), "3: a key is a name"),
+        (lambda rig: rig.run(seconds="2"), "seconds '2': must be a number"),
+        (lambda rig: rig.run(seconds=True), "seconds True: must be a number"),
+        (lambda rig: rig.joints["joint2"].stays_below("current_a", "1"), "limit '1': must be a number"),
+        (lambda rig: rig.joints["joint2"].stays_below("current_a", np.nan), "limit nan: must be a number"),
+        (lambda rig: rig.joints["joint2"].stays_below("current_a", 1.5, since=np.nan), "since nan: must be a number"),
+    ],
+)
+def test_an_argument_of_another_type_is_answered_in_words(ask: Any, message: str) -> None:
+    """NaN above all: whatever is compared with it is false, so that `assert not …` would pass."""
+    with Rig(law="pd") as rig:
+        rig.run(0.01)
+        with pytest.raises(CanarmError, match=message):
+            ask(rig)

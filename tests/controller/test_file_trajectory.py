@@ -45,6 +45,21 @@ def test_between_way_points_the_reference_never_leaves_their_range(write: Write)
     np.testing.assert_allclose(degrees[1400:], 45.0, atol=1e-9)  # from 3.5 s on
 
 
+def test_way_points_of_which_many_are_dense_stay_in_their_range_as_well(write: Write) -> None:
+    rows = [*[(0.01 * row, 20, 0) for row in range(100)], *WAY_POINTS[1:]]
+    position_rad = make_trajectory(str(write(rows)), CELL).sample(0, 4000, PERIOD_S).position_rad
+    degrees = np.degrees(position_rad[:, 0])
+    assert (degrees.min(), degrees.max()) == pytest.approx((20.0, 45.0), abs=1e-9)
+
+
+def test_a_robot_recorded_at_50_hz_gives_samples(write: Write) -> None:
+    """0.06 - 0.04 is more than 0.02 in binary."""
+    rows = [(0.02 * row, 20 + 10 * np.sin(0.02 * np.pi * row), 0) for row in range(250)]
+    trajectory = make_trajectory(str(write(rows)), CELL)
+    assert isinstance(trajectory, FileTrajectory)
+    assert trajectory.interpolation is Interpolation.SAMPLES
+
+
 def test_between_way_points_it_is_the_monotone_cubic_that_everybody_knows(write: Write) -> None:
     rows = [(0, 0, 0), (0.5, 5, 3), (1.2, 8, 20), (2.0, 30, 21), (3.0, 31, 40), (4.0, 20, 41)]
     times, degrees = np.array(rows)[:, 0], np.array(rows)[:, 1:]
