@@ -104,8 +104,8 @@ class JointWitness(SensorLess):
                 stood_s = (count - self._code_at) * period_s
                 moved = model - self._code_model + stood_s * self._code_bias
                 limit = self._stuck_limit if cycles >= self._timing.stuck_sure else STUCK_HASTE * self._stuck_limit
-                is_stuck = not -limit < moved < limit and self._is_beyond_model(moved, limit, stood_s)
-                is_stuck = is_stuck or self._accused_at == self._code_at
+                is_far = not -limit < moved < limit and self._is_beyond_model(moved, limit, stood_s)
+                is_stuck = is_far or self._accused_at == self._code_at
         if x_code != self._x_code:
             self._x_code, self._x_travel = x_code, travel
         if self.mode is not _SOUND:
@@ -192,12 +192,12 @@ class JointWitness(SensorLess):
         return self._wire.is_elastic
 
     def accuse_code(self) -> bool:
-        """Whether an unexpected acceleration is the tachometer's: its code stands, at a speed. It is then called stuck.
+        """Whether an unexpected acceleration is the tachometer's: its code stands, at a speed that it can show.
 
-        An arm that accelerates changes the code, and one that was stopped shows that it stands.
+        It is then called stuck. An arm that accelerates changes the code; one that was stopped shows that it stands.
         """
-        moves = not -self._thresholds.standing < self._last_rad_s < self._thresholds.standing
-        self._accused_at = self._code_at if moves and self._code_cycles >= self._stuck_cycles else -1
+        is_shown = abs(self._last_rad_s) >= self._thresholds.standing and 0 < self._code < self._highest_speed_code
+        self._accused_at = self._code_at if is_shown and self._code_cycles >= self._stuck_cycles else -1
         return self._accused_at >= 0
 
     def settle(self, bias_rad_s2: float) -> None:
