@@ -22,13 +22,14 @@ WORST = [each for each in FAULTS if each.tap.startswith("joint") and (each.is_da
 
 
 def fastest_rad_s(fault: MatrixCell, onset_s: float, seed: int, law: str) -> float:
-    """The highest speed of any joint from the fault on, and through the stop."""
+    """The highest speed of any joint from the fault on, and through the stop; of all, where a stop came before it."""
     with Rig(BRAKED, law=law, seed=seed) as rig:
         rig.inject(fault.tap, fault.fault, at=onset_s)
         rig.run(seconds=onset_s + 0.4)
         rig.finish()
         spans = [joint.span("true_speed_rad_s") for joint in rig.joints.values()]
-        return max(float(abs(span.value[span.time_s >= rig.begun[0].time_s]).max()) for span in spans)
+        since_s = rig.begun[0].time_s if rig.begun else 0.0
+        return max(float(abs(span.value[span.time_s >= since_s]).max()) for span in spans)
 
 
 def drawn(faults: list[MatrixCell], count: int, seed: int) -> Iterator[tuple[MatrixCell, float, int, str]]:
