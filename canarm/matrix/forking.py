@@ -6,8 +6,9 @@ import os
 import pickle
 import signal
 import sys
+import threading
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import BinaryIO, TypeVar, cast
 
 from .pool import LostWorkerError
@@ -66,10 +67,32 @@ def _awaited(pid: int, pipe: BinaryIO, write_end: int, mask: set[int | signal.Si
 
 
 def _fork() -> int:
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), _held_back():
         # Other threads hold no lock that the copy wants: it computes, writes into its pipe, and is gone.
         warnings.simplefilter("ignore", DeprecationWarning)
         return os.fork()
+
+
+@contextlib.contextmanager
+def _held_back() -> Iterator[None]:
+    """Signals are handled afterwards. A mask alone does not do that: they reach other threads, and the handlers run in
+    this one, within what libraries do around a fork.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held: list[int] = []
+    before = {number: signal.getsignal(number) for number in _KEPT_BACK}
+    before = {number: handler for number, handler in before.items() if callable(handler)}
+    for number in before:
+        signal.signal(number, lambda number, frame: held.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for each in held:
+            signal.raise_signal(each)
 
 
 def _be_copy(run: Callable[[], object], write_end: int, mask: set[int | signal.Signals]) -> None:

@@ -541,7 +541,7 @@ def test_an_interrupt_ends_all_and_keeps_what_there_is(canarm) -> None:
     assert matrix.wait() == 1
     assert "interrupted after" in matrix.stderr[-1]
     assert matrix.stdout == []
-    assert all(line.startswith("canarm: ") for line in matrix.stderr), matrix
+    assert all(line.startswith("canarm: ") for line in matrix.stderr), str(matrix)
     assert canarm.remaining() == []
     assert sorted(path.name for path in (canarm.folder / "m").iterdir()) == [
         "matrix-partial.csv",
@@ -569,7 +569,7 @@ def test_an_interrupt_ends_the_strange_controllers_of_several_processes(canarm, 
     os.killpg(matrix.pid, signal.SIGINT)
     assert matrix.wait() == 1
     assert "interrupted after" in matrix.stderr[-1]
-    assert all(line.startswith("canarm: ") for line in matrix.stderr), matrix
+    assert all(line.startswith("canarm: ") for line in matrix.stderr), str(matrix)
     assert canarm.remaining() == []
 
 
