@@ -8,8 +8,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Self
 
-import numpy as np
-
 from canarm_protocol.cell.model import Robot
 
 from ..errors import CooperationError
@@ -155,10 +153,3 @@ RHINO_XR = FiveAxisArm(
     alpha_deg=(-90.0, 0.0, 0.0, -90.0, 0.0),
 )
 """The RHINO XR: 10.25, 9, 9, 0.375 and 6.625 inch. No source for its joint limits is known, so it has none here."""
-
-
-def exact_twists(chain: DhChain) -> list[tuple[float, float]]:
-    """Cos α and sin α of each joint, 0 where rounding leaves 6e-17 of a right angle."""
-    twists = np.radians(chain.alpha_deg)
-    cleaned = [np.where(np.abs(values) < 1e-15, 0.0, values).tolist() for values in (np.cos(twists), np.sin(twists))]
-    return list(zip(*cleaned, strict=True))

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from canarm_protocol.cell.model import Robot
+from canarm_protocol.cell.rigid import from_rpy_deg, to_rpy
 
 from ..errors import CooperationError
 from .arms import FiveAxisArm
@@ -97,24 +98,21 @@ def pair_of(master: Robot, slave: Robot, carried: CarriedObject) -> ArmPair:
     bases = [transform(robot.base_m, robot.base_rpy_deg) for robot in (master, slave)]
     between = inverse_transform(bases[0]) @ bases[1]
     x, y, z = between[:3, 3].tolist()
+    roll, pitch, yaw = to_rpy(between[:3, :3].tolist())
     return ArmPair(
         master=FiveAxisArm.of_robot(master),
         slave=FiveAxisArm.of_robot(slave),
         carried=carried,
         slave_base_m=(x, y, z),
-        slave_base_rpy_deg=_rpy_deg(between),
+        slave_base_rpy_deg=(math.degrees(roll), math.degrees(pitch), math.degrees(yaw)),
         names=(master.name, slave.name),
     )
 
 
 def transform(place_m: Vector, rpy_deg: Vector) -> Floats:
     """A pose, 4 × 4, from its place and its angles about the fixed axes x, y, z in this order."""
-    (cr, cp, cy), (sr, sp, sy) = (_cleaned(part(np.radians(rpy_deg))) for part in (np.cos, np.sin))
-    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
     pose = np.eye(4)
-    pose[:3, :3] = about_z @ about_y @ about_x
+    pose[:3, :3] = from_rpy_deg(rpy_deg)
     pose[:3, 3] = place_m
     return pose
 
@@ -125,17 +123,3 @@ def inverse_transform(pose: Floats) -> Floats:
     back[:3, :3] = pose[:3, :3].T
     back[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
     return back
-
-
-def _cleaned(values: Floats) -> Floats:
-    return np.where(np.abs(values) < 1e-15, 0.0, values)
-
-
-def _rpy_deg(pose: Floats) -> Vector:
-    """Angles about the fixed axes of a rotation; at a pitch of ±90° the roll is put into the yaw."""
-    sine = -pose[2, 0]
-    if abs(sine) > 1.0 - 1e-12:
-        return 0.0, math.copysign(90.0, sine), math.degrees(math.atan2(-pose[0, 1], pose[1, 1]))
-    pitch = math.atan2(sine, math.hypot(pose[2, 1], pose[2, 2]))
-    roll, yaw = math.atan2(pose[2, 1], pose[2, 2]), math.atan2(pose[1, 0], pose[0, 0])
-    return math.degrees(roll), math.degrees(pitch), math.degrees(yaw)

@@ -10,8 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from canarm_protocol.cell.rigid import exact_cos_sin
+
 from ..errors import CooperationError
-from .arms import DhChain, FiveAxisArm, exact_twists
+from .arms import DhChain, FiveAxisArm
 
 Floats = NDArray[np.float64]
 
@@ -115,7 +117,8 @@ def _frames(chain: DhChain, q: Floats) -> Iterator[_Frame]:
     x, y, z = (np.repeat(axis[:, None], angles.shape[1], axis=1) for axis in np.eye(3))
     frame = _Frame(x, y, z, np.zeros_like(x))
     yield frame
-    for angle, d, a, (cos_alpha, sin_alpha) in zip(angles, chain.d_m, chain.a_m, exact_twists(chain), strict=True):
+    for angle, d, a, alpha_deg in zip(angles, chain.d_m, chain.a_m, chain.alpha_deg, strict=True):
+        cos_alpha, sin_alpha = exact_cos_sin(alpha_deg)
         cos, sin = np.cos(angle), np.sin(angle)
         x = cos * frame.x + sin * frame.y
         across = cos * frame.y - sin * frame.x

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from canarm_protocol.cell.model import Joint, Robot
+from canarm_protocol.cell.rigid import exact_cos_sin
 
 from ..errors import DynamicsError
-from .frames import Placement, exact_cos_sin, unwound
+from .frames import Placement, unwound
 
 Floats = NDArray[np.float64]
 Vector = tuple[float, float, float]

@@ -5,11 +5,13 @@ Owns rotations of frames. Masses enter as numbers to be carried into another fra
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, cos, hypot, pi, radians, sin
+from math import atan2, cos, hypot, pi, sin
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from canarm_protocol.cell.rigid import from_rpy_deg
 
 Matrix = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -17,8 +19,6 @@ Tensor = tuple[float, float, float, float, float, float]
 
 ROUNDING = 1e-14
 """Entries of a rotation this close to 0 or ±1 are set to it, so that the fast forms can leave such products out."""
-
-_QUARTER_TURNS = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,16 +88,7 @@ def unwound(placements: Sequence[Placement]) -> tuple[Matrix, list[Unwound]]:
 
 def rpy_rotation(rpy_deg: Vector) -> Matrix:
     """Rz(yaw)·Ry(pitch)·Rx(roll), as URDF turns frames; 3 × 3."""
-    (cr, sr), (cp, sp), (cy, sy) = map(exact_cos_sin, rpy_deg)
-    pitch = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    yaw = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    return _clean(yaw @ pitch @ _about_x(cr, sr))
-
-
-def exact_cos_sin(angle_deg: float) -> tuple[float, float]:
-    """Cosine and sine with true zeros at quarter turns, so that the fast forms can leave those products out."""
-    exact = _QUARTER_TURNS.get(angle_deg % 360.0)
-    return exact or (cos(radians(angle_deg)), sin(radians(angle_deg)))
+    return _clean(np.array(from_rpy_deg(rpy_deg)))
 
 
 def _euler_zxz(rotation: Matrix) -> tuple[float, tuple[float, float], float]:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 Triple = tuple[float, float, float]
 Rotation = tuple[Triple, Triple, Triple]
 IDENTITY: Rotation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_QUARTER_TURNS = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
 
 
 class Pose(NamedTuple):
@@ -64,9 +65,25 @@ class Inertial(NamedTuple):
         return _triple(rows[0]), _triple(rows[1]), _triple(rows[2])
 
 
+def exact_cos_sin(angle_deg: float) -> tuple[float, float]:
+    """Cosine and sine with true zeros at quarter turns, where rounding would leave 6e-17."""
+    exact = _QUARTER_TURNS.get(angle_deg % 360.0)
+    return exact or (math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg)))
+
+
 def from_rpy(roll: float, pitch: float, yaw: float) -> Rotation:
     """Rz(yaw)·Ry(pitch)·Rx(roll): turns about the fixed axes x, y, z in this order, as URDF has it. Angles in rad."""
-    cr, sr, cp, sp, cy, sy = (f(angle) for angle in (roll, pitch, yaw) for f in (math.cos, math.sin))
+    return _turns(*((math.cos(angle), math.sin(angle)) for angle in (roll, pitch, yaw)))
+
+
+def from_rpy_deg(rpy_deg: Triple) -> Rotation:
+    """As `from_rpy`, from degrees: quarter turns are exact."""
+    return _turns(*map(exact_cos_sin, rpy_deg))
+
+
+def _turns(roll: tuple[float, float], pitch: tuple[float, float], yaw: tuple[float, float]) -> Rotation:
+    """From the cosine and the sine of each angle."""
+    (cr, sr), (cp, sp), (cy, sy) = roll, pitch, yaw
     return (
         (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
         (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
