@@ -15,6 +15,7 @@ from canarm_controller.bus.assessment import JointFigures
 from canarm_emulator.robot.truth import Truth as TrueRobot
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
+from canarm_protocol.errors import ExitStatus
 from canarm_protocol.runs.run_folder import create_run_folder, new_run_folder, update_run_file
 
 from ..child import START_S, Child, ended_too_early, offered_port
@@ -56,8 +57,7 @@ PACE_HELP = (
     "Lockstep: virtual time passes at most X times as fast as the wall clock; max does not wait. "
     "1 on a terminal, else max."
 )
-WRONG_USAGE = 2
-END_STATUS = {0: 0, WRONG_USAGE: WRONG_USAGE}
+PASSED_ON = (ExitStatus.DONE, ExitStatus.WRONG_INPUT)
 """Exit statuses of the controller that are passed on; any other is a failed run."""
 
 
@@ -218,7 +218,7 @@ def _report(
         _tell(failure)
         return 1
     assert controller.status is not None
-    return END_STATUS.get(controller.status, 1)
+    return controller.status if controller.status in PASSED_ON else ExitStatus.FAILED
 
 
 def _summary(result: Mapping[str, Any]) -> Summary:
