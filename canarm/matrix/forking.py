@@ -36,25 +36,24 @@ def in_copy(run: Callable[[], _Result]) -> _Result:
 def _said_by_copy(run: Callable[[], object]) -> bytes:
     """The pickled result; empty if the copy ended before."""
     read_end, write_end = os.pipe()
-    with os.fdopen(read_end, "rb") as pipe:
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, _KEPT_BACK)  # until an interrupt of either side ends the copy
+    with os.fdopen(read_end, "rb") as pipe, contextlib.ExitStack() as holding:
+        holding.enter_context(_held_back())  # until an interrupt of either side ends the copy
         gc.freeze()  # a collection in the copy would otherwise write into every object, and so copy each page
         try:
             pid = _fork()
             if not pid:
-                _be_copy(run, write_end, before)
-            return _awaited(pid, pipe, write_end, before)
+                _be_copy(run, write_end)
+            return _awaited(pid, pipe, write_end, holding)
         finally:
             gc.unfreeze()
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _awaited(pid: int, pipe: BinaryIO, write_end: int, mask: set[int | signal.Signals]) -> bytes:
-    """The output of copy `pid`, which has ended whichever way this is left."""
+def _awaited(pid: int, pipe: BinaryIO, write_end: int, holding: contextlib.ExitStack) -> bytes:
+    """The output of copy `pid`, which has ended whichever way this is left; signals are no longer held back."""
     has_ended = False
     try:
         os.close(write_end)
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        holding.close()
         said = pipe.read()
         _, status = os.waitpid(pid, 0)
         has_ended = True
@@ -67,7 +66,7 @@ def _awaited(pid: int, pipe: BinaryIO, write_end: int, mask: set[int | signal.Si
 
 
 def _fork() -> int:
-    with warnings.catch_warnings(), _held_back():
+    with warnings.catch_warnings():
         # Other threads hold no lock that the copy wants: it computes, writes into its pipe, and is gone.
         warnings.simplefilter("ignore", DeprecationWarning)
         return os.fork()
@@ -75,8 +74,8 @@ def _fork() -> int:
 
 @contextlib.contextmanager
 def _held_back() -> Iterator[None]:
-    """Signals are handled afterwards. A mask alone does not do that: they reach other threads, and the handlers run in
-    this one, within what libraries do around a fork.
+    """Signals are handled afterwards. A mask does not do that: they reach other threads, and Python's handlers run in
+    this one all the same, within what libraries do around a fork.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -95,13 +94,12 @@ def _held_back() -> Iterator[None]:
             signal.raise_signal(each)
 
 
-def _be_copy(run: Callable[[], object], write_end: int, mask: set[int | signal.Signals]) -> None:
+def _be_copy(run: Callable[[], object], write_end: int) -> None:
     """Run the copy. Never returns: buffers, exit handlers and stack frames belong to the original."""
     status = 1
     try:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal: the original is interrupted too, and kills
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         gc.disable()  # it is gone before its garbage matters
         said = pickle.dumps(run())
         with os.fdopen(write_end, "wb") as pipe:
