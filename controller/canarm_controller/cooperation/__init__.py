@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ..errors import CooperationError
     from .arms import RHINO_XR, DhChain, FiveAxisArm
     from .as_printed import PrintedSteps, printed_steps
-    from .carrying import ArmPair, CarriedObject, pair_of
+    from .carrying import ArmPair, CarriedObject, pair_of, seen_from
     from .closed_form import BRANCHES, Branch, Solutions, inverse, inverse_branch
     from .compliance import Posture, comply
     from .kinematics import forward, least_singular_value_m, position_jacobian
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from .plan import CooperationPlan, PlanChecks
     from .planning import plan_cooperation
     from .reasons import Reason, RefusedPlanError
-    from .supporting import seen_from
 
 __all__ = [
     "BRANCHES",
@@ -86,7 +85,6 @@ __getattr__ = loader(
     ".limits",
     ".master",
     ".plan",
-    ".supporting",
     ".planning",
     ".placing",
     ".as_printed",

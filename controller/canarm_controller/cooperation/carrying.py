@@ -96,7 +96,7 @@ def pair_of(master: Robot, slave: Robot, carried: CarriedObject) -> ArmPair:
     Raises `CooperationError` where one of them is no five-axis arm.
     """
     bases = [transform(robot.base_m, robot.base_rpy_deg) for robot in (master, slave)]
-    between = inverse_transform(bases[0]) @ bases[1]
+    (between,) = seen_from(bases[0], bases[1][None])
     x, y, z = between[:3, 3].tolist()
     roll, pitch, yaw = to_rpy(between[:3, :3].tolist())
     return ArmPair(
@@ -117,9 +117,13 @@ def transform(place_m: Vector, rpy_deg: Vector) -> Floats:
     return pose
 
 
-def inverse_transform(pose: Floats) -> Floats:
-    """The inverse of a pose, 4 × 4."""
-    back = np.eye(4)
-    back[:3, :3] = pose[:3, :3].T
-    back[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
-    return back
+def seen_from(base_transform: Floats, frame: Floats) -> Floats:
+    """Frames (n, 4, 4) seen from bases (..., 4, 4): w*⁻¹·o*, (..., n, 4, 4)."""
+    turn, place = base_transform[..., :3, :3], base_transform[..., :3, 3]
+    back = np.swapaxes(turn, -1, -2)[..., None, :, :]
+    seen = np.zeros((*base_transform.shape[:-2], *frame.shape))
+    seen[..., :3, :3] = back @ frame[..., :3, :3]
+    away = frame[..., :3, 3] - place[..., None, :]
+    seen[..., :3, 3] = (back @ away[..., None])[..., 0]
+    seen[..., 3, 3] = 1.0
+    return seen

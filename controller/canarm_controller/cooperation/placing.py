@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import CooperationError
-from .carrying import ArmPair, CarriedObject
+from .carrying import ArmPair, CarriedObject, seen_from
 from .closed_form import Codes
 from .compliance import Posture
 from .kinematics import Floats
@@ -19,7 +19,7 @@ from .limits import PlanLimits
 from .paths import Path
 from .plan import travel_rad
 from .reasons import Reason
-from .supporting import seen_from, support
+from .supporting import support
 
 POSTURES = tuple(
     Posture(approach=approach, elbow=elbow, facing=facing)

@@ -7,7 +7,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .carrying import ArmPair
+from .carrying import ArmPair, seen_from
 from .compliance import Posture
 from .leading import lead, refuse_beyond_limits
 from .limits import PlanLimits
@@ -15,7 +15,7 @@ from .master import NEWTON_STEPS
 from .paths import Path
 from .plan import CooperationPlan
 from .reasons import Reason, RefusedPlanError
-from .supporting import SlaveMotion, seen_from, support
+from .supporting import SlaveMotion, support
 
 SLAVE = "slave"
 

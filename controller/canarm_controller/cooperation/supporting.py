@@ -64,15 +64,3 @@ def unwound(q_rad: Floats) -> Floats:
     joined = q_rad.copy()
     joined[..., 1:, :] -= 2 * np.pi * turns
     return joined
-
-
-def seen_from(base_transform: Floats, frame: Floats) -> Floats:
-    """Frames (n, 4, 4) seen from bases (..., 4, 4): w*⁻¹·o*, (..., n, 4, 4)."""
-    turn, place = base_transform[..., :3, :3], base_transform[..., :3, 3]
-    back = np.swapaxes(turn, -1, -2)[..., None, :, :]
-    seen = np.zeros((*base_transform.shape[:-2], *frame.shape))
-    seen[..., :3, :3] = back @ frame[..., :3, :3]
-    away = frame[..., :3, 3] - place[..., None, :]
-    seen[..., :3, 3] = (back @ away[..., None])[..., 0]
-    seen[..., 3, 3] = 1.0
-    return seen
