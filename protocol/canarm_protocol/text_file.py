@@ -1,14 +1,20 @@
-"""Reads a user's text files and TOML within bounds: no path can fill memory or hang, and no TOML takes for ever.
+"""Reads a user's text files, TOML and CSV within bounds: no path can fill memory or hang, and no TOML takes for ever.
 
 The caller knows what the text means, and words the error.
 """
 
+import csv
+import io
+import math
 import re
 import stat
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+SHOWN = 40
+"""Characters of a wrong value that are shown in a message."""
 MOST_PARTS = 32
 """Most parts of a dotted key: `tomllib` takes time that grows with their square."""
 MOST_DIGITS = 600
@@ -39,6 +45,39 @@ def read_text(path: Path, largest_bytes: int, kind: str, form: str = "TOML") -> 
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise ValueError(f"is not a text in UTF-8; {kind} is a {form} file") from None
+
+
+class RowError(ValueError):
+    """What is wrong with a row of a CSV file, and with which."""
+
+
+def csv_rows(text: str) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
+    """The header of a CSV text, and its rows that are not blank, each with its number; the header is row 1.
+
+    Raises `csv.Error`, and `RowError` for a row that is not as long as the header; both also while the rows are taken.
+    """
+    rows = csv.reader(io.StringIO(text, newline=""))
+    header = [cell.strip() for cell in next(rows, [])]
+    return header, _filled(rows, len(header))
+
+
+def _filled(rows: Iterator[list[str]], columns: int) -> Iterator[tuple[int, list[str]]]:
+    for number, row in enumerate(rows, start=2):
+        if any(cell.strip() for cell in row):
+            if len(row) != columns:
+                raise RowError(f"row {number} has {len(row)} values; the header has {columns} columns")
+            yield number, row
+
+
+def finite(number: int, column: str, cell: str) -> float:
+    """The value of a cell in row `number`. Raises `RowError` where it is no finite number."""
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise RowError(f"row {number}, column {column}: {cell[:SHOWN]!r} is not a finite number")
+    return value
 
 
 def parse_toml(text: str) -> dict[str, Any]:

@@ -4,22 +4,19 @@ Columns are `time_s` and `x_m`, `y_m`, `z_m` (or `x_mm` …, `x_in` …), in any
 """
 
 import csv
-import io
-import math
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 
 import numpy as np
 
 from canarm_protocol.shown import printable
-from canarm_protocol.text_file import read_text
+from canarm_protocol.text_file import RowError, csv_rows, finite, read_text
 
 from ..errors import CooperationError
 from .paths import INCH_M, PERIOD_S, Path, through
 
 LARGEST_BYTES = 64 * 1024 * 1024
 UNITS = {"m": 1.0, "mm": 1e-3, "in": INCH_M}
-SHOWN = 40
 
 
 def read_path(file: str | FilePath, *, period_s: float = PERIOD_S, from_start: bool = False) -> Path:
@@ -31,19 +28,20 @@ def read_path(file: str | FilePath, *, period_s: float = PERIOD_S, from_start: b
     """
     source = printable(str(file))
     try:
-        text = read_text(FilePath(file), LARGEST_BYTES, "a path", "CSV")
-        rows = list(csv.reader(io.StringIO(text, newline="")))
+        header, rows = csv_rows(read_text(FilePath(file), LARGEST_BYTES, "a path", "CSV"))
+        scale = _scale(source, header)
+        names = ["time_s", *(f"{axis}_{scale}" for axis in "xyz")]
+        places = [(header.index(name), name) for name in names]
+        found = [(number, [finite(number, name, row[place]) for place, name in places]) for number, row in rows]
+    except RowError as error:
+        raise CooperationError(f"{source}: {error}") from None
     except (OSError, ValueError, csv.Error) as error:
         raise CooperationError(f"{source}: cannot be read as a CSV file: {error}") from None
-    header = [name.strip() for name in rows[0]] if rows else []
-    scale = _scale(source, header)
-    filled = [(number, row) for number, row in enumerate(rows[1:], start=2) if any(cell.strip() for cell in row)]
-    names = ["time_s", *(f"{axis}_{scale}" for axis in "xyz")]
-    table = np.array([_values(source, number, row, header, names) for number, row in filled]).reshape(-1, 4)
+    table = np.array([values for _, values in found]).reshape(-1, 4)
     if len(table) < 2:
         raise CooperationError(f"{source}: {len(table)} rows of values; a path needs at least 2")
     if table[0, 0] != 0.0:
-        raise CooperationError(f"{source}: row {filled[0][0]}: time_s = {table[0, 0]:g}; the first must be 0")
+        raise CooperationError(f"{source}: row {found[0][0]}: time_s = {table[0, 0]:g}; the first must be 0")
     try:
         return through(table[:, 1:] * UNITS[scale], table[:, 0], period_s=period_s, from_start=from_start)
     except CooperationError as error:
@@ -57,19 +55,3 @@ def _scale(source: str, header: Sequence[str]) -> str:
             return unit
     found = printable(", ".join(header)) or "none"
     raise CooperationError(f"{source}: row 1 has the columns {found}; must be time_s, x_m, y_m, z_m (or _mm, or _in)")
-
-
-def _values(source: str, number: int, row: list[str], header: Sequence[str], names: Sequence[str]) -> list[float]:
-    if len(row) != len(header):
-        raise CooperationError(f"{source}: row {number} has {len(row)} values; the header has {len(header)} columns")
-    values = []
-    for name in names:
-        cell = row[header.index(name)]
-        try:
-            value = float(cell)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise CooperationError(f"{source}: row {number}, column {name}: {cell[:SHOWN]!r} is not a finite number")
-        values.append(value)
-    return values

@@ -5,7 +5,6 @@ describes the format.
 """
 
 import csv
-import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from canarm_protocol.shown import first_line
-from canarm_protocol.text_file import read_text
+from canarm_protocol.text_file import RowError, csv_rows, finite, read_text
 
 from ..errors import TrajectoryError
 
@@ -32,8 +31,6 @@ LONGEST_S = 86_400.0
 SHORTEST_STEP_S = 1e-6
 """Rows closer than this are a mistake: no cycle is that short, and a spline's slopes lose their digits."""
 LARGEST_DEG = 1e6
-SHOWN = 40
-"""Characters of a wrong value that are shown in a message."""
 SLOWEST_DEG_S = 0.1
 """A motion that is nowhere faster, in thousands of seconds, looks like milliseconds: no tachometer can see it."""
 LONG_S = 1000.0
@@ -58,13 +55,11 @@ def read_trajectory_csv(path: Path, joint_names: Sequence[str]) -> tuple[Floats,
     than `SHORTEST_STEP_S` or go on beyond `LONGEST_S`, and values that look like another unit than the header's.
     """
     try:
-        rows = csv.reader(io.StringIO(read_text(path, LARGEST_BYTES, "a trajectory", "CSV"), newline=""))
-        header = [cell.strip() for cell in next(rows, [])]
+        header, rows = csv_rows(read_text(path, LARGEST_BYTES, "a trajectory", "CSV"))
         columns = _columns(str(path), header, joint_names)
-        filled = ((number, row) for number, row in enumerate(rows, start=2) if any(cell.strip() for cell in row))
-        found = [(number, _values(path, number, row, header, columns)) for number, row in filled]
-    except TrajectoryError:
-        raise
+        found = [(number, _values(number, row, header, columns)) for number, row in rows]
+    except RowError as error:
+        raise TrajectoryError(f"{path}: {error}") from None
     except (OSError, ValueError, csv.Error) as error:
         raise TrajectoryError(f"{path}: cannot be read as a CSV file: {first_line(error)}") from None
     if len(found) < 2:
@@ -158,23 +153,14 @@ def _ask_about_units(
         )
 
 
-def _values(path: Path, number: int, row: list[str], header: list[str], columns: _Columns) -> list[float]:
-    if len(row) != len(header):
-        raise TrajectoryError(f"{path}: row {number} has {len(row)} values; the header has {len(header)} columns")
+def _values(number: int, row: list[str], header: list[str], columns: _Columns) -> list[float]:
     values = []
     for place, (column, scale) in enumerate(zip(columns.places, columns.scales, strict=True)):
-        try:
-            value = float(row[column])
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise TrajectoryError(
-                f"{path}: row {number}, column {header[column]}: {row[column][:SHOWN]!r} is not a finite number"
-            )
-        if place and abs(math.degrees(value * scale)) > LARGEST_DEG:
-            raise TrajectoryError(
-                f"{path}: row {number}, column {header[column]}: {math.degrees(value * scale):g} deg; must be within "
+        value = finite(number, header[column], row[column]) * scale
+        if place and abs(math.degrees(value)) > LARGEST_DEG:
+            raise RowError(
+                f"row {number}, column {header[column]}: {math.degrees(value):g} deg; must be within "
                 f"+-{LARGEST_DEG:g} deg"
             )
-        values.append(value * scale)
+        values.append(value)
     return values
