@@ -28,6 +28,7 @@ async def running(app, loop, clock, size=SMALL):
                 clock.advance(seconds / 4)
                 loop.telemetry()
                 app.drain()
+            await pilot.pause()  # a dialog that an answer has closed hands it on
             app.redraw()
             await pilot.pause()
 
