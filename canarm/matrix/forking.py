@@ -9,6 +9,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
+from multiprocessing.connection import wait
 from typing import BinaryIO, TypeVar, cast
 
 from .pool import LostWorkerError
@@ -17,6 +18,8 @@ _Result = TypeVar("_Result")
 CAN_FORK = sys.platform == "linux"
 """Other systems have no fork, or libraries that do not survive it."""
 TRIES = 2
+LOOK_UP_S = 0.2
+"""How long an interrupt may wait."""
 _KEPT_BACK = (signal.SIGINT, signal.SIGTERM) if sys.platform != "win32" else ()
 
 
@@ -54,7 +57,7 @@ def _awaited(pid: int, pipe: BinaryIO, write_end: int, holding: contextlib.ExitS
     try:
         os.close(write_end)
         holding.close()
-        said = pipe.read()
+        said = _read_to_end(pipe)
         _, status = os.waitpid(pid, 0)
         has_ended = True
         return said if status == 0 else b""
@@ -63,6 +66,17 @@ def _awaited(pid: int, pipe: BinaryIO, write_end: int, holding: contextlib.ExitS
             with contextlib.suppress(ProcessLookupError, ChildProcessError):
                 os.kill(pid, signal.SIGKILL)
                 os.waitpid(pid, 0)
+
+
+def _read_to_end(pipe: BinaryIO) -> bytes:
+    """All that comes. A signal just before a read that blocks would not be handled before that read ends."""
+    said = bytearray()
+    while True:
+        if wait([pipe], LOOK_UP_S):
+            chunk = os.read(pipe.fileno(), 1 << 20)
+            if not chunk:
+                return bytes(said)
+            said += chunk
 
 
 def _fork() -> int:
