@@ -72,7 +72,7 @@ def _read_to_end(pipe: BinaryIO) -> bytes:
     """All that comes. A signal just before a read that blocks would not be handled before that read ends."""
     said = bytearray()
     while True:
-        if wait([pipe], LOOK_UP_S):
+        if wait([pipe.fileno()], LOOK_UP_S):
             chunk = os.read(pipe.fileno(), 1 << 20)
             if not chunk:
                 return bytes(said)
