@@ -7,9 +7,13 @@ import contextlib
 import errno
 import fcntl
 import os
+import pty
+import select
 import socket
 import stat
 import struct
+import subprocess
+import sys
 import termios
 import threading
 import time
@@ -113,6 +117,15 @@ class Offered:
 
         self.until(is_complete)
         return data
+
+    def settle(self) -> list[Frame]:
+        """Run the port until it has nothing left to do; return what it received meanwhile."""
+        fd, limit, frames = self.port.fileno(), time.monotonic() + DEADLINE_S, []
+        assert fd is not None
+        while select.select([fd], [], [], 0)[0]:
+            assert time.monotonic() < limit, "the port never sleeps"
+            frames += [frame for _, frame in self.port.receive(0)]
+        return frames
 
     def until_left(self) -> None:
         """Run the port until it has noticed that its client, whose channel was open, is gone."""
@@ -411,26 +424,126 @@ def discipline(number: int) -> Callable[[int], None]:
     return lambda fd: fcntl.ioctl(fd, termios.TIOCSETD, struct.pack("i", number)) and None
 
 
-@pytest.mark.parametrize(
-    "mischief",
-    [lock, forbid, discipline(27), discipline(17), discipline(3), discipline(1)],
-    ids=["exclusive", "mode 0", "N_NULL", "slcand", "PPP", "SLIP"],
-)
+def stop(fd: int) -> None:
+    termios.tcflow(fd, termios.TCOOFF)
+
+
+def send_xoff(fd: int) -> None:
+    termios.tcflow(fd, termios.TCIOFF)
+
+
+def cook(fd: int) -> None:
+    settings = termios.tcgetattr(fd)
+    settings[tty.IFLAG] |= termios.IXON | termios.IXOFF | termios.ICRNL | termios.ISTRIP
+    settings[tty.OFLAG] |= termios.OPOST | termios.OLCUC
+    settings[tty.LFLAG] |= termios.ICANON | termios.ECHO | termios.TOSTOP
+    settings[tty.ISPEED] = settings[tty.OSPEED] = termios.B0
+    settings[tty.CC][termios.VSTART] = settings[tty.CC][termios.VSTOP] = b"O"
+    termios.tcsetattr(fd, termios.TCSANOW, settings)
+
+
+MISCHIEF = {
+    "exclusive": lock,
+    "mode 0": forbid,
+    "TCOOFF": stop,
+    "TCIOFF": send_xoff,
+    "termios": cook,
+    "N_NULL": discipline(27),
+    "slcand": discipline(17),
+    "PPP": discipline(3),
+    "SLIP": discipline(1),
+}
+
+
+@pytest.fixture(params=MISCHIEF)
+def mischief(request) -> Callable[[int], None]:
+    def do(fd: int) -> None:
+        try:
+            MISCHIEF[request.param](fd)
+        except OSError as error:
+            pytest.skip(f"this kernel: {error}")
+
+    return do
+
+
 def test_whatever_a_serial_client_does_to_its_end_the_next_one_finds_an_adapter(tmp_path, mischief):
     # linux/tty.h numbers the line disciplines; slcand sets 17 and leaves it behind when a signal ends it.
     offered = Offered("terminal", tmp_path)
     client = offered.opened()
-    try:
-        mischief(client._fd)
-    except OSError as error:
-        pytest.skip(f"this kernel: {error}")
+    mischief(client._fd)
     client.vanish()
     offered.until_left()
     following = offered.opened()
     following.say(b"t08011A\r")
-    offered.received(1)
+    assert offered.received(1) == [Frame(0x080, b"\x1a")]
     offered.port.close()
     assert not os.path.lexists(tmp_path / "can0")
+
+
+@pytest.mark.skipif(not hasattr(select, "epoll"), reason="without edges a client that says nothing is not seen to go")
+def test_whatever_a_client_does_that_never_says_a_word_the_next_one_finds_the_terminal_as_new(tmp_path, mischief):
+    offered = Offered("terminal", tmp_path)
+    link = tmp_path / "can0"
+    as_new = offered.open()
+    settings, mode = termios.tcgetattr(as_new._fd), link.stat().st_mode
+    as_new.vanish()
+    offered.settle()
+    client = offered.open()
+    mischief(client._fd)
+    client.vanish()
+    offered.settle()
+    assert link.stat().st_mode == mode
+    following = offered.opened()
+    assert termios.tcgetattr(following._fd) == settings
+    is_exclusive = fcntl.ioctl(following._fd, 0x80045440, bytes(4))  # TIOCGEXCL, asm-generic/ioctls.h
+    assert struct.unpack("i", is_exclusive) == (0,)
+    following.say(b"t08011A\r")
+    assert offered.received(1) == [Frame(0x080, b"\x1a")]
+    assert offered.settle() == []  # and the emulator sleeps again
+    offered.port.close()
+
+
+@pytest.mark.parametrize("mischief", [stop, send_xoff])
+def test_a_client_that_stops_the_line_and_stays_stops_nobody(tmp_path, mischief):
+    offered = Offered("terminal", tmp_path)
+    silent = offered.open()
+    mischief(silent._fd)
+    offered.settle()
+    following = offered.opened()
+    following.say(b"t08011A\r")
+    assert offered.received(1) == [Frame(0x080, b"\x1a")]
+    mischief(silent._fd)
+    offered.settle()
+    following.say(b"t08011B\r")
+    assert offered.received(1) == [Frame(0x080, b"\x1b")]
+    offered.port.close()
+
+
+def test_an_echo_that_a_client_switches_on_does_not_keep_the_adapter_answering_itself(tmp_path):
+    offered = Offered("terminal", tmp_path)
+    client = offered.open()
+    settings = termios.tcgetattr(client._fd)
+    settings[tty.LFLAG] |= termios.ECHO
+    termios.tcsetattr(client._fd, termios.TCSANOW, settings)
+    client.say(b"O\r")
+    assert offered.heard(client, 1) == b"\r"
+    offered.port.send([Frame(0x191)] * 1000)
+    assert offered.heard(client, 6000) == b"t1910\r" * 1000
+    client.say(b"t08011A\r")
+    assert offered.received(1) == [Frame(0x080, b"\x1a")]
+    assert offered.port.refused == 0
+    offered.port.close()
+
+
+def test_a_terminal_that_its_clients_session_hangs_up_is_put_right_for_the_next(tmp_path):
+    offered = Offered("terminal", tmp_path)
+    claim = "import fcntl, os, sys, termios; fcntl.ioctl(os.open(sys.argv[1], os.O_RDWR), termios.TIOCSCTTY, 1)"
+    subprocess.run([sys.executable, "-c", claim, offered.channel], start_new_session=True, check=True)
+    offered.settle()
+    following = offered.opened()
+    following.say(b"t08011A\r")
+    assert offered.received(1) == [Frame(0x080, b"\x1a")]
+    offered.port.close()
 
 
 def test_a_terminal_that_cannot_be_put_right_is_replaced_under_its_name(tmp_path, monkeypatch):
@@ -441,7 +554,7 @@ def test_a_terminal_that_cannot_be_put_right_is_replaced_under_its_name(tmp_path
         raise termios.error(5, "Input/output error")
 
     client = offered.opened()
-    monkeypatch.setattr(tty, "setraw", refuse)
+    monkeypatch.setattr(termios, "tcsetattr", refuse)
     client.vanish()
     offered.until_left()
     assert offered.port.replaced == 1
@@ -459,7 +572,8 @@ def test_without_another_terminal_the_rest_of_the_bench_goes_on(tmp_path, monkey
     def refuse(*arguments: object) -> None:
         raise OSError(errno.EMFILE, "Too many open files")
 
-    monkeypatch.setattr(tty, "setraw", refuse)
+    monkeypatch.setattr(termios, "tcsetattr", refuse)
+    monkeypatch.setattr(pty, "openpty", refuse)
     client.vanish()
     offered.until_left()
     assert offered.port.receive(0) == []

@@ -18,6 +18,9 @@ STATUS_FLAGS = b"F00\r"
 STAMP_RANGE_MS = 60_000
 """Time stamps count from 0 to 0xEA5F ms and start again."""
 
+FLOW_CONTROL = b"\x11\x13"
+"""XON and XOFF, which a client's driver may send (`tcflow`, IXOFF); no line has them, and they are ignored."""
+
 _HEX_DIGITS = frozenset(b"0123456789abcdefABCDEF")
 _DATA_LENGTHS = {b"%d" % length: length for length in range(9)}
 _SETTINGS = {
@@ -49,7 +52,7 @@ class SlcanAdapter:
 
     def feed(self, data: bytes) -> tuple[list[Frame], bytes]:
         """Take the next bytes of the stream, return the frames to be sent and the answers, in order. Never raises."""
-        *lines, self._rest = (self._rest + data).split(b"\r")
+        *lines, self._rest = (self._rest + data.translate(None, FLOW_CONTROL)).split(b"\r")
         frames: list[Frame] = []
         answers = []
         for line in lines:

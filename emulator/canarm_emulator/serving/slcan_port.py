@@ -17,6 +17,7 @@ from canarm_protocol.errors import ExitStatus
 from canarm_protocol.transport.port import BusPort, Discarded
 
 from ..errors import EmulatorError
+from .edges import EdgeSelector
 from .listening import Listener
 from .slcan import SlcanAdapter
 
@@ -63,14 +64,16 @@ class SlcanPort(BusPort):
     `dropped` counts the frames that slow clients have lost: the queue holds `queue_bytes`.
     """
 
-    def __init__(self, queue_bytes: int = QUEUE_BYTES) -> None:
+    def __init__(
+        self, queue_bytes: int = QUEUE_BYTES, selector: EdgeSelector | selectors.BaseSelector | None = None
+    ) -> None:
         self.description = "-i slcan"
         self.discarded = Discarded()
         self.dropped = 0
         self._adapter = SlcanAdapter()
         self._queue_bytes = queue_bytes
         self._output = bytearray()
-        self._selector = selectors.DefaultSelector()
+        self._selector = selectors.DefaultSelector() if selector is None else selector
         self._line: Line | None = None
         self._awaited = 0
 
@@ -149,14 +152,18 @@ class SlcanPort(BusPort):
 
     def _read(self) -> list[Frame]:
         assert self._line is not None
+        data: bytes | None
         try:
             data = self._line.read(READ_SIZE)
         except BlockingIOError:
-            return []
+            data = None
         except OSError:
             data = b""
-        if not data:
+        if data == b"":
             self._detach()
+            return []
+        self._selector.modify(self._line, self._awaited)  # there may be more, which edges do not tell
+        if data is None:
             return []
         self._hear()
         frames, answers = self._adapter.feed(data)
@@ -178,7 +185,7 @@ class SlcanPort(BusPort):
                 self._detach()
                 return
         awaited = selectors.EVENT_READ | (selectors.EVENT_WRITE if self._output else 0)
-        if awaited != self._awaited:
+        if awaited != self._awaited or self._output:
             self._awaited = awaited
             self._selector.modify(self._line, awaited)
 
