@@ -139,6 +139,42 @@ def test_a_client_that_vanished_in_a_block_holds_up_nobody(client):
     assert client.node.sdo[NUMBER].raw == 7
 
 
+ZEROS = 14 * "0"
+ABANDONED = {
+    "before the first segment": ["c000200000000000"],
+    "after a segment": ["c000200000000000", "0161626364656667"],
+    "within the second sub-block": ["c000200000000000", *(f"{n:02x}{ZEROS}" for n in range(1, 128)), "01" + ZEROS],
+    "after the last segment": ["c000200000000000", "8161626364656667"],
+    "where a request to read has the next number": ["c000200000000000", *(f"{n:02x}{ZEROS}" for n in range(1, 0x40))],
+    "segmented": ["2100200064000000", "0061626364656667"],
+    "an upload in segments": ["4000200000000000"],
+}
+
+
+@pytest.mark.parametrize("abandoned", ABANDONED.values(), ids=ABANDONED)
+def test_a_client_that_gave_up_holds_up_nobody_also_where_time_stands_still(client, abandoned):
+    for use in (
+        lambda: client.node.sdo[NUMBER].raw,
+        lambda: setattr(client.node.sdo[NUMBER], "raw", 7),
+        lambda: client.put(b"a text of some length"),
+        lambda: client.get(),
+    ):
+        client.put(b"before")
+        talk(client, *abandoned)
+        use()
+    assert client.node.sdo[NUMBER].raw == 7
+    assert client.now_ns == 0
+
+
+def test_a_client_that_takes_its_time_between_two_segments_is_not_cut_off(client):
+    """In lockstep three virtual seconds pass in an instant."""
+    with client.node.sdo.open(TEXT, 0, "wb", size=30, block_transfer=True) as file:
+        for start in range(0, 30, 5):
+            file.write(bytes(range(start, start + 5)))
+            client.now_ns += 2 * BLOCK_TIMEOUT_NS
+    assert client.store.read(TEXT, 0) == bytes(range(30))
+
+
 def test_another_request_ends_an_upload_in_blocks(client):
     client.put(bytes(1000))
     talk(client, "a400200004000000", "a300000000000000")

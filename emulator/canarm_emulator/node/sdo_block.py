@@ -51,6 +51,10 @@ class BlockDownload:
         """Whether a frame of the client is a segment, whatever its first byte."""
         return self._stage is _Stage.SEGMENTS
 
+    def is_next(self, frame: bytes) -> bool:
+        """Whether a frame has the sequence number of the segment that is to come."""
+        return frame[0] & _SEQUENCE == self._sequence + 1
+
     def start(self) -> bytes:
         """The answer to the client's first request."""
         crc = _CRC if self.has_crc else 0
@@ -62,7 +66,7 @@ class BlockDownload:
         Raises `SdoRefused`.
         """
         sequence, is_last = frame[0] & _SEQUENCE, bool(frame[0] & _LAST)
-        is_next = sequence == self._sequence + 1
+        is_next = self.is_next(frame)
         if is_next:
             self._sequence = sequence
             self.data += frame[1:8]

@@ -6,6 +6,7 @@ Block transfers are in `sdo_block`, objects and their rules in the store.
 import struct
 from dataclasses import dataclass, field
 
+from canarm_protocol.canopen.dictionary import variable_at
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.canopen.sdo import AbortCode
 
@@ -14,9 +15,12 @@ from .sdo_block import INITIATE_DOWNLOAD, INITIATE_UPLOAD, BlockDownload, BlockU
 from .store import ObjectStore, SdoRefused
 
 BLOCK_TIMEOUT_NS = 3000 * MILLISECOND
-"""A block download ends when its client has been silent for this long: the next frame is no segment of it.
+"""After this silence a frame that could be both the next segment of a block download and a new request is the request.
 
-What continues an upload cannot be taken for anything else, so that one waits for its client."""
+Sooner, and in lockstep, where time stands still, a request for an object that exists is known by its sequence number,
+which is not the next one. Nothing else ends a transfer that its client neither continues nor aborts: it may take its
+time.
+"""
 LARGEST_DOWNLOAD = 1 << 20
 """Most bytes of a download; no object here is longer."""
 
@@ -92,8 +96,7 @@ class SdoServer:
         transfer, silence_ns = self._transfer, now_ns - self._heard_ns
         self._heard_ns = now_ns
         if isinstance(transfer, BlockDownload | BlockUpload):
-            is_stale = isinstance(transfer, BlockDownload) and silence_ns > BLOCK_TIMEOUT_NS
-            if request[0] != ABORT and not is_stale and self._belongs_to_block(request, transfer):
+            if request[0] != ABORT and self._belongs_to_block(request, transfer, silence_ns):
                 try:
                     return self._continue_block(request, transfer)
                 except SdoRefused as refusal:
@@ -155,12 +158,18 @@ class SdoServer:
         self._transfer = BlockDownload(index, subindex, has_crc, announced, largest)
         return self._transfer.start()
 
-    @staticmethod
-    def _belongs_to_block(request: bytes, transfer: BlockDownload | BlockUpload) -> bool:
+    def _belongs_to_block(self, request: bytes, transfer: BlockDownload | BlockUpload, silence_ns: int) -> bool:
         """Whether a request continues the transfer instead of starting another."""
-        if isinstance(transfer, BlockDownload):
-            return transfer.takes_segments or request[0] >> 5 == INITIATE_DOWNLOAD >> 5
-        return request[0] >> 5 == INITIATE_UPLOAD >> 5 and bool(request[0] & 3)
+        if isinstance(transfer, BlockUpload):
+            return request[0] >> 5 == INITIATE_UPLOAD >> 5 and bool(request[0] & 3)
+        if not transfer.takes_segments:
+            return request[0] >> 5 == INITIATE_DOWNLOAD >> 5 and bool(request[0] & 1)
+        if not _is_initiate(request[0]):
+            return True
+        if silence_ns > BLOCK_TIMEOUT_NS:
+            return False
+        _, index, subindex = _HEAD.unpack_from(request)
+        return transfer.is_next(request) or variable_at(self._store.dictionary, index, subindex) is None
 
     def _continue_block(self, request: bytes, transfer: BlockDownload | BlockUpload) -> list[bytes]:
         if isinstance(transfer, BlockUpload):
@@ -247,3 +256,13 @@ class SdoServer:
         """Bytes of an object of fixed length; None for others."""
         variable = self._store.variable(index, subindex)
         return len(variable) // 8 if variable.fixed_size else None
+
+
+def _is_initiate(command: int) -> bool:
+    """Whether a client's first byte can begin a transfer."""
+    return (
+        command >> 4 == 0x2
+        or command == 0x40
+        or command & ~_BLOCK_CRC == INITIATE_UPLOAD
+        or command & ~(_BLOCK_CRC | _BLOCK_SIZED) == INITIATE_DOWNLOAD
+    )
