@@ -145,7 +145,6 @@ ABANDONED = {
     "after a segment": ["c000200000000000", "0161626364656667"],
     "within the second sub-block": ["c000200000000000", *(f"{n:02x}{ZEROS}" for n in range(1, 128)), "01" + ZEROS],
     "after the last segment": ["c000200000000000", "8161626364656667"],
-    "where a request to read has the next number": ["c000200000000000", *(f"{n:02x}{ZEROS}" for n in range(1, 0x40))],
     "segmented": ["2100200064000000", "0061626364656667"],
     "an upload in segments": ["4000200000000000"],
 }
@@ -164,6 +163,12 @@ def test_a_client_that_gave_up_holds_up_nobody_also_where_time_stands_still(clie
         use()
     assert client.node.sdo[NUMBER].raw == 7
     assert client.now_ns == 0
+
+
+def test_a_request_with_the_number_of_the_awaited_segment_is_answered_when_it_comes_again(client):
+    talk(client, "c000200000000000", *(f"{number:02x}{ZEROS}" for number in range(1, 0x40)))
+    assert talk(client, "4001200000000000") == []  # segment 0x40
+    assert talk(client, "4001200000000000") == ["4301200007000000"]
 
 
 def test_a_client_that_takes_its_time_between_two_segments_is_not_cut_off(client):
