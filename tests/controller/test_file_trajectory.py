@@ -75,6 +75,34 @@ def test_a_spline_by_choice_may_overshoot(write: Write) -> None:
     assert degrees[:, 0].max() == pytest.approx(64.0, abs=0.5)
 
 
+@pytest.mark.parametrize(
+    "rows",
+    [WAY_POINTS, [(0.1 * row, 20 + (row % 3 == 2), 0) for row in range(60)]],
+    ids=["unevenly sparse", "a square wave at 10 Hz"],
+)
+def test_samples_by_choice_do_not_overshoot_where_rows_are_sparse(
+    write: Write, rows: Sequence[Sequence[float]]
+) -> None:
+    trajectory = make_trajectory(f"{write(rows)}:samples", CELL)
+    assert isinstance(trajectory, FileTrajectory)
+    assert trajectory.interpolation is Interpolation.SAMPLES
+    times, wanted = np.array(rows)[:, 0], np.array(rows)[:, 1]
+    t = np.arange(int(times[-1] / PERIOD_S)) * PERIOD_S
+    degrees = np.degrees(trajectory.sample(0, len(t), PERIOD_S).position_rad[:, 0])
+    left = np.searchsorted(times, t, side="right") - 1
+    low, high = (of(wanted[left], wanted[left + 1]) for of in (np.minimum, np.maximum))
+    assert (degrees >= low - 1e-9).all()
+    assert (degrees <= high + 1e-9).all()
+
+
+def test_a_motion_recorded_at_25_hz_is_still_played_smoothly(write: Write) -> None:
+    rows = sampled_sine(5.12)[::16]
+    trajectory = make_trajectory(f"{write(rows)}:samples", CELL)
+    sine = make_trajectory("sine", CELL).sample(0, 2032, PERIOD_S)
+    played = trajectory.sample(0, 2032, PERIOD_S)
+    np.testing.assert_allclose(played.position_rad, sine.position_rad, atol=np.radians(0.1))
+
+
 def test_dense_samples_are_played_as_they_are(write: Write) -> None:
     trajectory = make_trajectory(str(write(sampled_sine(5.12))), CELL)
     assert isinstance(trajectory, FileTrajectory)

@@ -5,6 +5,7 @@ The source of the poses (the text of a file, an array, a function) must not ente
 
 from collections.abc import Callable, Sequence
 from enum import StrEnum
+from functools import partial
 
 import numpy as np
 
@@ -45,7 +46,7 @@ class Interpolation(StrEnum):
     SPLINE = "spline"
     """The smooth cubic spline, which may overshoot, from rest to rest."""
     SAMPLES = "samples"
-    """Dense samples of a motion, which may begin and end at any speed."""
+    """Samples of a motion, which may begin and end at any speed; between sparse ones, as monotone."""
 
 
 class OwnBeginning(Trajectory):
@@ -200,10 +201,10 @@ class Approached(Trajectory):
         return self._inner._is_steady(np.maximum(time_s - self.approach_s, 0.0)) & is_begun
 
 
-_CURVES = {
+_CURVES: dict[Interpolation, Callable[[Floats, Floats], CubicCurve]] = {
     Interpolation.MONOTONE: CubicCurve.monotone,
     Interpolation.SPLINE: CubicCurve.clamped,
-    Interpolation.SAMPLES: CubicCurve.sampled,
+    Interpolation.SAMPLES: partial(CubicCurve.sampled, dense_s=DENSE_S * (1.0 + ROUNDING)),
 }
 
 

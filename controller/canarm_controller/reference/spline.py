@@ -3,6 +3,7 @@
 Nothing here knows about joints, files or control.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Self
 
@@ -10,6 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+STEEPEST = 3.0
+"""A cubic between two points is monotone if the slopes at its ends have the secant's sign and are no more than this
+much steeper: F. N. Fritsch and R. E. Carlson, SIAM J. Numer. Anal. 17 (1980) 238.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,13 +23,15 @@ class CubicCurve:
     """Piecewise cubic through `value` (n, columns) at the increasing times `time_s` (n,), with `slope` (n, columns).
 
     Where `curvature` (n, columns) is given, the second derivative goes straight from one to the next, instead of being
-    that of the cubics. Before the first time and after the last one the curve stands still.
+    that of the cubics, except in the intervals that are `sparse` (n - 1,). Before the first time and after the last one
+    the curve stands still.
     """
 
     time_s: Floats
     value: Floats
     slope: Floats
     curvature: Floats | None = None
+    sparse: Bools | None = None
 
     @classmethod
     def clamped(cls, time_s: Floats, value: Floats) -> Self:
@@ -48,10 +56,22 @@ class CubicCurve:
         return cls(time_s, value, slope)
 
     @classmethod
-    def sampled(cls, time_s: Floats, value: Floats) -> Self:
-        """A smooth motion of which `value` are samples: derivatives are differences across two intervals; n >= 3."""
+    def sampled(cls, time_s: Floats, value: Floats, dense_s: float = math.inf) -> Self:
+        """A smooth motion of which `value` are samples: derivatives are differences across two intervals; n >= 3.
+
+        Differences across an interval longer than `dense_s` say little about the slopes at its ends. They are limited
+        so that the curve does not leave the range of the two points.
+        """
+        width = np.diff(time_s)
         slope = np.gradient(value, time_s, axis=0, edge_order=2)
-        return cls(time_s, value, slope, np.gradient(slope, time_s, axis=0, edge_order=2))
+        sparse = width > dense_s
+        if sparse.any():
+            steepest = np.where(sparse[:, None], STEEPEST * np.diff(value, axis=0) / width[:, None], math.inf)
+            lowest = np.where(sparse[:, None], np.minimum(steepest, 0.0), -math.inf)
+            highest = np.maximum(steepest, 0.0)
+            slope[:-1] = np.clip(slope[:-1], lowest, highest)
+            slope[1:] = np.clip(slope[1:], lowest, highest)
+        return cls(time_s, value, slope, np.gradient(slope, time_s, axis=0, edge_order=2), sparse)
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats, Floats]:
         """Value, first and second derivative at the times `time_s` (m,), each (m, columns)."""
@@ -68,7 +88,8 @@ class CubicCurve:
         first = (start + s * (2.0 * quadratic + s * 3.0 * cubic)) / width
         second = (2.0 * quadratic + 6.0 * s * cubic) / width**2
         if self.curvature is not None:
-            second = (1.0 - s) * self.curvature[left] + s * self.curvature[left + 1]
+            smooth = (1.0 - s) * self.curvature[left] + s * self.curvature[left + 1]
+            second = smooth if self.sparse is None else np.where(self.sparse[left, None], second, smooth)
         moving = ((time_s >= knots[0]) & (time_s < knots[-1]))[:, None]
         return value, np.where(moving, first, 0.0), np.where(moving, second, 0.0)
 
