@@ -8,7 +8,7 @@ from canarm_controller.dynamics import nominal_arm
 from canarm_controller.supervision.derivation import detector_lines
 from canarm_emulator.robot.truth import truth_keys
 from canarm_protocol.cell.cell_file import setting_keys
-from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.model import Cell, Joint
 from canarm_protocol.cell.schedulability import cell_verdict
 from canarm_protocol.cell.wiring import card_nodes
 
@@ -71,7 +71,16 @@ def _print_cell(cell: Cell) -> None:
                 f"joint {joint.name}: {joint.limits_deg[0]:g} to {joint.limits_deg[1]:g} deg, "
                 f"{inertia:.4g} kg m2, {per_ampere:.3g} N m/A, at most {joint.drive.max_current_a:g} A; "
                 f"loop {control.natural_frequency_rad_s:g} rad/s, damping {control.damping_ratio:g}"
+                f"{_reversed(joint)}"
             )
+
+
+def _reversed(joint: Joint) -> str:
+    """Which of the joint's parts work the other way round."""
+    parts = [sensor.title for sensor in joint.sensors.fitted() if sensor.is_reversed]
+    if joint.motor.direction < 0:
+        parts.insert(0, "drive")
+    return f"; reversed: {', '.join(parts)}" if parts else ""
 
 
 def _print_keys(cell: Cell) -> None:

@@ -11,7 +11,7 @@ from canarm_protocol.canopen.sdo import LARGEST_NUMBER, download, upload
 from canarm_protocol.cards import Wire
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.sensing import joint_sensors
-from canarm_protocol.cell.wiring import CardNode, DirectionBits, InputSlot, command_scale
+from canarm_protocol.cell.wiring import CardNode, DirectionBits, InputSlot, bridge_directions, command_scale
 from canarm_protocol.errors import ExitStatus
 
 from .parsing import DIRECTION_NAMES, SdoRead, SdoWrite
@@ -78,7 +78,7 @@ def input_text(cell: Cell, slot: InputSlot, code: int) -> str:
 
 def output_text(cell: Cell, joint: int, code: int, direction: DirectionBits) -> str:
     """Code, direction and the current that they command."""
-    sign = {DirectionBits.CLOCKWISE: -1.0, DirectionBits.COUNTER_CLOCKWISE: 1.0}.get(direction, 0.0)
+    sign = dict(zip(bridge_directions(cell, joint), (-1.0, 1.0), strict=True)).get(direction, 0.0)
     name = DIRECTION_NAMES.get(direction, "illegal")
     current_a = sign * command_scale(cell, joint)(code) + 0.0
     return f"{cell.joint_names[joint]}: code {code}, {name}, {current_a:.3f} A"

@@ -14,7 +14,7 @@ from canopen.objectdictionary.datatypes import SIGNED_TYPES
 
 from canarm_protocol.canopen.dictionary import variable_at
 from canarm_protocol.cell.model import Cell
-from canarm_protocol.cell.wiring import CardNode, DirectionBits, command_codec
+from canarm_protocol.cell.wiring import CardNode, DirectionBits, bridge_directions, command_codec
 
 from ..usage import UsageError
 
@@ -168,7 +168,7 @@ class Parser:
         code = int(abs(current_a) * self._full_scale(joint) / limit + 0.5)
         if code == 0:
             return Drive(joint, 0, DirectionBits.OFF)
-        return Drive(joint, code, DirectionBits.CLOCKWISE if current_a < 0.0 else DirectionBits.COUNTER_CLOCKWISE)
+        return Drive(joint, code, bridge_directions(self._cell, joint)[current_a > 0.0])
 
     def _full_scale(self, joint: int) -> int:
         return command_codec(self._cell, joint).full_scale
@@ -217,7 +217,7 @@ USAGE = {
     "read": ("read", "all inputs: code and physical value"),
     "scan": ("scan", "the same as read"),
     "dac": ("dac JOINT CODE", "code of the joint's DAC, from 0; the direction stays"),
-    "current": ("current JOINT A", "signed current in A: DAC code and direction; positive is counter-clockwise"),
+    "current": ("current JOINT A", "signed current in A: DAC code and direction; positive is towards positive angles"),
     "dir": ("dir JOINT ccw|cw|off", "direction bits of the joint; the code stays"),
     "off": ("off", "every code 0, every direction off"),
     "step": ("step [N]", "N cycles (1): outputs act at SYNC; in lockstep time moves by N cycles"),

@@ -127,13 +127,16 @@ class FiveAxisArm(DhChain):
     def of_robot(cls, robot: Robot) -> Self:
         """The nominal arm of a cell's robot, with its joint limits.
 
-        Raises `CooperationError` where it has another shape, or links by bodies instead of Denavit-Hartenberg values.
+        Raises `CooperationError` where it has another shape, a joint that counts the other way, or links by bodies
+        instead of Denavit-Hartenberg values.
         """
         for joint in robot.joint:
             if joint.link is None:
                 raise CooperationError(
                     f"robot {robot.name!r}, joint {joint.name!r} has a body; must have a Denavit-Hartenberg link"
                 )
+            if joint.link.sign < 0:
+                raise CooperationError(f"robot {robot.name!r}, joint {joint.name!r}.link.sign = -1: must be 1")
         links = [joint.dh_link for joint in robot.joint]
         try:
             return cls(

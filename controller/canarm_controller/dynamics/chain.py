@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Tensor = tuple[float, float, float, float, float, float]
 
+_HALF_TURN = np.diag([1.0, -1.0, -1.0, 1.0])
+"""Rx(pi), with which Rz(-q) = Rx(pi)·Rz(q)·Rx(pi)."""
 MAX_JOINTS = 7
 """The schema of a cell allows no more."""
 
@@ -87,7 +89,7 @@ def chain_of(robot: Robot) -> Chain:
     if not 1 <= len(robot.joint) <= MAX_JOINTS:
         raise DynamicsError(f"robot {robot.name!r} has {len(robot.joint)} joints; must have 1 to {MAX_JOINTS}")
     check_parameters(robot)
-    if all(joint.link is not None for joint in robot.joint):
+    if all(joint.link is not None and joint.link.sign > 0 for joint in robot.joint):
         return Chain(robot.name, tuple(map(_link_by_denavit_hartenberg, robot.joint)), robot.gravity_m_s2)
     base, parts = unwound([_placement(joint) for joint in robot.joint])
     gx, gy, gz = (base.T @ np.array(robot.gravity_m_s2)).tolist()
@@ -131,7 +133,9 @@ def _placement(joint: Joint) -> Placement:
     if body is not None:
         return Placement.of_body(body.origin_m, body.origin_rpy_deg, body.axis)
     link = _link_by_denavit_hartenberg(joint)
-    return Placement(np.eye(4), link.theta_offset_rad, link.twist())
+    if joint.dh_link.sign > 0:
+        return Placement(np.eye(4), link.theta_offset_rad, link.twist())
+    return Placement(_HALF_TURN, -link.theta_offset_rad, _HALF_TURN @ link.twist())
 
 
 def _inertial(joint: Joint) -> tuple[float, Vector, Tensor]:

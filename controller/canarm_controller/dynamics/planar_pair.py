@@ -198,13 +198,14 @@ def is_planar_pair(robot: Robot) -> bool:
     """Whether `NominalArm` can describe the robot: two joints by links whose axes are parallel.
 
     Then the motion is planar: what the centres of mass and gravity have along the axes, and moments about other axes,
-    do no work. Where bodies stand for links the general form is taken, be they planar or not.
+    do no work. Where bodies stand for links, or a joint counts the other way, the general form is taken.
     """
     return len(robot.joint) == 2 and all(_is_untwisted(joint) for joint in robot.joint)
 
 
 def _is_untwisted(joint: Joint) -> bool:
-    return joint.link is not None and isclose(cos(radians(joint.link.alpha_deg)), 1.0, abs_tol=1e-12)
+    link = joint.link
+    return link is not None and link.sign > 0 and isclose(cos(radians(link.alpha_deg)), 1.0, abs_tol=1e-12)
 
 
 def _check_planar_pair(robot: Robot) -> None:
@@ -216,6 +217,6 @@ def _check_planar_pair(robot: Robot) -> None:
         if not _is_untwisted(joint):
             raise DynamicsError(
                 f"robot {robot.name!r}, {joint.name}.link.alpha_deg = {joint.dh_link.alpha_deg}: must be 0; the closed "
-                "form takes 2 parallel revolute joints that move in one plane"
+                "form takes 2 parallel revolute joints (sign = 1) that move in one plane"
             )
     check_parameters(robot)

@@ -7,7 +7,7 @@ enter.
 from collections.abc import Callable, Mapping, Sequence
 
 from canarm_protocol.cell.model import Cell
-from canarm_protocol.cell.wiring import DirectionBits, InputSlot, command_codec
+from canarm_protocol.cell.wiring import DirectionBits, InputSlot, bridge_directions, command_codec
 
 from ..dynamics import cell_arm
 from ..errors import ControllerError, LawError
@@ -19,9 +19,7 @@ from ..reference.memory import SAMPLES, TABLE_BITS, MemoryImage
 from ..reference.trajectory import Reference, Trajectory
 from .inputs import JointInputs
 
-OFF, CLOCKWISE = int(DirectionBits.OFF), int(DirectionBits.CLOCKWISE)
-COUNTER_CLOCKWISE = int(DirectionBits.COUNTER_CLOCKWISE)
-"""`DirectionBits` as plain integers, which are faster."""
+OFF = int(DirectionBits.OFF)
 LEAD_CYCLES = 1.5
 """A command computed in cycle k acts from SYNC k+1 to SYNC k+2: on average 1.5 cycles later."""
 CHUNK = 64
@@ -85,6 +83,8 @@ class ControlLoop:
         self._limits_a = limits_a
         self._torque_per_ampere = list(self.arm.torque_per_ampere)
         self._full_codes = [command_codec(cell, joint).full_scale for joint in range(len(cell.joints))]
+        self._directions = [tuple(map(int, bridge_directions(cell, joint))) for joint in range(len(cell.joints))]
+        """Direction bits of each joint for a negative and a positive torque, as plain integers, which are faster."""
         self.inputs = JointInputs(cell, slots, self.arm)
         """Scales of what is measured, and the codes of the last cycle."""
         self._block: Reference | None = None
@@ -157,7 +157,7 @@ class ControlLoop:
             magnitude = -current if current < 0.0 else current
             code = int(magnitude * self._full_codes[joint] / limit + 0.5)
             codes.append(code)
-            directions.append(OFF if not code else CLOCKWISE if current < 0.0 else COUNTER_CLOCKWISE)
+            directions.append(self._directions[joint][current >= 0.0] if code else OFF)
             self._signs[joint] = -1.0 if current < 0.0 else 1.0
             applied.append(current * per_ampere)
             saturated.append(is_saturated)

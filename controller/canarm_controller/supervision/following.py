@@ -75,7 +75,9 @@ class FollowingWatch:
         if cycle.saturated[index] and self._may_saturate(index):
             self._excuse(count, index)
             if self._saturated[index] == self._timing.saturated:
-                self._report("saturation", index, f"amplifier at its limit, {detail}", None)
+                self._report(
+                    "saturation", index, f"amplifier at its limit, {detail}{self._against(index, cycle)}", None
+                )
             stands = abs(cycle.velocity_rad_s[index]) < standing_rad_s and self._is_upset(index)
             self._jammed[index] = self._jammed[index] + 1 if stands else 0
             if self._jammed[index] >= self._timing.jammed:
@@ -88,6 +90,12 @@ class FollowingWatch:
         self._is_following = True
         if self._following[index] >= FOLLOWING_CYCLES and count > max(self.forgiven_until, self._excused_until):
             self._report("following-error", index, detail, None)
+
+    def _against(self, index: int, cycle: Cycle) -> str:
+        """What to say of a joint that a current along its speed does not drive: a weight pulls it, or a wrong sign."""
+        speed_rad_s = cycle.velocity_rad_s[index]
+        is_against = abs(speed_rad_s) > self._standing_rad_s[index] and speed_rad_s * cycle.applied_nm[index] < 0.0
+        return ", moving against its current" if is_against else ""
 
     def _excuse(self, count: int, index: int) -> None:
         """The amplifier has been at its limit long enough to excuse what follows."""

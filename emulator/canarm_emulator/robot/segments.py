@@ -49,7 +49,7 @@ def _of_link(link: Link) -> Segment:
     end = Pose((link.a_m, 0.0, link.d_m), about_x(math.radians(link.alpha_deg)))
     return Segment(
         origin=Pose(ORIGIN, about_z(math.radians(link.theta_offset_deg))),
-        axis=(0.0, 0.0, 1.0),
+        axis=(0.0, 0.0, float(link.sign)),
         end=end,
         inertial=Pose(end.at(link.centre_of_mass_m), end.quaternion),
         mass_kg=link.mass_kg,

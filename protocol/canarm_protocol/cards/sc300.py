@@ -20,7 +20,8 @@ ALL_BITS = 0xFF
 class DirectionBits(IntEnum):
     """What two bits of the latch do to a joint's bridge (table 1 of the paper).
 
-    Counter-clockwise is towards positive angles. `ILLEGAL` asks for both sides of the bridge, and its interlock opens.
+    Counter-clockwise is towards positive angles, unless the cell's motor or gear is reversed. `ILLEGAL` asks for both
+    sides of the bridge, and its interlock opens.
     """
 
     OFF = 0b00

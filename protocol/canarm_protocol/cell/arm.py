@@ -10,7 +10,7 @@ from pydantic import Field
 from .brakes import FittedBrake
 from .drives import Drive
 from .sensors import Quantity, Sensor, Sensors
-from .table import LARGEST, Finite, Name, NonNegative, Positive, Table, Vector, at_least
+from .table import LARGEST, Finite, Name, NonNegative, NonZero, Positive, Sign, Table, Vector, at_least
 
 LEAST_MASS_KG = 1e-6
 """MuJoCo takes no moving body below 1e-15 kg, and raises moments of inertia to 1e-12 kg m2; those of a milligram of
@@ -23,12 +23,14 @@ class Link(Table):
     """Standard Denavit-Hartenberg parameters of one revolute joint and the inertia of its link.
 
     `centre_of_mass_m` and `inertia_kg_m2` (principal moments about the centre of mass) are in the link's own frame.
+    `sign` = -1: the joint's angle counts the other way, theta = theta_offset - angle.
     """
 
     a_m: Finite
     alpha_deg: Finite
     d_m: Finite
     theta_offset_deg: Finite = 0.0
+    sign: Sign = 1
     mass_kg: Mass
     centre_of_mass_m: Vector
     inertia_kg_m2: tuple[NonNegative, NonNegative, NonNegative]
@@ -38,8 +40,9 @@ class Body(Table):
     """One revolute joint and its link as URDF has them: the joint's frame at angle 0 in the frame of the link before.
 
     `origin_rpy_deg` turns about the fixed axes x, y, z in this order. The joint turns about `axis`, a unit vector in
-    its frame; the link's frame is the joint's frame turned about it. `centre_of_mass_m` is in the link's frame, and so
-    is `inertia_kg_m2` = [ixx, iyy, izz, ixy, ixz, iyz] about the centre of mass.
+    its frame; the link's frame is the joint's frame turned about it, and with -`axis` its angle counts the other way.
+    `centre_of_mass_m` is in the link's frame, and so is `inertia_kg_m2` = [ixx, iyy, izz, ixy, ixz, iyz] about the centre
+    of mass.
     """
 
     origin_m: Vector
@@ -51,10 +54,15 @@ class Body(Table):
 
 
 class Motor(Table):
-    """DC motor, gear and wire drive of one joint."""
+    """DC motor, gear and wire drive of one joint.
+
+    `sign` = -1: its leads are swapped, or it is mounted the other way round. `gear_ratio` below 0: the gear turns the
+    direction round. Either makes a joint turn clockwise when the bridge is told to turn counter-clockwise.
+    """
 
     torque_constant_nm_a: Positive
-    gear_ratio: Positive
+    gear_ratio: NonZero
+    sign: Sign = 1
     gear_efficiency: Annotated[float, Field(gt=0, le=1)]
     rotor_inertia_kg_m2: Positive
     winding_ohm: Positive
@@ -64,9 +72,14 @@ class Motor(Table):
     wire_stiffness_nm_rad: Positive
 
     @property
+    def direction(self) -> Sign:
+        """Sign of the joint torque when the bridge is told to turn counter-clockwise: -1 for a reversed drive."""
+        return 1 if self.sign * self.gear_ratio > 0.0 else -1
+
+    @property
     def torque_per_ampere(self) -> float:
-        """K_I: joint torque per ampere of motor current, N·m/A."""
-        return self.torque_constant_nm_a * self.gear_ratio * self.gear_efficiency
+        """K_I: joint torque per ampere of motor current, N·m/A. Currents have the sign of the joint torque."""
+        return self.torque_constant_nm_a * abs(self.gear_ratio) * self.gear_efficiency
 
     @property
     def reflected_inertia_kg_m2(self) -> float:
@@ -76,7 +89,7 @@ class Motor(Table):
     @property
     def back_emf_v_s_rad(self) -> float:
         """Back-EMF per rad/s of joint speed, V·s/rad (K_e = K_t in SI units)."""
-        return self.torque_constant_nm_a * self.gear_ratio
+        return self.torque_constant_nm_a * abs(self.gear_ratio)
 
 
 class Joint(Table):

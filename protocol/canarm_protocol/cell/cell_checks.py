@@ -4,6 +4,7 @@ The schema in `model.py` says what a single value may be; here are the rules abo
 key, value, and what would be right.
 """
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -11,7 +12,7 @@ from ..canopen.frames import HIGHEST_NODE_ID
 from ..cards import KINDS, Wire
 from .model import Bus, Card, Cell, Channel, leaves
 from .robot_checks import joint_problems, robot_problems
-from .sensing import fitted_sensor
+from .sensing import channel_scale, fitted_sensor
 from .sensors import SENSOR_KINDS, AnalogueSensor
 
 BENCH_NODE_IDS = range(0x70, HIGHEST_NODE_ID + 1)
@@ -49,6 +50,7 @@ def problems(cell: Cell) -> Iterator[str]:
     if not wiring and all(card.robot in robots for card in cell.card):
         yield from _unwired(cell)
         yield from _scan_problems(cell)
+        yield from _counter_problems(cell)
 
 
 def _bus_problems(bus: Bus) -> Iterator[str]:
@@ -149,6 +151,24 @@ def _scan_problems(cell: Cell) -> Iterator[str]:
         if len(references) > 1:
             listed = _listed(f"{volts:g} ({signal})" for volts, signal in references.items())
             yield f"card {card.name!r}: its sensors' full_scale_v must be the same; they are {listed}"
+
+
+def _counter_problems(cell: Cell) -> Iterator[str]:
+    """A counter that wraps round within its joint's limits shows one code for two angles."""
+    for card in cell.card:
+        if card.kind.takes is not Wire.PULSES:
+            continue
+        bits = card.codec.bits
+        for channel in card.channel:
+            joint, scale = cell.far_joint(card, channel), channel_scale(cell, card, channel)
+            low, high = cell.joints[joint].limits_deg
+            first, last = sorted(math.degrees(scale(code)) for code in (-(1 << bits - 1), (1 << bits - 1) - 1))
+            if low < first or high > last:
+                yield (
+                    f"joint {cell.joint_names[joint]!r}.limits_deg = [{low:g}, {high:g}]: at "
+                    f"{math.degrees(scale.lsb):.3g} degrees a count, counter_bits = {bits} of card {card.name!r} show "
+                    f"{first:.4g} to {last:.4g} degrees, then wrap round; stay within, or take more bits or fewer lines"
+                )
 
 
 def _repeated(key: str, values: Sequence[object]) -> Iterator[str]:

@@ -36,7 +36,7 @@ from .bench_objects import (
 )
 from .configuration import SYNC_COUNTER
 from .dbc_file import ANY_NODE, NAME_LENGTH, Database, Message, Signal, short_names
-from .model import SENSOR_KINDS, Cell, Command, Quantity
+from .model import SENSOR_KINDS, Cell, Command, Joint, Quantity
 from .table import DEGREE
 from .wiring import CardNode, DirectionBits, WiredSignal, card_nodes, wired_signals
 
@@ -70,6 +70,7 @@ _UNITS = {
     Quantity.CURRENT: "A",
     None: "A",
 }
+REVERSED = "a reversed drive: counter-clockwise drives the joint towards negative angles"
 _CYCLIC_TYPES = range(1, 241)
 _SDO_SERVERS = range(0x1200, 0x1280)
 _SDO_COMMANDS = {
@@ -104,7 +105,7 @@ def robot_database(cell: Cell) -> Database:
         messages += _sdo_messages(card, node.dictionary, {0: CONTROLLER})
         for layout in (*node.rpdos, *node.tpdos):
             signals = tuple(
-                _wired_signal(wired, joints[cell.joint_names[wired.joint]])
+                _wired_signal(wired, joints[cell.joint_names[wired.joint]], cell.joints[wired.joint])
                 for wired in wired_signals(cell, node, layout)
             )
             messages.append(_pdo(cell, card, CONTROLLER, layout, signals))
@@ -205,7 +206,7 @@ def _telemetry_ms(cell: Cell, layout: PdoLayout) -> float | None:
     return DIVIDER * cell.bus.cycle_us / 1000 if layout.kind == "tpdo" else None
 
 
-def _wired_signal(wired: WiredSignal, joint: str) -> Signal:
+def _wired_signal(wired: WiredSignal, joint: str, driven: Joint) -> Signal:
     is_direction = wired.leaf == Command.DIRECTION
     per_unit = 1.0 / DEGREE if wired.quantity is Quantity.POSITION else 1.0
     factor, offset = wired.factor * per_unit, _tidy(wired.offset * per_unit)
@@ -221,6 +222,7 @@ def _wired_signal(wired: WiredSignal, joint: str) -> Signal:
         maximum=highest,
         unit="" if is_direction else _UNITS[wired.quantity],
         choices=_words(DirectionBits, "-") if is_direction else {},
+        comment=REVERSED if is_direction and driven.motor.direction < 0 else "",
     )
 
 

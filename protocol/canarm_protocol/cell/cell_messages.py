@@ -20,6 +20,7 @@ _SIGNAL = 'must be "<joint>.<command or sensor>", such as "joint2.potentiometer"
 _RULES: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "greater_than": lambda limits: f"must be greater than {limits['gt']:g}",
     "greater_than_equal": lambda limits: f"must be at least {limits['ge']}",
+    "zero": lambda limits: f"must not be 0, but at least {limits['least']:g} either way",
     "too_small": lambda limits: f"must be at least {limits['least']:g}",
     "less_than": lambda limits: f"must be less than {limits['lt']:g}",
     "less_than_equal": lambda limits: f"must be at most {limits['le']}",
@@ -38,6 +39,15 @@ _RULES: dict[str, Callable[[Mapping[str, Any]], str]] = {
 }
 """Texts by pydantic's types of problem."""
 
+_REVERSED = {
+    "torque_constant_nm_a": "motor.sign = -1 turns a motor round",
+    "full_scale_a": "the sense shows no sign; motor.sign = -1 turns a motor round",
+    "max_current_a": "motor.sign = -1 turns a motor round",
+    "full_scale_v": "sign = -1 turns the sensor round",
+    "lines": "sign = -1 turns the encoder round",
+}
+"""What a negative value was meant for, by key."""
+
 
 def explain(problem: Mapping[str, Any], table: Mapping[str, Any]) -> str:
     """One line for one problem of `ValidationError.errors()`, found in `table`."""
@@ -55,7 +65,9 @@ def explain(problem: Mapping[str, Any], table: Mapping[str, Any]) -> str:
         return f"{key}: unknown {what}{nearest(str(last), keys_at(location[:-1], table))}"
     if last == "node_id" and isinstance(value, int):
         return f"{key} = {_toml(value, key)}: node-IDs are 0x01 to 0x{HIGHEST_NODE_ID:02X}"
-    return f"{key} = {_toml(value, key)}: {_rule(kind, problem, last)}"
+    is_negative = isinstance(value, (int, float)) and value < 0
+    meant = f"; {_REVERSED[str(last)]}" if is_negative and last in _REVERSED else ""
+    return f"{key} = {_toml(value, key)}: {_rule(kind, problem, last)}{meant}"
 
 
 def keys_at(location: Location, table: Any = None) -> list[str]:

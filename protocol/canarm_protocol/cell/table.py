@@ -1,6 +1,6 @@
 """What the tables of a cell have in common: a strict, frozen base, and the types of numbers and names."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic_core import PydanticCustomError
@@ -26,9 +26,20 @@ def at_least(least: float) -> AfterValidator:
     return AfterValidator(check)
 
 
+def away_from_zero(value: float) -> float:
+    """A quantity of either sign that must be there. Raises `PydanticCustomError` for one that is too small."""
+    if abs(value) < SMALLEST:
+        raise PydanticCustomError("zero", "zero", {"least": SMALLEST})
+    return value
+
+
 Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False), at_least(SMALLEST)]
 NonNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
 Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+NonZero = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False), AfterValidator(away_from_zero)]
+"""Negative for a part that works the other way round."""
+Sign = Literal[1, -1]
+"""Which way round a part is mounted, or a joint counts."""
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]*$", max_length=32)]
 Vector = tuple[Finite, Finite, Finite]
 

@@ -165,6 +165,12 @@ def command_scale(cell: Cell, joint: int) -> SensorScale:
     return cell.joints[joint].drive.current_scale(command_codec(cell, joint).bits)
 
 
+def bridge_directions(cell: Cell, joint: int) -> tuple[DirectionBits, DirectionBits]:
+    """What the bridge of a joint (index in `cell.joints`) is told for a negative, and for a positive joint torque."""
+    ways = DirectionBits.CLOCKWISE, DirectionBits.COUNTER_CLOCKWISE
+    return ways if cell.joints[joint].motor.direction > 0 else (ways[1], ways[0])
+
+
 @dataclass(frozen=True, slots=True)
 class WiredSignal:
     """A command or sensor of one joint (index in `cell.joints`) in a PDO: its bits, and value = raw x factor + offset.

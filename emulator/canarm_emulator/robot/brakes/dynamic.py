@@ -43,7 +43,7 @@ class DynamicBrakeModel:
     def change(self, truth: JointTruth) -> None:
         """Motor or brake are others from now on; the current goes on from where it is."""
         motor, turns = self._joint.motor, 1.0 - truth.shorted_turns
-        self._back_emf_v_s_rad = truth.torque_constant_nm_a * motor.gear_ratio * turns
+        self._back_emf_v_s_rad = truth.torque_constant_nm_a * abs(motor.gear_ratio) * turns
         self._torque_nm_a = self._back_emf_v_s_rad * motor.gear_efficiency
         winding_ohm = truth.winding_ohm * turns
         self._total_ohm = winding_ohm + self._resistor_ohm

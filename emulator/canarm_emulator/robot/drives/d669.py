@@ -31,6 +31,7 @@ _SIGN: dict[int, int] = {
 class D669Drive:
     """Amplifier, bridge and motor winding of one joint.
 
+    Currents have the sign of the joint torque: a reversed motor or gear shows in what the direction bits mean.
     The D669 stage is one NPN transistor in series with the motor, so along the bridge's direction it regulates
     0 ≤ i ≤ (V_supply − e)/R, with e the back-EMF counted positive along that direction. Motoring (e > 0) lowers the
     limit, braking (e < 0) raises it, and beyond no-load speed (e > V_supply) no current flows. The current follows with
@@ -41,6 +42,7 @@ class D669Drive:
         "_back_emf_v_s_rad",
         "_braking_nm_s",
         "_dac_fraction",
+        "_direction",
         "_distort_current",
         "_distort_opamp",
         "_joint",
@@ -61,6 +63,7 @@ class D669Drive:
 
     def __init__(self, joint: Joint, truth: JointTruth) -> None:
         self._joint = joint
+        self._direction = joint.motor.direction
         self._max_current_a = joint.drive.max_current_a
         self._supply_is_on = True
         self._dac_fraction = 0.0
@@ -81,8 +84,8 @@ class D669Drive:
     def change(self, truth: JointTruth) -> None:
         """Change motor and supply from now on; the current continues from its present value."""
         motor, turns = self._joint.motor, 1.0 - truth.shorted_turns
-        self._torque_nm_a = truth.torque_constant_nm_a * motor.gear_ratio * motor.gear_efficiency
-        self._back_emf_v_s_rad = truth.torque_constant_nm_a * motor.gear_ratio  # K_e = K_t in SI units
+        self._back_emf_v_s_rad = truth.torque_constant_nm_a * abs(motor.gear_ratio)  # K_e = K_t in SI units
+        self._torque_nm_a = self._back_emf_v_s_rad * motor.gear_efficiency
         # Shorted turns are a loop of their own: s·e drives e/R through s·R, which brakes with s·K_I·e/R.
         self._braking_nm_s = truth.shorted_turns * self._torque_nm_a * self._back_emf_v_s_rad / truth.winding_ohm
         # Of the others, N in number, K_I ∝ N, K_e ∝ N, R ∝ N and L ∝ N².
@@ -131,7 +134,7 @@ class D669Drive:
             raise ValueError(f"direction bits {bits}: must be 0 to 3")
         if bits == DirectionBits.ILLEGAL:
             self.illegal_directions += 1
-        self._sign = _SIGN[bits]
+        self._sign = self._direction * _SIGN[bits]
         self.refresh_command()
 
     def set_supply(self, is_on: bool) -> None:

@@ -7,10 +7,10 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 from ...cards.kind import Wire
-from ..table import NonNegative, Positive, Table
+from ..table import NonNegative, Positive, Sign, Table
 
 
 class Quantity(StrEnum):
@@ -76,6 +76,11 @@ class Sensor(Table):
     def seen(self) -> tuple[float, float]:
         """The lowest and the highest value that its codes can show, in rad, rad/s or A."""
 
+    @property
+    def is_reversed(self) -> bool:
+        """Whether it is mounted so that its reading falls where that of others rises."""
+        return False
+
     def problems(self) -> Iterator[str]:
         """Problems of its parameters, as "key = value: what would be right"."""
         yield from ()
@@ -98,7 +103,12 @@ class AnalogueSensor(Sensor):
     @property
     @abstractmethod
     def volts_per_unit(self) -> float:
-        """Volts per rad, rad/s or A; negative for `sign` = -1."""
+        """Volts per rad, rad/s or A; negative where the voltage falls as the quantity rises."""
+
+    @property
+    def is_reversed(self) -> bool:
+        """Whether its voltage falls as the quantity rises."""
+        return self.volts_per_unit < 0.0
 
     def seen(self) -> tuple[float, float]:
         """The values at both ends of the voltage range, the lower one first."""
@@ -110,5 +120,7 @@ class AnalogueSensor(Sensor):
         return self.full_scale_v - self.nominal_zero_v
 
 
-Sign = Literal[1, -1]
-"""How a sensor is mounted: with -1 its reading falls as the joint turns counter-clockwise."""
+def said_twice(key: str, value: float, sign: Sign) -> Iterator[str]:
+    """The problem of a sensor that is turned round twice, by a negative value and by `sign`."""
+    if value < 0.0 and sign < 0:
+        yield f"{key} = {value:g}: turns the sensor round, and so does sign = -1; say it once"

@@ -6,13 +6,15 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from ...cards.kind import Wire
-from .base import Fitting, Quantity, Sensor, SensorScale, Sign
+from ..table import Sign
+from .base import Fitting, Quantity, Sensor, SensorScale
 
 
 class Encoder(Sensor):
     """Two tracks with `lines` periods per turn of its shaft, and an index. The counter is 0 where the joint is parked.
 
-    It is on the joint's shaft (`shaft = "joint"`) or on the motor's, before the gear.
+    It is on the joint's shaft (`shaft = "joint"`) or on the motor's, before the gear: a gear that turns the direction
+    round then turns the counts round. `sign` = -1: it counts down as its shaft turns counter-clockwise.
     """
 
     kind: ClassVar[str] = "encoder"
@@ -29,6 +31,11 @@ class Encoder(Sensor):
         turns = fitting.gear_ratio if self.shaft == "motor" else 1.0
         step = self.sign * math.tau / (self.lines * fitting.edges_per_period * turns)
         return SensorScale(-fitting.home_rad / step, step)
+
+    @property
+    def is_reversed(self) -> bool:
+        """Whether it counts down as its shaft turns counter-clockwise."""
+        return self.sign < 0
 
     def seen(self) -> tuple[float, float]:
         """Any angle: a counter wraps round."""

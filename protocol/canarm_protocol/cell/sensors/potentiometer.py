@@ -1,23 +1,25 @@
-"""Potentiometer on a joint's shaft, a voltage that grows with the angle: nominal values only."""
+"""Potentiometer on a joint's shaft, a voltage that grows or falls with the angle: nominal values only."""
 
+from collections.abc import Iterator
 from typing import ClassVar
 
 from ...cards.kind import highest_code
-from ..table import DEGREE, Finite, Positive
-from .base import AnalogueSensor, Fitting, Quantity, SensorScale, Sign
+from ..table import DEGREE, Finite, NonZero, Sign
+from .base import AnalogueSensor, Fitting, Quantity, SensorScale, said_twice
 
 
 class Potentiometer(AnalogueSensor):
     """`range_deg` of the joint's angle gives 0 to `full_scale_v`, and 0 degrees gives `zero_v`.
 
-    Where 0 degrees lie outside the joint's limits, that voltage lies outside 0 to `full_scale_v` and never occurs.
+    With `range_deg` below 0, or `sign` = -1, the voltage falls as the angle grows. Where 0 degrees lie outside the
+    joint's limits, that voltage lies outside 0 to `full_scale_v` and never occurs.
     """
 
     kind: ClassVar[str] = "potentiometer"
     title: ClassVar[str] = "potentiometer"
     quantity: ClassVar[Quantity] = Quantity.POSITION
 
-    range_deg: Positive
+    range_deg: NonZero
     zero_v: Finite
     sign: Sign = 1
 
@@ -35,3 +37,7 @@ class Potentiometer(AnalogueSensor):
         """Radians per code."""
         highest = highest_code(fitting.bits)
         return SensorScale(self.zero_v / (self.full_scale_v / highest), self.sign * (self.range_deg * DEGREE / highest))
+
+    def problems(self) -> Iterator[str]:
+        """A range that is turned round twice."""
+        yield from said_twice("range_deg", self.range_deg, self.sign)
