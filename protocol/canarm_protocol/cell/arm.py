@@ -41,8 +41,8 @@ class Body(Table):
 
     `origin_rpy_deg` turns about the fixed axes x, y, z in this order. The joint turns about `axis`, a unit vector in
     its frame; the link's frame is the joint's frame turned about it, and with -`axis` its angle counts the other way.
-    `centre_of_mass_m` is in the link's frame, and so is `inertia_kg_m2` = [ixx, iyy, izz, ixy, ixz, iyz] about the centre
-    of mass.
+    `centre_of_mass_m` is in the link's frame, and so is `inertia_kg_m2` = [ixx, iyy, izz, ixy, ixz, iyz] about the
+    centre of mass.
     """
 
     origin_m: Vector
