@@ -7,9 +7,9 @@ from cyclopts import Parameter
 from canarm_controller.dynamics import nominal_arm
 from canarm_controller.supervision.derivation import detector_lines
 from canarm_emulator.robot.truth import truth_keys
-from canarm_protocol.cell.cell_file import setting_keys
 from canarm_protocol.cell.model import Cell, Joint
 from canarm_protocol.cell.schedulability import cell_verdict
+from canarm_protocol.cell.settings import setting_keys
 from canarm_protocol.cell.wiring import card_nodes
 
 from ..options import CellOptions, Flag

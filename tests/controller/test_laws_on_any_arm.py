@@ -17,7 +17,8 @@ from canarm_controller.dynamics import SerialArm, nominal_arm
 from canarm_controller.laws import LAWS, Cycle, load_law
 from canarm_controller.laws.tuning import suggested_control
 from canarm_controller.reference.trajectory import make_trajectory
-from canarm_controller.run.loop import CLOCKWISE, ControlLoop
+from canarm_controller.run.loop import ControlLoop
+from canarm_protocol.cards.sc300 import DirectionBits
 from canarm_protocol.cell.arm import Robot
 from canarm_protocol.cell.cell_file import load_cell, parse_cell, shipped_cells
 from canarm_protocol.cell.model import Cell, Control
@@ -213,7 +214,7 @@ def follow(cell: Cell, law: str, trajectory: str = "sine", tip_mass: float = 1.0
         dac_codes, directions = loop.outputs(loop.torque_nm())
         for _ in range(SUBSTEPS if tick else 0):
             plant.move(current_a * per_ampere, cell.bus.cycle_s / SUBSTEPS)
-        signs = np.array([-1.0 if bits == CLOCKWISE else 1.0 for bits in directions])
+        signs = np.array([-1.0 if bits == DirectionBits.CLOCKWISE else 1.0 for bits in directions])
         current_a = signs * np.array(dac_codes) * (CURRENT_A / 255)
     settled = errors[SETTLING_TICKS:]
     return Run(np.sqrt((settled**2).mean(axis=0)), np.abs(settled).max(axis=0), loop.saturated_cycles)
@@ -316,3 +317,23 @@ def test_a_joint_may_have_gains_of_its_own(law: str) -> None:
         assert own[1] != pytest.approx(usual[1], rel=1e-3)
         return
     assert own == pytest.approx([usual[0], softer[1]], rel=1e-12)
+
+
+def test_a_joint_may_have_rates_of_its_own_in_slotine_li() -> None:
+    """The sliding variable s = ė + Λ·e of each joint has the Λ that the joint has; the adaptation is the arm's."""
+    softer = {"control.slotine_li.error_rate_rad_s": "10", "control.slotine_li.sliding_rate_rad_s": "20"}
+    own = {key.replace("slotine_li", "joint3.slotine_li"): value for key, value in softer.items()}
+
+    def sliding_rad_s(settings: dict[str, str]) -> list[float]:
+        cell = load_cell("konkuk1", settings)
+        made = load_law("slotine-li")(nominal_arm(cell.robot[0]), cell.control, 0.0025)
+        made.start([0.1, 0.2], [0.0, 0.0], [0.5, 0.5])
+        cycle = Cycle(2)
+        cycle.position_rad, cycle.velocity_rad_s = (0.1, 0.2), (0.05, -0.05)
+        cycle.reference_rad, cycle.reference_rad_s, cycle.reference_rad_s2 = (0.12, 0.23), (0.1, 0.1), (0.5, 0.5)
+        made.update(cycle)
+        return list(made.internals()["sliding_rad_s"])
+
+    usual, everywhere, mixed = map(sliding_rad_s, ({}, softer, own))
+    assert mixed == pytest.approx([usual[0], everywhere[1]], rel=1e-12)
+    assert usual[1] != pytest.approx(everywhere[1], rel=1e-3)

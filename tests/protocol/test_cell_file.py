@@ -8,9 +8,18 @@ import pytest
 
 from canarm_protocol.cards import KINDS
 from canarm_protocol.cell.cell_checks import MOST_JOINTS, problems
-from canarm_protocol.cell.cell_file import load_cell, parse_cell, setting_keys, shipped_cells
+from canarm_protocol.cell.cell_file import load_cell, parse_cell, shipped_cells
+from canarm_protocol.cell.control import (
+    JointMrasGains,
+    JointMrasLyapunovGains,
+    JointSlotineLiGains,
+    MrasGains,
+    MrasLyapunovGains,
+    SlotineLiGains,
+)
 from canarm_protocol.cell.robot_checks import joint_problems
 from canarm_protocol.cell.sensing import joint_sensors
+from canarm_protocol.cell.settings import setting_keys
 from canarm_protocol.errors import CellError, ProtocolError
 
 MODELS = list(KINDS)
@@ -330,9 +339,85 @@ def test_every_key_that_set_takes_is_listed_with_its_nominal_value() -> None:
         load_cell("konkuk1", {key: str(value).lower()})
 
 
+OWN_GAINS = """[[control.joint]]
+name = "joint3"
+damping_ratio = 0.8
+mras = { gamma_bias = 25.0 }
+slotine_li = { error_rate_rad_s = 15.0 }
+
+[supervision]"""
+
+
+def test_a_single_gain_of_a_joint_leaves_its_others_as_in_the_cell() -> None:
+    cell = parse_cell(TEXT.replace("[supervision]", OWN_GAINS, 1), "my.toml")
+    whole, own = cell.control, cell.control.of_joint("joint3")
+    assert cell.control.of_joint("joint2") == whole
+    assert own.damping_ratio == 0.8
+    assert own.mras == whole.mras.model_copy(update={"gamma_bias": 25.0})
+    assert whole.slotine_li is not None
+    assert own.slotine_li == whole.slotine_li.model_copy(update={"error_rate_rad_s": 15.0})
+    assert own.mras_lyapunov == whole.mras_lyapunov
+
+
+def test_set_reaches_the_gains_of_a_joint_whether_its_table_is_there_or_not() -> None:
+    settings = {"control.joint3.mras.gamma_alpha": "0.01", "control.joint2.natural_frequency_rad_s": "9"}
+    cell = parse_cell(TEXT.replace("[supervision]", OWN_GAINS, 1), "my.toml", settings)
+    own = cell.control.of_joint("joint3")
+    assert (own.mras.gamma_alpha, own.mras.gamma_bias, own.damping_ratio) == (0.01, 25.0, 0.8)
+    assert cell.control.of_joint("joint2").natural_frequency_rad_s == 9.0
+    assert setting_keys(cell)["control.joint3.mras.gamma_alpha"] == 0.01
+
+
+def test_joints_of_several_robots_go_by_their_names_in_the_whole_cell() -> None:
+    name = load_cell("rhino-pair").joint_names[-1]
+    cell = load_cell("rhino-pair", {f"control.{name}.damping_ratio": "0.9"})
+    assert [each.name for each in cell.control.joint] == [name]
+
+
+def test_gains_of_a_joint_have_the_names_and_limits_of_the_cells() -> None:
+    tables = ((JointMrasGains, MrasGains), (JointMrasLyapunovGains, MrasLyapunovGains))
+    for own, whole in tables:
+        assert list(own.model_fields) == list(whole.model_fields)
+    assert set(JointSlotineLiGains.model_fields) < set(SlotineLiGains.model_fields)
+
+
+def test_gains_of_a_law_without_a_table_of_the_cell_are_refused() -> None:
+    begin, end = TEXT.index("[control.slotine_li]"), TEXT.index("[control.observer]")
+    text = (TEXT[:begin] + TEXT[end:]).replace("[supervision]", OWN_GAINS, 1)
+    with pytest.raises(CellError, match=r"control.joint 'joint3'.slotine_li: the cell has no \[control.slotine_li\]"):
+        parse_cell(text, "my.toml")
+
+
 @pytest.mark.parametrize(
     ("key", "value", "complaint"),
     [
+        (
+            "control.joint4.damping_ratio",
+            "1",
+            "--set control.joint4.damping_ratio=1: no such key (see `canarm check --keys`); did you mean 'joint3'?",
+        ),
+        (
+            "control.joint3.slotine_li.adaptation",
+            "1",
+            "--set control.joint3.slotine_li.adaptation=1: no such key (see `canarm check --keys`); "
+            "known are error_rate_rad_s, sliding_rate_rad_s",
+        ),
+        (
+            "control.joint3",
+            "1",
+            "--set control.joint3=1: is a table; set one of its keys, natural_frequency_rad_s, damping_ratio, mras, "
+            "mras_lyapunov, slotine_li",
+        ),
+        (
+            "control.joint3.damping_ratio",
+            "-1",
+            "cell konkuk1 with --set: control.joint 'joint3'.damping_ratio = -1: must be greater than 0",
+        ),
+        (
+            "control.joint.damping_ratio",
+            "1",
+            "--set control.joint.damping_ratio=1: no such key (see `canarm check --keys`); did you mean 'joint3'?",
+        ),
         (
             "control.natural_freq",
             "3",

@@ -20,7 +20,7 @@ class SlotineLi(ControlLaw):
     """The arm's model in the loop, linear in parameters a that adapt until the sliding variable s stays zero.
 
     Error       e = q - q_d,  s = ė + Λ·e,  q̇_r = q̇_d - Λ·e,  q̈_r = q̈_d - Λ·ė
-    Torque      τ = Y(q, q̇, q̇_r, q̈_r)·â - K_D·s,  K_D = κ·J, J the nominal effective inertia
+    Torque      τ = Y(q, q̇, q̇_r, q̈_r)·â - K_D·s,  K_D = κ·J, J the nominal effective inertia; Λ and κ diagonal
     Adaptation  â_i = a0_i·θ_i,  θ̇_i = -γ·a0_i·(Yᵀs)_i - σ·(θ_i - 1),  that is Γ = γ·diag(a0²)
 
     With V = (sᵀDs + ãᵀΓ⁻¹ã)/2 and Ḋ - 2C skew-symmetric V̇ = -sᵀK_D·s for σ = 0, so s goes to zero whatever a is. That
@@ -33,7 +33,8 @@ class SlotineLi(ControlLaw):
     cycle ahead (`observer.ArmState`), whose model runs on â. The first torque after `start` is the nominal model's at
     the measured state. The feed-forward is none by default; a table would count the nominal model twice.
 
-    Gains (`control.slotine_li` of the cell), figures for konkuk1 at 2.5 ms, true joint3.mass +50 %:
+    Gains (`control.slotine_li` of the cell, where a joint may have a Λ and a κ of its own), figures for konkuk1 at
+    2.5 ms, true joint3.mass +50 %:
 
     - `error_rate_rad_s` Λ and `sliding_rate_rad_s` κ make poles near √(κΛ) rad/s. 25 and 40 leave 0.05 to
       0.06 LSB. From 8 and 10 (0.15) to 80 and 160 (0.04) all is calm, also with one more cycle of delay; with that
@@ -58,8 +59,11 @@ class SlotineLi(ControlLaw):
         gains = control.slotine_li
         if gains is None:
             raise LawError("law 'slotine-li': the cell has no [control.slotine_li]; give its gains as konkuk1 does")
-        self._rate = gains.error_rate_rad_s
-        self._damping_nm_s = [gains.sliding_rate_rad_s * inertia for inertia in arm.effective_inertia]
+        own = [control.of_joint(name).slotine_li or gains for name in arm.joint_names]
+        self._rates_rad_s = [its.error_rate_rad_s for its in own]
+        self._damping_nm_s = [
+            its.sliding_rate_rad_s * inertia for its, inertia in zip(own, arm.effective_inertia, strict=True)
+        ]
         self._leak = period_s * gains.leakage
         self._model = arm_model(arm)
         self._rates = [period_s * gains.adaptation * nominal for nominal in self._model.nominal]
@@ -80,15 +84,15 @@ class SlotineLi(ControlLaw):
 
     def update(self, cycle: Cycle) -> Sequence[float]:
         """Torques in N·m; then the step of the parameters to the next cycle."""
-        state, rate = self._state, self._rate
+        state = self._state
         state.update(cycle, self._acceleration)
         q, qd, speeds = state.position_rad, state.velocity_rad_s, state.reference_rad_s
         sliding: list[float] = []
         reference_rad_s: list[float] = []
         reference_rad_s2: list[float] = []
         deviation_rad: list[float] = []
-        for angle, speed, wanted, wanted_speed, change in zip(
-            q, qd, state.reference_rad, speeds, cycle.reference_rad_s2, strict=True
+        for angle, speed, wanted, wanted_speed, change, rate in zip(
+            q, qd, state.reference_rad, speeds, cycle.reference_rad_s2, self._rates_rad_s, strict=True
         ):
             error, slope = angle - wanted, speed - wanted_speed
             s = slope + rate * error

@@ -39,6 +39,8 @@ def problems(cell: Cell) -> Iterator[str]:
     for each in cell.control.joint:
         if each.name not in cell.joint_names:
             yield f"control.joint {each.name!r}: no such joint; this cell has {_listed(cell.joint_names)}"
+        for key in each.without_whole(cell.control):
+            yield f"control.joint {each.name!r}.{key}: the cell has no [control.{key}] that it could differ from"
     for robot in cell.robot:
         yield from robot_problems(robot)
     for name, joint in zip(cell.joint_names, cell.joints, strict=True):

@@ -11,16 +11,11 @@ from ..errors import CellError
 from ..shown import printable
 from ..text_file import parse_toml, read_text
 from .cell_checks import problems
-from .cell_messages import explain, is_switch, keys_at, nearest
+from .cell_messages import explain, nearest
 from .model import Cell
 from .old_cells import old_writing
+from .settings import key_of, lay_over
 from .urdf_robots import resolve_urdf
-
-SETTABLE = ("control", "supervision")
-"""The tables whose keys `--set` takes."""
-
-SWITCH = {"0": "false", "1": "true", "false": "false", "true": "true"}
-"""How a switch is written on a command line, and how in TOML."""
 
 LARGEST_BYTES = 1_000_000
 DEEPEST = 20
@@ -79,9 +74,9 @@ def parse_cell(
     except ValueError as error:
         raise CellError(f"{source}: {printable(str(error))}") from None
     settings = settings or {}
-    for key, value in settings.items():
-        _lay_over(table, key, value, option)
     resolve_urdf(table, folder, source)
+    for key, value in settings.items():
+        lay_over(table, key, value, option)
     table = _frozen(table, source)
     is_old = old_writing(table)
     if is_old is not None:
@@ -105,22 +100,6 @@ def _lines(found: Sequence[str], count: int, source: str, settings: Mapping[str,
     return [*lines, f"{source}: and {count - len(found)} more"] if count > len(found) else lines
 
 
-def setting_keys(cell: Cell) -> dict[str, object]:
-    """Every key that `--set` takes, with its nominal value: the leaves of `[control]` and `[supervision]`."""
-    keys: dict[str, object] = {}
-
-    def walk(prefix: str, table: Mapping[str, Any]) -> None:
-        for name, value in table.items():
-            if isinstance(value, Mapping):
-                walk(f"{prefix}.{name}", value)
-            elif value is not None and not isinstance(value, tuple):
-                keys[f"{prefix}.{name}"] = value
-
-    for name in SETTABLE:
-        walk(name, getattr(cell, name).model_dump())
-    return keys
-
-
 def _frozen(value: Any, source: str, depth: int = 0) -> Any:
     """TOML arrays as tuples, as the strict schema requires. Raises `CellError` for what no cell can hold."""
     if depth > DEEPEST:
@@ -138,32 +117,9 @@ def _too_deep(source: str) -> CellError:
     return CellError(f"{source}: tables or arrays are nested more than {DEEPEST} deep; those of a cell are not")
 
 
-def _lay_over(table: dict[str, Any], key: str, value: str, option: str) -> None:
-    where = printable(f"{option} {key}={value}")
-    *parents, leaf = key.split(".")
-    if not parents or parents[0] not in SETTABLE:
-        raise CellError(f"{where}: keys begin with 'control.' or 'supervision.'; see `canarm check --keys`")
-    known = keys_at(tuple(parents))
-    if leaf not in known:
-        raise CellError(f"{where}: no such key (see `canarm check --keys`){nearest(leaf, known)}")
-    below = keys_at((*parents, leaf))
-    if below:
-        raise CellError(f"{where}: is a table; set one of its keys, {', '.join(below)}")
-    target: Any = table
-    for parent in parents:
-        target = target.setdefault(parent, {}) if isinstance(target, dict) else {}
-    if is_switch((*parents, leaf)):
-        value = SWITCH.get(value.lower(), value)
-    try:
-        (target[leaf],) = parse_toml(f"value = {value}").values()
-    except ValueError:
-        raise CellError(f"{where}: {printable(repr(value))} is not a value such as {target.get(leaf, 1.0)}") from None
-
-
 def _source(line: str, source: str, settings: Mapping[str, str], option: str) -> str:
     """Where a problem came from: the file, or a key laid over it."""
-    key = line.split(" = ")[0]
-    return f"{source} with {option}" if key in settings else source
+    return f"{source} with {option}" if key_of(line) in settings else source
 
 
 def _is_echo(problem: Any) -> bool:

@@ -15,6 +15,7 @@ from pydantic_core import PydanticCustomError
 from ..canopen.frames import HIGHEST_NODE_ID
 from ..cards import KINDS, CardKind, Codec, Settings, Wire
 from .arm import Body, Joint, Link, Motor, Robot
+from .control import Control, JointControl, MrasGains, MrasLyapunovGains, ObserverGains, SlotineLiGains
 from .drives import D669, Command, Drive
 from .sensors import SENSOR_KINDS, Quantity, Sensor, Sensors
 from .table import Finite, Name, NonNegative, Positive, Table, Vector
@@ -149,88 +150,6 @@ def _of_its_kind(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
     if isinstance(model, str) and model in CARD_TYPES:
         return CARD_TYPES[model].model_validate(value)
     return handler({key: each for key, each in value.items() if key not in _SETTINGS})
-
-
-class MrasGains(Table):
-    """Dubowsky-DesForges adaptation with bias; symbols as in `canarm_controller.laws.mras`."""
-
-    gamma_alpha: NonNegative
-    gamma_beta: NonNegative
-    gamma_bias: NonNegative
-    error_gain: NonNegative
-    error_rate_gain: NonNegative
-    leakage: NonNegative
-    bias_limit_a: NonNegative
-
-
-class MrasLyapunovGains(Table):
-    """Adaptation by Lyapunov's method; symbols as in `canarm_controller.laws.mras_lyapunov`."""
-
-    gamma_position: NonNegative
-    gamma_velocity: NonNegative
-    gamma_bias: NonNegative
-    leakage: NonNegative
-    bias_limit_a: NonNegative
-
-
-class SlotineLiGains(Table):
-    """Adaptation of the whole arm model; symbols as in `canarm_controller.laws.slotine_li`."""
-
-    error_rate_rad_s: Positive
-    sliding_rate_rad_s: NonNegative
-    adaptation: NonNegative
-    leakage: NonNegative
-
-
-class ObserverGains(Table):
-    """How far sensors and arm model can be trusted; see `canarm_controller.estimation.observer`.
-
-    Sensor noise is a standard deviation per sample. Process noise is a density: rad/s²/√Hz for acceleration and
-    tachometer offset, rad/s³/√Hz for the error of the model's acceleration.
-    """
-
-    enabled: bool
-    position_noise_rad: Positive
-    velocity_noise_rad_s: Positive
-    acceleration_noise: Positive
-    acceleration_bias_noise: NonNegative
-    tachometer_offset_noise: NonNegative
-
-
-class JointControl(Table):
-    """How one joint's loop differs, `[[control.joint]]`; for what is left out, the values of `[control]` hold.
-
-    `name` is the joint's in the whole cell. A table of gains replaces all gains of its law at the joint. `slotine-li`,
-    which sees the arm as a whole, has no gains of single joints.
-    """
-
-    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]*$", max_length=65)]
-    natural_frequency_rad_s: Positive | None = None
-    damping_ratio: Positive | None = None
-    mras: MrasGains | None = None
-    mras_lyapunov: MrasLyapunovGains | None = None
-
-
-class Control(Table):
-    """Gains of the control laws. A law without its table cannot be used; without `observer`, laws see raw values."""
-
-    natural_frequency_rad_s: Positive
-    damping_ratio: Positive
-    standing_band_rad: NonNegative = 0.0
-    mras: MrasGains
-    mras_lyapunov: MrasLyapunovGains | None = None
-    slotine_li: SlotineLiGains | None = None
-    observer: ObserverGains | None = None
-    joint: tuple[JointControl, ...] = ()
-
-    def of_joint(self, name: str) -> "Control":
-        """The values that hold at a joint, by its name in the whole cell."""
-        for each in self.joint:
-            if each.name == name:
-                return self.model_copy(
-                    update={key: value for key, value in each if key != "name" and value is not None}
-                )
-        return self
 
 
 class Supervision(Table):
