@@ -213,6 +213,33 @@ def test_free_fall_and_mobility_are_those_of_a_rod() -> None:
     assert nominal.falling_rad_s2 == pytest.approx(nominal.weight_nm / inertia)
 
 
+def rows_of(cell: Cell) -> dict[str, str]:
+    """The line of each detector of the last joint."""
+    return {line.split()[0]: line for line in detector_lines(cell) if line.startswith("  ")}
+
+
+def test_a_limit_above_what_the_drive_can_give_is_said_to_be_one() -> None:
+    heavy = made_up(1)
+    joint = heavy.joints[0]
+    motor = joint.motor.model_copy(update={"rotor_inertia_kg_m2": 1.5e-2})
+    joint = joint.model_copy(update={"motor": motor, "drive": joint.drive.model_copy(update={"supply_v": 1.0})})
+    robot = heavy.robot[0].model_copy(update={"joint": (joint,)})
+    rows = rows_of(heavy.model_copy(update={"robot": (robot,)}))
+    inertia = motor.rotor_inertia_kg_m2 * motor.gear_ratio**2 + joint.mass_kg * LENGTH_M**2 / 3.0
+    turned_round = 2.0 * NEWTON_METRES_PER_GEAR * motor.gear_ratio / inertia
+    assert f"make {turned_round:.3g} rad/s2 at most: only a blow shows" in rows["acceleration-mismatch"]
+    assert "never speaks here: the amplifier gives 1.5 A at most" in rows["wrong-direction"]
+    assert f"to {1.0 / (0.08 * motor.gear_ratio):.3g} rad/s at most" in rows["overspeed"]
+    assert "at most" not in rows["tachometer-jump"]
+
+
+@pytest.mark.parametrize("cell", ["konkuk1", "rhino-pair"])
+def test_no_limit_of_a_shipped_cell_is_out_of_reach(cell: str) -> None:
+    text = "\n".join(detector_lines(load_cell(cell)))
+    assert "never speaks" not in text
+    assert "only a blow" not in text
+
+
 @pytest.mark.parametrize(("cycle_us", "calm", "step"), [(1000, 250, 22), (2500, 100, 9), (10_000, 25, 4)])
 def test_times_are_times_whatever_the_cycle(cycle_us: int, calm: int, step: int) -> None:
     timing = Timing.of(cycle_us * 1e-6)

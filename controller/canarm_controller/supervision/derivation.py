@@ -16,6 +16,7 @@ from . import uncertainty as box
 from .detection import DETECTORS
 from .following import NORMAL_FACTOR
 from .nominal import JointNominal, joint_nominals, sensor_nominal
+from .reach import Reach
 from .sensor_less import BLIND_FACTOR, PERSISTENT_CYCLES
 from .tachless import STUCK_FACTOR, UNLEARNED_SHARE
 from .thresholds import Thresholds, cell_thresholds
@@ -53,10 +54,11 @@ def detector_lines(cell: Cell) -> Iterator[str]:
         position = sensor_nominal(sensors.position)
         margin = limit.range_margin_rad(position, limits)
         step = limit.longest_step_rad(position, joint.fastest_rad_s, limits, timing.period_s)
-        for row in (*_range_rows(margin, step, limits), *joint_rows(nominal, derived, limits, timing)):
+        reach = Reach.of(nominal, joint)
+        for row in (*_range_rows(margin, step, limits, reach), *joint_rows(nominal, derived, limits, timing, reach)):
             yield str(row)
     yield ""
-    named = {row.detector for row in joint_rows(nominals[0], derived, limits, timing)}
+    named = {row.detector for row in joint_rows(nominals[0], derived, limits, timing, reach)}
     others = [name for name in DETECTORS if name not in named and not name.startswith("impossible")]
     yield f"without a limit of a joint: {', '.join(others)}"
 
@@ -73,13 +75,15 @@ def _box_lines() -> Iterator[str]:
     )
 
 
-def joint_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision, timing: Timing) -> list[Row]:
+def joint_rows(
+    nominal: JointNominal, derived: Thresholds, limits: Supervision, timing: Timing, reach: Reach
+) -> list[Row]:
     """The detectors of one joint that have a limit."""
     return [
-        *_position_rows(nominal, derived, limits),
-        *_speed_rows(nominal, derived, limits),
-        *_current_rows(nominal, derived, limits),
-        *_arm_rows(nominal, derived, limits, timing),
+        *_position_rows(nominal, derived, limits, reach),
+        *_speed_rows(nominal, derived, limits, reach),
+        *_current_rows(nominal, derived, limits, reach),
+        *_arm_rows(nominal, derived, limits, timing, reach),
     ]
 
 
@@ -102,32 +106,37 @@ def _grain_lines(nominal: JointNominal, derived: Thresholds, timing: Timing) -> 
     )
 
 
-def _range_rows(margin: float, step: float, limits: Supervision) -> Iterator[Row]:
+def _range_rows(margin: float, step: float, limits: Supervision, reach: Reach) -> Iterator[Row]:
     sigmas, speeds = limit.MARGIN_SIGMAS, limit.STEP_SPEEDS
     why = f"{_deg(limit.MARGIN_RAD)} and {sigmas:g} deviations of a reading, beyond the stops"
     yield Row("impossible-position", _deg(margin), _source("range_margin_deg", limits.range_margin_deg, why))
     why = f"{speeds:g} times the fastest motion of a cycle and {limit.STEP_SIGMAS:g} deviations of a reading"
-    yield Row("impossible-motion", _deg(step), _source("max_position_step_deg", limits.max_position_step_deg, why))
+    yield Row(
+        "impossible-motion",
+        _deg(step),
+        _source("max_position_step_deg", limits.max_position_step_deg, why) + reach.beyond_travel(step),
+    )
 
 
-def _position_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision) -> Iterator[Row]:
+def _position_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision, reach: Reach) -> Iterator[Row]:
     has_tachometer = nominal.speed is not None
     factor = 1.0 if has_tachometer else BLIND_FACTOR
     against = "the integrated tachometer" if has_tachometer else f"the model, {factor:g} times the limit"
     jump = _source("position_jump_lsb", limits.position_jump_lsb, f"{limit.POSITION_JUMP:g} grains, from {against}")
     shown = f"{_deg(factor * derived.jump)}, {PERSISTENT_CYCLES} cycles"
-    yield Row("potentiometer-jump", shown, jump)
+    too_far = reach.beyond_travel(factor * derived.jump)
+    yield Row("potentiometer-jump", shown, jump + too_far)
     if nominal.position.end_codes:
-        yield Row("potentiometer-range", shown, f"the same, at code {_ends(nominal.position.end_codes)}")
+        yield Row("potentiometer-range", shown, f"the same, at code {_ends(nominal.position.end_codes)}{too_far}")
     else:
         yield Row("potentiometer-range", "", f"{nominal.position.title}: its codes have no end")
-    yield Row("potentiometer-spike", _deg(factor * derived.jump), "the same, for fewer cycles")
+    yield Row("potentiometer-spike", _deg(factor * derived.jump), f"the same, for fewer cycles{too_far}")
     stuck = f"{limit.STUCK_TRAVEL:g} grains that the tachometer turns while the code stands"
     if not has_tachometer:
         stuck = f"{STUCK_FACTOR:g} x {limit.STUCK_TRAVEL:g} grains that the model turns while the code stands, and "
         stuck += f"{UNLEARNED_SHARE * limit.unmodelled_rad_s2(nominal):.3g} rad/s2 that it may lack"
     travel = derived.stuck_travel if has_tachometer else STUCK_FACTOR * derived.stuck_travel
-    yield Row("potentiometer-stuck", _deg(travel), stuck)
+    yield Row("potentiometer-stuck", _deg(travel), stuck + reach.beyond_travel(travel))
     drift = f"{limit.POSITION_DRIFT:g} grains, filtered over 16 readings"
     drift = _source("position_drift_lsb", limits.position_drift_lsb, drift)
     if has_tachometer:
@@ -140,7 +149,7 @@ def _position_rows(nominal: JointNominal, derived: Thresholds, limits: Supervisi
         drift = f"the same, after {'a doubtful speed' if 'pot' in name else 'an unexpected acceleration'}"
 
 
-def _speed_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision) -> Iterator[Row]:
+def _speed_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision, reach: Reach) -> Iterator[Row]:
     speed = nominal.speed
     if speed is None:
         for name in ("jump", "range", "spike", "stuck"):
@@ -149,22 +158,25 @@ def _speed_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision)
             yield Row(name, "", NO_TACHOMETER)
         return
     jump = _source("speed_jump_lsb", limits.speed_jump_lsb, f"{limit.SPEED_JUMP:g} grains from the model")
-    yield Row("tachometer-jump", _rad_s(derived.step), f"{jump}, and the angle does not follow")
-    yield Row("tachometer-spike", _rad_s(derived.step), "the same, and gone before that is decided")
+    too_fast = reach.beyond_tachometer(derived.step)
+    yield Row("tachometer-jump", _rad_s(derived.step), f"{jump}, and the angle does not follow{too_fast}")
+    yield Row("tachometer-spike", _rad_s(derived.step), f"the same, and gone before that is decided{too_fast}")
     if speed.end_codes:
-        yield Row("tachometer-range", _rad_s(derived.step), f"the same, at code {_ends(speed.end_codes)}")
-        yield Row("overspeed", f"{nominal.fastest_rad_s:.3g} rad/s", "its end, after an unexpected acceleration")
+        yield Row("tachometer-range", _rad_s(derived.step), f"the same, at code {_ends(speed.end_codes)}{too_fast}")
+        why = f"its end, after an unexpected acceleration{reach.beyond_supply(nominal.fastest_rad_s)}"
+        yield Row("overspeed", _rad_s(nominal.fastest_rad_s), why)
     stuck = (
         f"{limit.STUCK_SPEED:g} grains that the model's speed changes while the code stands; payload that turns makes "
     )
     stuck += f"up to {_rad_s(derived.stuck_drift * 0.05 * (0.025 + 2.0 / limit.BANDWIDTH_RAD_S))} of it in 50 ms, "
     stuck += f"friction that has just turned {_rad_s(0.05 * derived.stuck_turned)}"
-    yield Row("tachometer-stuck", _rad_s(derived.stuck_speed), stuck)
+    yield Row("tachometer-stuck", _rad_s(derived.stuck_speed), stuck + reach.beyond_tachometer(derived.stuck_speed))
     yield Row("sensor-noise", _rad_s(derived.doubt), "off one way, then the other; or three spikes")
-    yield Row("both-sensors", _deg(BLIND_FACTOR * derived.jump), f"{BLIND_FACTOR:g} times the limit of a jump")
+    both = BLIND_FACTOR * derived.jump
+    yield Row("both-sensors", _deg(both), f"{BLIND_FACTOR:g} times the limit of a jump{reach.beyond_travel(both)}")
 
 
-def _current_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision) -> Iterator[Row]:
+def _current_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision, reach: Reach) -> Iterator[Row]:
     names = "current-mismatch", "current-sense-mismatch", "current-sense-range"
     if nominal.current is None:
         yield from (Row(name, "", NO_SENSE) for name in names)
@@ -174,14 +186,16 @@ def _current_rows(nominal: JointNominal, derived: Thresholds, limits: Supervisio
     )
     why = _source("current_mismatch_a", limits.current_mismatch_a, why)
     for name in names:
-        yield Row(name, _ampere(derived.current), why)
+        yield Row(name, _ampere(derived.current), why + reach.beyond_amplifier(derived.current))
         why = "the same, and the arm does not care"
 
 
-def _arm_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision, timing: Timing) -> Iterator[Row]:
+def _arm_rows(
+    nominal: JointNominal, derived: Thresholds, limits: Supervision, timing: Timing, reach: Reach
+) -> Iterator[Row]:
     if nominal.speed is None:
         why = f"{limit.LASTING_SHARE_OF_FALL:g} of what the arm's whole weight makes: lasting alone, {NO_TACHOMETER}"
-        yield Row("acceleration-mismatch", _rad_s2(derived.lasting), why)
+        yield Row("acceleration-mismatch", _rad_s2(derived.lasting), why + reach.beyond_drive(derived.lasting))
         yield Row("wrong-direction", "", NO_TACHOMETER)
     else:
         noise = limit.ACCELERATION_SIGMAS * limit.acceleration_noise_rad_s2(nominal, timing)
@@ -192,8 +206,12 @@ def _arm_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision, t
         turned_why = f"+{turned:.3g} where it has just turned: {limit.COULOMB_TURN:.3g} x {nominal.coulomb_nm:.3g} N m"
         start = f"at the start, on elastic wires, {derived.start_acceleration:.3g}; lasting, more than any payload: "
         start += f"{derived.lasting:.3g}"
+        start += reach.beyond_drive(derived.acceleration) or reach.beyond_drive(derived.lasting, "lasting, ")
         yield Row("acceleration-mismatch", _rad_s2(derived.acceleration), f"{why.rstrip('; ')}; {turned_why}; {start}")
         told = f"commanded at least, of which 1.5 to 2.6 times are missing; sudden {_ampere(derived.sudden_current)}"
+        told += reach.beyond_amplifier(derived.told_current) or reach.beyond_amplifier(
+            derived.sudden_current, "sudden, "
+        )
         yield Row("wrong-direction", _ampere(derived.told_current), told)
     unit = f"{NORMAL_FACTOR:g} x what the law says, in units of {_deg(derived.following_unit)}"
     yield Row("following-error", f"{_deg(NORMAL_FACTOR * derived.following_unit)} x law", unit)
@@ -227,4 +245,4 @@ def _rad_s2(acceleration_rad_s2: float) -> str:
 
 
 def _ampere(current_a: float) -> str:
-    return f"{1e3 * current_a:.3g} mA"
+    return f"{1e3 * current_a:.3g} mA" if current_a < 1.0 else f"{current_a:.3g} A"
