@@ -47,7 +47,7 @@ def with_figures(page: str, matrix: Matrix, scenarios: Sequence[Scenario]) -> st
     page = _between(page, "sum", ["```", *sum_of(matrix), "```"])
     page = _between(page, "draws", ["```", *(command_of(each, None) for each in scenarios), "```"])
     head = [f"| part | named right | share | {CONFIDENCE:.0%} bounds | aim | else |", "|---|---|---|---|---|---|"]
-    page = _between(page, "names", [*head, *(_names(part, matrix) for part in Part)])
+    page = _between(page, "names", [*head, *(_names(part, matrix) for part in _parts(matrix))])
     failed = [_failed(cell) for cell in matrix.cells if not cell.worst.passes]
     head = ["| tap | fault | as they should be | worst | draw | why |", "|---|---|---|---|---|---|"]
     page = _between(page, "failed", [*head, *failed])
@@ -64,6 +64,11 @@ def sum_of(matrix: Matrix) -> list[str]:
 
 def _share(name: str, share: Share) -> str:
     return f"| {name} | {share.hits} | {share.value:.1%} | {share.low:.1%} to {share.high:.1%} |"
+
+
+def _parts(matrix: Matrix) -> list[Part]:
+    """The parts that the robot has."""
+    return [part for part in Part if any(row.part == part.value for row in matrix.rows)]
 
 
 def _names(part: Part, matrix: Matrix) -> str:

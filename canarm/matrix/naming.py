@@ -13,7 +13,7 @@ from fnmatch import fnmatchcase
 
 from canarm_emulator.faults.declaration import Tap, TapKind
 from canarm_emulator.faults.taps import taps_of
-from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.sensing import wired_sensors
 
 from .evidence import Notice
@@ -31,6 +31,7 @@ class Part(StrEnum):
 
     DRIVE = "drives"
     POTENTIOMETER = "potentiometers"
+    ENCODER = "encoders"
     TACHOMETER = "tachometers"
     CURRENT_SENSE = "current senses"
     MECHANICS = "mechanics"
@@ -62,12 +63,14 @@ FITTING: tuple[Fitting, ...] = (
     Fitting(Part.DRIVE, "current-limit", ("saturation",)),
     Fitting(Part.DRIVE, "supply-undervoltage", ("saturation",)),
     Fitting(Part.POTENTIOMETER, "*", ("potentiometer-*", "impossible-position", "impossible-motion")),
+    Fitting(Part.ENCODER, "*", ("encoder-*", "impossible-position", "impossible-motion")),
     Fitting(Part.TACHOMETER, "*", ("tachometer-*",)),
     Fitting(Part.CURRENT_SENSE, "*", ("current-sense-*",)),
     *(
         Fitting(part, fault, (_RESTLESS,))
-        for part in (Part.POTENTIOMETER, Part.TACHOMETER, Part.CURRENT_SENSE)
+        for part in (Part.POTENTIOMETER, Part.ENCODER, Part.TACHOMETER, Part.CURRENT_SENSE)
         for fault in ("noise", "spike", "dropout", "intermittent", "loose-contact", "stuck-bit")
+        if (part, fault) != (Part.ENCODER, "loose-contact")  # a counter's wires have no such tap
     ),
     Fitting(Part.MECHANICS, "*", ("acceleration-mismatch", "following-error", "saturation")),
     Fitting(Part.MECHANICS, "payload-change", ("acceleration-mismatch", "saturation"), reaches_inward=True),
@@ -79,10 +82,12 @@ FITTING: tuple[Fitting, ...] = (
 _DRIVE = (TapKind.DAC_CODE, TapKind.LATCH, TapKind.OPAMP, TapKind.CURRENT, TapKind.SUPPLY, TapKind.MOTOR)
 _MECHANICS = (TapKind.LINK, TapKind.DRIVE_WIRE, TapKind.BRAKE)
 _OF_A_SENSOR = {
-    Quantity.POSITION: Part.POTENTIOMETER,
-    Quantity.VELOCITY: Part.TACHOMETER,
-    Quantity.CURRENT: Part.CURRENT_SENSE,
+    "potentiometer": Part.POTENTIOMETER,
+    "encoder": Part.ENCODER,
+    "tachometer": Part.TACHOMETER,
+    "current_sense": Part.CURRENT_SENSE,
 }
+"""By the kinds of sensor of a cell."""
 
 
 def part_of(cell: Cell, fault: MatrixCell) -> Part | None:
@@ -119,7 +124,7 @@ def _part(cell: Cell, tap: Tap) -> Part | None:
         is_pin = tap.kind is TapKind.SENSOR and tap.name == sensor.signal
         is_code = tap.kind is TapKind.ADC_CODE and (tap.node_id, tap.channel) == (sensor.card.node_id, sensor.channel)
         if is_pin or is_code:
-            return _OF_A_SENSOR[sensor.quantity]
+            return _OF_A_SENSOR[sensor.sensor.kind]
     return None
 
 

@@ -30,6 +30,7 @@ from canarm.matrix.text_report import as_text
 from canarm_controller.supervision.detection import DETECTORS
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
+from tests.resolutions import cell_of_encoders
 
 ROOT = Path(__file__).parent.parent.parent
 PAGE = ROOT / "docs" / "fault-matrix.md"
@@ -198,6 +199,8 @@ def test_a_name_is_right_where_detector_and_joint_fit_the_fault(
 
 def test_every_part_of_the_robot_has_right_names_and_every_right_name_is_a_detectors() -> None:
     parts = {each: part_of(CELL, each) for each in cells_of(CELL)}
+    with_encoders = cell_of_encoders()
+    parts |= {each: part_of(with_encoders, each) for each in cells_of(with_encoders)}
     assert {part for part in parts.values() if part is not None} == set(Part)
     for each, part in parts.items():
         if part is not None:

@@ -145,7 +145,7 @@ def test_a_joint_with_a_link_that_counts_the_other_way(law: str) -> None:
         ("three", "gear", "saturation", "moving against its current"),
         ("konkuk1", "potentiometer", "potentiometer-mismatch", "from the integrated tachometer"),
         ("three", "tachometer", "tachometer-mismatch", ""),
-        ("three (encoder)", "encoder", "potentiometer-jump", "from the integrated tachometer"),
+        ("three (encoder)", "encoder", "encoder-jump", "from the integrated tachometer"),
     ],
 )
 def test_a_robot_whose_part_is_reversed_unknown_to_the_controller_is_noticed(

@@ -12,6 +12,7 @@ import pytest
 
 from canarm import Rig
 from canarm_controller.supervision.detection import DETECTORS, Reaction
+from tests.resolutions import cell_of_encoders
 
 AT_S, CYCLE_S, AT = 3.25, 0.0025, 1300
 """Joint 2 accelerates at -2.1 rad/s² there, joint 3 turns at -1.7 rad/s."""
@@ -49,6 +50,8 @@ def disk_full() -> NoReturn:
 
 
 WIRE = {"wire": True}
+ENCODERS = {"cell": cell_of_encoders()}
+"""Of 0.044 degrees a count: 80 counts are 3.5 degrees, 3.3 steps of a potentiometer."""
 LIGHTER = fault("joint3.link", "payload-change", mass=0.6)
 BLOW = fault("joint3.link", "collision", impulse=0.2)
 ADC, LATCH = "0x14", "latch"
@@ -72,6 +75,10 @@ SCENES: dict[str, Scene] = {
     "potentiometer-spike": Scene("joint3", 10, fault("joint3.potentiometer", "spike", height=0.12, interval=10.0)),
     "potentiometer-stuck": Scene("joint3", 24, fault("joint3.potentiometer", "stuck")),
     "potentiometer-mismatch": Scene("joint2", 10, fault("joint2.potentiometer", "offset", value=0.06)),
+    "encoder-jump": Scene("joint2", 10, fault("joint2.encoder", "offset", value=80), rig=ENCODERS),
+    "encoder-spike": Scene("joint3", 10, fault("joint3.encoder", "spike", height=80, interval=10.0), rig=ENCODERS),
+    "encoder-stuck": Scene("joint3", 24, fault("joint3.encoder", "stuck"), rig=ENCODERS),
+    "encoder-mismatch": Scene("joint2", 10, fault("joint2.encoder", "offset", value=40), rig=ENCODERS),
     "tachometer-range": Scene("joint2", 10, fault("joint2.tachometer", "dropout")),
     "tachometer-jump": Scene("joint3", 10, fault("joint3.tachometer", "leakage")),
     "tachometer-spike": Scene("joint3", 10, fault("joint3.tachometer", "spike", interval=10.0)),

@@ -12,7 +12,7 @@ from canarm_protocol.cell.model import Cell
 from ..dynamics import Arm, SeveralArms
 from ..laws.base import Cycle
 from .currents import CurrentWatch
-from .detection import Reaction
+from .detection import Reaction, named_for
 from .expectation import ArmExpectation, expectation
 from .following import FollowingWatch
 from .hold import SafeHold
@@ -252,6 +252,7 @@ class ArmWatch:
     def _teller(self, index: int) -> Report:
         doubt = self._timing.doubt
         noted_at = -doubt
+        position = self._nominals[index].position.title
 
         def tell(detector: str, detail: str, reaction: Reaction | None) -> bool:
             nonlocal noted_at
@@ -260,7 +261,7 @@ class ArmWatch:
             elif detector == "sensor-noise" and detail.startswith("tachometer") and self._cycle < noted_at + doubt:
                 # A drive makes the speed swing, and a current sense does not: even where it has been blamed.
                 detector, detail = "current-mismatch", f"noted before, and now the speed swings ({detail})"
-            return self._report(detector, index, detail, reaction)
+            return self._report(named_for(position, detector), index, named_for(position, detail), reaction)
 
         return tell
 

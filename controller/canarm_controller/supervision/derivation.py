@@ -7,13 +7,13 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from canarm_protocol.cell.model import Cell, Supervision
+from canarm_protocol.cell.model import SENSOR_KINDS, Cell, Quantity, Supervision
 from canarm_protocol.cell.sensing import joint_sensors
 
 from ..dynamics import Arm, SeveralArms, cell_arm
 from . import thresholds as limit
 from . import uncertainty as box
-from .detection import DETECTORS
+from .detection import DETECTORS, named_for
 from .following import NORMAL_FACTOR
 from .nominal import JointNominal, joint_nominals, sensor_nominal
 from .reach import Reach
@@ -59,7 +59,11 @@ def detector_lines(cell: Cell) -> Iterator[str]:
             yield str(row)
     yield ""
     named = {row.detector for row in joint_rows(nominals[0], derived, limits, timing, reach)}
-    others = [name for name in DETECTORS if name not in named and not name.startswith("impossible")]
+    of_a_joint = (
+        "impossible",
+        *(f"{kind.kind}-" for kind in SENSOR_KINDS.values() if kind.quantity is Quantity.POSITION),
+    )
+    others = [name for name in DETECTORS if name not in named and not name.startswith(of_a_joint)]
     yield f"without a limit of a joint: {', '.join(others)}"
 
 
@@ -79,12 +83,14 @@ def joint_rows(
     nominal: JointNominal, derived: Thresholds, limits: Supervision, timing: Timing, reach: Reach
 ) -> list[Row]:
     """The detectors of one joint that have a limit."""
-    return [
+    rows = [
         *_position_rows(nominal, derived, limits, reach),
         *_speed_rows(nominal, derived, limits, reach),
         *_current_rows(nominal, derived, limits, reach),
         *_arm_rows(nominal, derived, limits, timing, reach),
     ]
+    sensor = nominal.position.title
+    return [Row(named_for(sensor, row.detector), row.limit, named_for(sensor, row.why)) for row in rows]
 
 
 def _grain_lines(nominal: JointNominal, derived: Thresholds, timing: Timing) -> Iterator[str]:
@@ -128,8 +134,6 @@ def _position_rows(nominal: JointNominal, derived: Thresholds, limits: Supervisi
     yield Row("potentiometer-jump", shown, jump + too_far)
     if nominal.position.end_codes:
         yield Row("potentiometer-range", shown, f"the same, at code {_ends(nominal.position.end_codes)}{too_far}")
-    else:
-        yield Row("potentiometer-range", "", f"{nominal.position.title}: its codes have no end")
     yield Row("potentiometer-spike", _deg(factor * derived.jump), f"the same, for fewer cycles{too_far}")
     stuck = f"{limit.STUCK_TRAVEL:g} grains that the tachometer turns while the code stands"
     if not has_tachometer:

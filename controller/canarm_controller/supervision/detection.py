@@ -73,6 +73,10 @@ DETECTORS: dict[str, Detector] = dict(
         _row("potentiometer-spike", Reaction.SUBSTITUTE, 1, "as a jump, for fewer than four cycles"),
         _row("potentiometer-stuck", Reaction.HOLD, 1, "as a mismatch, and the code has not changed meanwhile"),
         _row("potentiometer-mismatch", Reaction.HOLD, 1, "filtered, position_drift_lsb from the tachometer"),
+        _row("encoder-jump", Reaction.HOLD, 4, "as potentiometer-jump; a counter's codes have no end"),
+        _row("encoder-spike", Reaction.SUBSTITUTE, 1, "as potentiometer-spike"),
+        _row("encoder-stuck", Reaction.HOLD, 1, "as potentiometer-stuck"),
+        _row("encoder-mismatch", Reaction.HOLD, 1, "as potentiometer-mismatch"),
         _row("tachometer-range", Reaction.SUBSTITUTE, 2, "the last code at either end of the ADC"),
         _row("tachometer-jump", Reaction.SUBSTITUTE, 3, "speed_jump_lsb from the model; the angle did not follow"),
         _row("tachometer-spike", Reaction.SUBSTITUTE, 1, "as a jump, and gone before that is decided"),
@@ -97,3 +101,12 @@ DETECTORS: dict[str, Detector] = dict(
     )
 )
 """Every detector by name. The names are an API: users' tests refer to them."""
+
+
+POSITION = "potentiometer"
+"""The sensor of position by whose name its detectors go among themselves."""
+
+
+def named_for(sensor: str, text: str) -> str:
+    """A detector's name, or what it says, with the joint's own sensor of position instead of a potentiometer."""
+    return text if sensor == POSITION else text.replace(POSITION, sensor)

@@ -29,6 +29,6 @@ ENCODER_COUNTER = CardKind(
     settings=CounterSettings,
     codec=_codec,
     place=lambda _, number: Place(POSITION_VALUES, number),
-    tap="{card}.channel{number}",
+    tap="{joint}.encoder",
     tap_about="count of {signal}",
 )
