@@ -18,7 +18,14 @@ from canarm_controller.run.state import State
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError, BusOptionsError
-from canarm_protocol.runs.run_folder import SIGNALS_FOLDER, create_run_folder, update_run_file
+from canarm_protocol.runs.run_folder import (
+    CONTROLLER_FILES,
+    SIGNALS_FOLDER,
+    RunFolderError,
+    create_run_folder,
+    update_run_file,
+)
+from canarm_protocol.runs.tentative import Tentative
 from canarm_protocol.transport.realtime import ask_for_realtime
 
 from ..options import (
@@ -99,8 +106,9 @@ def controller(
     is_watched = math.isfinite(sync_timeout)
     place = (lambda: f"the controller sent nothing after cycle {built.tick}") if is_watched else None
     stop = StopRequest(None, with_parent, place)
+    made = Tentative()
     if output.out is not None:
-        _make_folder(output.out)
+        _make_folder(output.out, made)
     if wall.realtime:
         for refused in ask_for_realtime():
             _tell(f"--realtime: {refused}")
@@ -117,11 +125,14 @@ def controller(
 
     def on_open() -> None:
         if output.out is not None:
-            follower.recorder = _start_recording(output.out, built, given)
+            follower.recorder = _start_recording(output.out, built, given, made)
 
     pacing = {"spin_ns": wall.spin * 1000, "pace": pace, "answer_s": sync_timeout}
-    result = _run(built, follower, robot_bus, bench_bus, on_open, pacing)
+    with made:
+        result = _run(built, follower, robot_bus, bench_bus, on_open, pacing)
     stop.is_over()
+    if isinstance(built.error, ClockMismatchError) or follower.recorder is None:
+        _forget_recording(output.out, follower, made)
     recorder = follower.recorder
     out = None if recorder is None else output.out
     summary = _summary(nominal, control, clock, built, result, out)
@@ -208,19 +219,34 @@ def _run(
         return Runner(controller, port, bench, follower.on_state, follower.should_stop, **pacing).run()
 
 
-def _make_folder(folder: Path) -> None:
+def _make_folder(folder: Path, made: Tentative) -> None:
     """Make the run folder; an emulator's run in it is shared, another controller's is refused."""
     if (folder / SIGNALS_FOLDER / SIGNALS_FILE).exists():
         raise UsageError(f"--out {folder}: holds a controller's run already; name another folder, or remove it")
-    create_run_folder(folder, reuse=True)
+    create_run_folder(folder, reuse=True, made=made)
 
 
-def _start_recording(folder: Path, controller: Controller, given: Mapping[str, Any]) -> ControllerRecorder:
+def _start_recording(
+    folder: Path, controller: Controller, given: Mapping[str, Any], made: Tentative
+) -> ControllerRecorder:
     """A recorder. A run that found no bus leaves no files: an emulator may record into the folder later."""
-    update_run_file(folder, "controller", {**provenance(), **given})
+    for name in CONTROLLER_FILES:
+        made.file(folder / name)
     recorder = ControllerRecorder(folder, controller)
+    update_run_file(folder, "controller", {**provenance(), **given})
     controller.on_tick = recorder.tick
     return recorder
+
+
+def _forget_recording(folder: Path | None, follower: "_Follower", made: Tentative) -> None:
+    """A run that has found no bus, or is refused by the cards, leaves nothing; an emulator's files stay."""
+    if follower.recorder is not None and folder is not None:
+        with contextlib.suppress(OSError):
+            follower.recorder.close()
+        follower.recorder = None
+        with contextlib.suppress(OSError, RunFolderError):
+            update_run_file(folder, "controller", None)
+    made.take_back()
 
 
 def _end_recording(folder: Path, recorder: ControllerRecorder, summary: Summary, result: RunResult) -> bool:

@@ -17,6 +17,7 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import ExitStatus
 from canarm_protocol.runs.run_folder import create_run_folder, new_run_folder, update_run_file
+from canarm_protocol.runs.tentative import Tentative
 
 from ..child import START_S, Child, ended_too_early, offered_port
 from ..fault_file import load_faults
@@ -103,7 +104,8 @@ def demo(
     warning = traffic_warning(nominal, cell.cell)
     if warning is not None:
         _tell(warning)
-    folder = create_run_folder(output.out) if output.out is not None else new_run_folder()
+    made = Tentative()
+    folder = create_run_folder(output.out, made=made) if output.out is not None else new_run_folder(made=made)
     common = ["--cell", cell.cell, "--clock", clock, "--out", str(folder), "--json"]
     common += ["--sync-timeout", wait_text(sync_timeout)]
     common += _each("--set", cell.settings)
@@ -113,7 +115,8 @@ def demo(
     if faults is not None:
         robot += ["--faults", str(faults)]
     with Child("emulator", [*common, *robot], quiet=with_dashboard) as emulator:
-        port = offered_port(emulator)
+        with made:
+            port = offered_port(emulator)
         arguments = [*common, *_controller_arguments(control, f"{host}:{port}", seconds)]
         if pace is not None:
             arguments += ["--pace", pace_text(pace)]

@@ -1,7 +1,6 @@
 """`canarm emulator`: the robot's side as a process of its own."""
 
 import contextlib
-import functools
 import json
 import math
 import os
@@ -26,6 +25,7 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.runs.run_folder import claim_run_folder, update_run_file
+from canarm_protocol.runs.tentative import Tentative
 from canarm_protocol.transport.port import BusPort
 
 from ..fault_file import load_faults
@@ -120,6 +120,7 @@ def emulator(
     script = None if world.faults is None else load_faults(world.faults, bench)
     stop = StopRequest(seconds, with_parent)
     with contextlib.ExitStack() as stack:
+        made = stack.enter_context(Tentative())
         hub = stack.enter_context(contextlib.closing(_serve(host, port, allow_remote)))
         ports = {name: [] if named is None else [stack.enter_context(named.open())] for name, named in buses.items()}
         adapter = stack.enter_context(_offer_slcan(slcan, allow_remote)) if slcan is not False else None
@@ -134,14 +135,18 @@ def emulator(
                 "sync_timeout_s": world.sync_timeout if math.isfinite(world.sync_timeout) else None,
                 "faults": None if script is None else as_toml(script),
             }
-            recorder = stack.enter_context(contextlib.closing(_start_recording(output.out, nominal, given)))
+            recorder = stack.enter_context(contextlib.closing(_start_recording(output.out, nominal, given, made)))
         remote = adapter.address if isinstance(adapter, SlcanSocket) else None
         for line in exposure_lines(hub.address, remote, buses):
             _tell(line)
         warning = traffic_warning(nominal, cell.cell) if world.wire and not with_parent else None
         if warning is not None:
             _tell(warning)
-        announce = functools.partial(_announce, hub, ports)
+
+        def announce() -> None:
+            made.keep()
+            _announce(hub, ports)
+
         runner = EmulatorRunner(bench, hub, ports, recorder, world.sync_timeout, stop.is_due, _tell, script, announce)
         failure = _run(runner, recorder, output.out)
         summary = {
@@ -200,11 +205,12 @@ def _offer_slcan(where: bool | str, allow_remote: bool) -> SlcanPort:
     return SlcanTerminal(Path(where) if isinstance(where, str) else None)
 
 
-def _start_recording(folder: Path, cell: Cell, given: Mapping[str, Any]) -> Recorder:
-    claim_run_folder(folder)
+def _start_recording(folder: Path, cell: Cell, given: Mapping[str, Any], made: Tentative) -> Recorder:
+    claim_run_folder(folder, made)
+    recorder = Recorder(folder, cell)
     update_run_file(folder, "cell", cell.model_dump(mode="json"))
     update_run_file(folder, "emulator", {**provenance(), **given})
-    return Recorder(folder, cell)
+    return recorder
 
 
 def _announce(hub: Hub, ports: Mapping[str, Sequence[BusPort]]) -> None:

@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from canarm_protocol.cell.export import BUSES, export_dbc, export_dcf, export_eds
-from canarm_protocol.runs.own_file import replace_file
+from canarm_protocol.runs.own_file import replace_files
+from canarm_protocol.runs.tentative import Tentative
 
 from ..options import CellOptions
 from ..usage import UsageError
@@ -48,14 +49,17 @@ def export(
 
 
 def _write(folder: Path, texts: dict[str, str]) -> None:
+    """All the files, or none and no new folder."""
+    made = Tentative()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        made.folder(folder)
     except OSError as error:
         raise UsageError(f"--out {folder}: is no folder and cannot become one: {error.strerror}") from None
-    for name, text in texts.items():
-        path = folder / name
-        try:
-            replace_file(path, text.encode("ascii"))
-        except OSError as error:
-            raise UsageError(f"--out {folder}: {name} cannot be written: {error.strerror}") from None
-        print(path)
+    try:
+        replace_files({folder / name: text.encode("ascii") for name, text in texts.items()})
+    except OSError as error:
+        made.take_back()
+        name = Path(str(error.filename)).name
+        raise UsageError(f"--out {folder}: {name} cannot be written: {error.strerror}") from None
+    for name in texts:
+        print(folder / name)

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 from canarm_protocol.runs.own_file import open_own, replace_file, write_all
+from canarm_protocol.runs.tentative import Tentative
 
 from ..usage import UsageError
 from .html_report import as_html
@@ -33,8 +34,9 @@ def claimed(folder: Path) -> Iterator[None]:
     An unused claim is given back; one left by a killed campaign is taken over. Raises
     `UsageError` if there is a matrix already, or the folder cannot be made.
     """
+    made = Tentative()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        made.folder(folder)
     except OSError as error:
         raise UsageError(f"--out {folder}: is no folder and cannot become one: {error.strerror}") from None
     if any((folder / name).exists() for name in OTHER_FILES):
@@ -47,6 +49,7 @@ def claimed(folder: Path) -> Iterator[None]:
             if not (folder / CSV_FILE).stat().st_size:
                 (folder / CSV_FILE).unlink()
         os.close(held)
+        made.take_back()  # a folder in which there is nothing
 
 
 def write(folder: Path, matrix: Matrix) -> list[Path]:

@@ -11,6 +11,7 @@ from typing import Self
 from canarm_controller.supervision.detection import Detection
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.faults.fault_events import FaultEvent
+from canarm_protocol.runs.tentative import Tentative
 
 from ..session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY
 from .arguments import as_text, checked_seed
@@ -47,13 +48,24 @@ class AnyRig(FaultControl):
         """Beginnings and ends of faults; oldest first."""
         self.noticed: list[Noticed] = []
         """Detections with their times; oldest first."""
-        self._open(cell, settings)
-        if faults is not None:
-            self.inject_file(faults)
+        self._made = Tentative()
+        try:
+            self._open(cell, settings)
+            if faults is not None:
+                self.inject_file(faults)
+        except Exception:
+            self._close_files()
+            self._made.take_back()
+            raise
+        self._made.keep()
 
     @abstractmethod
     def _open(self, cell: str | Path | Cell, settings: Mapping[str, object] | None) -> None:
         """Build what a run needs, with `settings` applied to the cell."""
+
+    @abstractmethod
+    def _close_files(self) -> None:
+        """Let go of the run folder, of which nothing stays: the arguments were wrong."""
 
     @property
     def begun(self) -> list[Begun]:

@@ -4,6 +4,7 @@ A run cannot be paused, so faults are declared before it. What happened is read 
 the run folder afterwards.
 """
 
+import contextlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,6 +20,7 @@ from canarm_protocol.errors import BusError, FaultError
 from canarm_protocol.faults.bench_client import BenchClient
 from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.faults.script import FaultScript
+from canarm_protocol.runs.run_folder import EMULATOR_FILES, SIGNALS_FOLDER
 from canarm_protocol.transport.port import open_port
 
 from ..bus_choice import VIRTUAL_BUSES, BusChoice
@@ -51,6 +53,8 @@ class BusRig(AnyRig):
     bus: BusChoice = VIRTUAL_BUSES
     """The buses of its runs; see `over`."""
 
+    _emulator: Child | None = None
+
     @classmethod
     def over(cls, bus: BusChoice) -> type["BusRig"]:
         """The class of rigs over `bus`."""
@@ -72,6 +76,10 @@ class BusRig(AnyRig):
         self._common += [word for key, value in given.items() for word in ("--set", f"{key}={value}")]
         robot = ["--serve", f"{HOST}:0", "--seed", str(self._seed), "--sync-timeout", str(SYNC_TIMEOUT_S)]
         robot += [word for key, value in self._true_settings.items() for word in ("--truth", f"{key}={value}")]
+        with contextlib.suppress(OSError):  # the emulator will say what is wrong with it
+            self._made.folder(self.folder / SIGNALS_FOLDER)
+        for file in EMULATOR_FILES:
+            self._made.file(self.folder / file)
         self._emulator = Child(
             "emulator", [*self._common, *robot, *self.bus.flags, *(["--wire"] * self._wire)], quiet=True
         )
@@ -111,7 +119,7 @@ class BusRig(AnyRig):
             if not controller.wait(START_S + SLOWEST * seconds):
                 raise BusError(f"the controller has not ended within {START_S + SLOWEST * seconds:g} s")
             self._result = _last_object(controller)
-        self._emulator.end()
+        self._close_files()
         self.reason = self._result["reason"]
         figures = {name: JointFigures(**each) for name, each in self._result["joints"].items()}
         self.joints = self._read(figures)
@@ -138,7 +146,11 @@ class BusRig(AnyRig):
     def finish(self) -> None:
         """End the processes. May be called again."""
         self._is_finished = True
-        self._emulator.end()
+        self._close_files()
+
+    def _close_files(self) -> None:
+        if self._emulator is not None:
+            self._emulator.end()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -27,7 +27,7 @@ from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.fault_events import FaultEvent, event_details, event_name
 from canarm_protocol.faults.script import FaultScript
-from canarm_protocol.runs.run_folder import create_run_folder, update_run_file
+from canarm_protocol.runs.run_folder import CONTROLLER_FILES, EMULATOR_FILES, create_run_folder, update_run_file
 from canarm_protocol.shown import named_error
 
 from ..session import make_bench, make_controller, provenance, tick_count
@@ -58,6 +58,8 @@ class Rig(AnyRig):
     What goes wrong on the robot raises nothing: it ends in a safe stop, with `reason`.
     """
 
+    _recorders: tuple[Recorder, ControllerRecorder] | None = None
+
     def _open(self, cell: str | Path | Cell, settings: Mapping[str, object] | None) -> None:
         self.cell = rig_cell(cell, settings)
         self._bench = make_bench(self.cell, self._true_settings, Clock.SYNC, self._seed, self._wire, "truth")
@@ -83,9 +85,8 @@ class Rig(AnyRig):
         )
         self._state = State.IDLE
         self._folder: Path | None = None
-        self._recorders: tuple[Recorder, ControllerRecorder] | None = None
         if self._out is not None:
-            self._record(create_run_folder(Path(self._out)))
+            self._record(Path(self._out))
         self._bench.on_cycle = self._keep_truth
         self._bench.device.faults.on_event = self._note_fault
         self._controller.on_tick = self._on_tick
@@ -335,8 +336,16 @@ class Rig(AnyRig):
             if self._recorders is not None:
                 self._recorders[1].state(self._state)
 
+    def _close_files(self) -> None:
+        recorders, self._recorders = self._recorders, None
+        for recorder in recorders or ():
+            with contextlib.suppress(OSError):
+                recorder.close()
+
     def _record(self, folder: Path) -> None:
-        self._folder = folder
+        self._folder = create_run_folder(folder, made=self._made)
+        for name in (*EMULATOR_FILES, *CONTROLLER_FILES):
+            self._made.file(folder / name)
         self._recorders = (Recorder(folder, self.cell), ControllerRecorder(folder, self._controller))
         self._controller.on_detection = self._recorders[1].detection
         update_run_file(folder, "cell", self.cell.model_dump(mode="json"))

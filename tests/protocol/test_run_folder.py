@@ -221,7 +221,9 @@ def test_a_log_may_be_closed_twice(tmp_path) -> None:
 
 def test_of_two_that_claim_a_folder_one_is_refused(tmp_path, monkeypatch) -> None:
     claim_run_folder(tmp_path / "run")
-    monkeypatch.setattr(run_folder, "create_run_folder", lambda path: path)  # both have looked before either wrote
+    monkeypatch.setattr(
+        run_folder, "create_run_folder", lambda path, made: path
+    )  # both have looked before either wrote
     with pytest.raises(RunFolderError, match="holds a run already"):
         claim_run_folder(tmp_path / "run")
 

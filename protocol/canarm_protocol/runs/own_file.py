@@ -5,10 +5,11 @@ A disk that fills up leaves whole lines and whole files. What is written belongs
 """
 
 import contextlib
+import errno
 import os
 import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
 
@@ -74,14 +75,28 @@ def replace_file(path: Path, data: bytes) -> None:
 
     Raises `OSError` with the name of the file.
     """
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    replace_files({path: data})
+
+
+def replace_files(texts: Mapping[Path, bytes]) -> None:
+    """As `replace_file`, for several: all are written before the first takes its place.
+
+    Raises `OSError` with the name of the file that cannot be written; all are then as they were.
+    """
+    drafts = {path: path.with_name(f".{path.name}.{os.getpid()}") for path in texts}
+    path = Path()
     try:
-        draft.unlink(missing_ok=True)
-        create_file(draft, data)
-        draft.replace(path)
+        for path, draft in drafts.items():
+            if path.is_dir() and not path.is_symlink():
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+            draft.unlink(missing_ok=True)
+            create_file(draft, texts[path])
+        for path, draft in drafts.items():
+            draft.replace(path)
     except OSError as error:
-        with contextlib.suppress(OSError):
-            draft.unlink()
+        for draft in drafts.values():
+            with contextlib.suppress(OSError):
+                draft.unlink()
         raise OSError(error.errno, error.strerror, str(path)) from None
 
 

@@ -17,9 +17,13 @@ from ..canopen.frames import Frame
 from ..errors import ProtocolError
 from ..text_file import read_text
 from .own_file import append_lines, open_own, replace_file
+from .tentative import Tentative
 
 RUN_FILE, EVENTS_FILE, CAN_LOG_FILE, SIGNALS_FOLDER = "run.json", "events.jsonl", "can0.log", "signals"
-CONTROLLER_SIGNALS = f"{SIGNALS_FOLDER}/controller.csv"
+CONTROLLER_SIGNALS, ROBOT_SIGNALS = f"{SIGNALS_FOLDER}/controller.csv", f"{SIGNALS_FOLDER}/robot.csv"
+EMULATOR_FILES = (CAN_LOG_FILE, ROBOT_SIGNALS, EVENTS_FILE, RUN_FILE)
+CONTROLLER_FILES = (CONTROLLER_SIGNALS, "memory.bin", EVENTS_FILE, RUN_FILE)
+"""What each of the two writes; two files are shared."""
 FLUSH_EVERY = 200
 """Lines between two flushes of a log: half a second of a run at most is lost with the process."""
 LOCK_S = 5.0
@@ -33,17 +37,20 @@ class RunFolderError(ProtocolError):
     """A run folder cannot be written or read."""
 
 
-def create_run_folder(path: Path, reuse: bool = False) -> Path:
-    """Make the folder of a run. An earlier run in it is refused unless `reuse`. Raises `RunFolderError`."""
+def create_run_folder(path: Path, reuse: bool = False, made: Tentative | None = None) -> Path:
+    """Make the folder of a run, and note it in `made`. An earlier run in it is refused unless `reuse`.
+
+    Raises `RunFolderError`; nothing has then been made.
+    """
     if not reuse and any((path / file).exists() for file in (CAN_LOG_FILE, CONTROLLER_SIGNALS)):
         raise _taken(path)
-    try:
-        (path / SIGNALS_FOLDER).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunFolderError(f"--out {path}: cannot be made: {error.strerror}") from None
     for planted in (path / SIGNALS_FOLDER, path / RUN_FILE):
         if planted.is_symlink():
             raise RunFolderError(f"--out {path}: {planted} is a link; remove it, or name another folder")
+    try:
+        (made or Tentative()).folder(path / SIGNALS_FOLDER)
+    except OSError as error:
+        raise RunFolderError(f"--out {path}: cannot be made: {error.strerror}") from None
     return path
 
 
@@ -51,45 +58,55 @@ def _taken(path: Path) -> RunFolderError:
     return RunFolderError(f"--out {path}: holds a run already; name another folder, or remove it")
 
 
-def claim_run_folder(path: Path) -> Path:
+def claim_run_folder(path: Path, made: Tentative | None = None) -> Path:
     """Make the folder of a run for one emulator: if several try at the same time, all but one are refused.
 
-    Raises `RunFolderError`.
+    `made` notes it, and the files that the emulator is going to make. Raises `RunFolderError`.
     """
-    create_run_folder(path)
+    made = made or Tentative()
+    create_run_folder(path, made=made)
     try:
         os.close(os.open(path / CAN_LOG_FILE, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except FileExistsError:
         raise _taken(path) from None
     except OSError as error:
         raise RunFolderError(f"{path / CAN_LOG_FILE}: cannot be written: {error.strerror}") from None
+    made.made(path / CAN_LOG_FILE)
+    for name in EMULATOR_FILES:
+        made.file(path / name)
     return path
 
 
-def new_run_folder(base: Path = Path("runs")) -> Path:
-    """A folder below `base` that no run has used, named by date and time."""
+def new_run_folder(base: Path = Path("runs"), made: Tentative | None = None) -> Path:
+    """A folder below `base` that no run has used, named by date and time, and noted in `made`."""
+    made = made or Tentative()
     stamp = time.strftime("%Y%m%d-%H%M%S")
-    for suffix in range(1000):
-        path = base / (stamp if not suffix else f"{stamp}-{suffix}")
-        try:
-            path.mkdir(parents=True)
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise RunFolderError(f"{path}: cannot be made: {error.strerror}") from None
-        return create_run_folder(path)
+    try:
+        made.folder(base)
+        for suffix in range(1000):
+            path = base / (stamp if not suffix else f"{stamp}-{suffix}")
+            with contextlib.suppress(FileExistsError):
+                path.mkdir()
+                made.made(path)
+                return create_run_folder(path, made=made)
+    except OSError as error:
+        raise RunFolderError(f"{error.filename or base}: cannot be made: {error.strerror}") from None
     raise RunFolderError(f"{base}: no free folder name for {stamp}")
 
 
 def update_run_file(folder: Path, section: str, content: Any) -> None:
     """Set one section of `run.json`, in one piece: a reader sees the file before or after, never half of it.
 
+    With `None` the section goes.
     Raises `RunFolderError` for a file that cannot be read, `OSError` with its name for one that cannot be written.
     """
     with _locked(folder / f".{RUN_FILE}.lock"):
         path = folder / RUN_FILE
         document = read_run_file(folder) if path.exists() else {}
-        document[section] = content
+        if content is None:
+            document.pop(section, None)
+        else:
+            document[section] = content
         replace_file(path, (json.dumps(document, indent=2, sort_keys=True) + "\n").encode())
 
 
