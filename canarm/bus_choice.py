@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from canarm_protocol.shown import quoted
+
 from .usage import UsageError
 
 VIRTUAL = "virtual"
@@ -21,7 +23,9 @@ class BusChoice:
             return cls()
         robot, comma, bench = text.removeprefix(SOCKETCAN).partition(",")
         if not text.startswith(SOCKETCAN) or not (robot and comma and bench) or "," in bench:
-            raise UsageError(f"bus {text!r}: must be {VIRTUAL}, or {SOCKETCAN}vcan0,vcan1 (the robot's, the bench's)")
+            raise UsageError(
+                f"bus {quoted(text)}: must be {VIRTUAL}, or {SOCKETCAN}vcan0,vcan1 (the robot's, the bench's)"
+            )
         return cls((robot, bench))
 
     @property

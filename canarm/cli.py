@@ -18,7 +18,7 @@ from cyclopts import App, CycloptsError
 from cyclopts.config import Env
 
 from canarm_protocol.errors import CanarmError, ExitStatus
-from canarm_protocol.shown import first_line, named_error
+from canarm_protocol.shown import LONGEST_LINE, first_line, named_error, printable, printable_lines
 
 from .stopping import interrupt_on_terminate
 from .usage import UsageError
@@ -96,7 +96,9 @@ def run(arguments: Sequence[str]) -> int:
         result = app(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         command = " ".join(("canarm", *(error.command_chain or ())))
-        return _complain(f"{' '.join(str(error).split())} See `{command} --help`.", ExitStatus.WRONG_INPUT)
+        return _complain(
+            f"{_without_long_words(str(error), arguments)} See `{command} --help`.", ExitStatus.WRONG_INPUT
+        )
     except CanarmError as error:
         return _complain(str(error), error.exit_status)
     except KeyboardInterrupt:
@@ -160,8 +162,15 @@ def _lose_stdout(error: OSError) -> int:
     return FAILED if isinstance(error, BrokenPipeError) else _complain(f"stdout: {error.strerror}", FAILED)
 
 
+def _without_long_words(text: str, arguments: Sequence[str]) -> str:
+    """What the parser complains of on one line, in which it repeats arguments whole."""
+    for word in arguments:
+        text = text.replace(word, printable(word)) if len(word) > LONGEST_LINE else text
+    return " ".join(text.split())
+
+
 def _complain(text: str, status: int) -> int:
-    for line in text.splitlines():
+    for line in printable_lines(text).splitlines():
         print(f"canarm: {line}", file=sys.stderr)
     return status
 

@@ -7,6 +7,7 @@ from canarm_emulator.faults.engine import FaultEngine
 from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.script import FaultScript, read_faults
+from canarm_protocol.shown import quoted
 
 
 def load_faults(path: Path, bench: FaultBench) -> FaultScript:
@@ -24,7 +25,7 @@ def load_faults(path: Path, bench: FaultBench) -> FaultScript:
         try:
             engine.accept(replace(script, sets=(declared,)))
         except FaultError as error:
-            where = f"set {declared.name!r}"
+            where = f"set {quoted(declared.name)}"
             text = str(error)
             raise FaultError(f"{path}: {text if text.startswith(where) else f'{where}: {text}'}") from None
     return script

@@ -12,10 +12,11 @@ from cyclopts import Parameter, Token
 
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
+from canarm_protocol.shown import printable
 from canarm_protocol.transport.port import BusPort, open_port, parse_bus_options
 from canarm_protocol.transport.socketcand import DEFAULT_PORT
 
-from .usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError, parse_settings, shortened
+from .usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError, parse_settings
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_ADDRESS = f"{DEFAULT_HOST}:{DEFAULT_PORT}"
@@ -356,7 +357,7 @@ def parse_address(option: str, text: str, any_port: bool = False, scheme: str = 
     is_number = digits.isascii() and digits.isdigit() and len(digits) <= LONGEST_PORT
     if not colon or not host or not is_number or not lowest <= int(digits) <= 0xFFFF:
         raise UsageError(
-            f"{option} {shortened(text)}: write {scheme}HOST:PORT with a port from {lowest} to 65535, such as "
+            f"{option} {printable(text)}: write {scheme}HOST:PORT with a port from {lowest} to 65535, such as "
             f"{scheme}{DEFAULT_ADDRESS}"
         )
     return host.strip("[]"), int(digits)
@@ -366,14 +367,14 @@ def _named(option: str, interface: str | None, channel: str | None, words: Seque
     options = parse_bus_options(words)
     if interface is None:
         if channel is not None or words:
-            given = f"channel {channel}" if channel is not None else words[0]
+            given = printable(f"channel {channel}" if channel is not None else words[0])
             raise UsageError(f"{given}: of which bus? name its interface, such as {option} socketcan")
         return None
     if interface not in can.VALID_INTERFACES:
         known = sorted(can.VALID_INTERFACES)
         close = difflib.get_close_matches(interface, known, n=1)
         hint = f"did you mean {close[0]}?" if close else f"it knows {', '.join(known)}"
-        raise UsageError(f"{option} {interface}: python-can knows no such interface; {hint}")
+        raise UsageError(f"{option} {printable(interface)}: python-can knows no such interface; {hint}")
     if interface == SERIAL and channel is None:
         raise UsageError(f"{option} {interface}: on which serial line? add its channel, such as -c /dev/ttyACM0")
     return NamedBus(interface, channel, options)

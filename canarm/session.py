@@ -16,6 +16,7 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.schedulability import cell_verdict
 from canarm_protocol.cell.wiring import card_nodes, input_slots
 from canarm_protocol.clock import Clock
+from canarm_protocol.shown import quoted
 
 from .usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError
 
@@ -70,7 +71,7 @@ def make_controller(
 def tick_count(cell: Cell, seconds: float, source: str = "--seconds") -> int:
     """The number of cycles in `seconds`, given in `source`. Raises `UsageError` for less than one, or no number."""
     if not isinstance(seconds, Real) or isinstance(seconds, bool):
-        raise UsageError(f"{source} {seconds!r}: must be a number of seconds")
+        raise UsageError(f"{source} {quoted(seconds)}: must be a number of seconds")
     ticks = round(seconds / cell.bus.cycle_s) if math.isfinite(seconds) else 0
     if ticks < 1:
         raise UsageError(f"{source} {seconds:g}: must be at least one cycle, {cell.bus.cycle_s:g} s")

@@ -3,21 +3,13 @@
 from collections.abc import Iterable, Sequence
 
 from canarm_protocol.errors import CanarmError
+from canarm_protocol.shown import printable
 
 DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY = "konkuk1", "mras", "sine"
 
 
 class UsageError(CanarmError, ValueError):
     """An impossible request by the user: exit status 2, and in Python a `ValueError`."""
-
-
-LONGEST_SHOWN = 200
-"""Characters of a user's text that an error message repeats."""
-
-
-def shortened(text: str) -> str:
-    """`text`, or its beginning where it is long."""
-    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}…"
 
 
 def parse_settings(option: str, words: Sequence[str]) -> dict[str, str]:
@@ -31,9 +23,9 @@ def key_values(words: Iterable[str], before: str, hint: str) -> dict[str, str]:
     for word in words:
         key, equals, value = word.partition("=")
         if not equals or not key or not value:
-            raise UsageError(f"{before}{word}: write KEY=VALUE{hint}")
+            raise UsageError(f"{before}{printable(word)}: write KEY=VALUE{hint}")
         if key in values:
-            raise UsageError(f"{before}{word}: {key} is given twice")
+            raise UsageError(f"{before}{printable(word)}: {printable(key)} is given twice")
         values[key] = value
     return values
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from canarm_protocol.cell.model import Cell
+from canarm_protocol.shown import printable
 
 from ..options import CellOptions, Flag
 from ..stdout import keep_stdout
@@ -112,7 +113,7 @@ def _chosen(nominal: Cell, only: Sequence[str], name: str) -> "tuple[MatrixCell,
 
     idle = [pattern for pattern in only if not cells_of(nominal, [pattern])]
     if idle:
-        words = " ".join(f"--only {shlex.quote(pattern)}" for pattern in idle)
+        words = " ".join(f"--only {printable(shlex.quote(pattern))}" for pattern in idle)
         raise UsageError(f"{words}: fits no fault; see `canarm fault list --cell {name}`")
     return tuple(cells_of(nominal, only))
 

@@ -15,6 +15,7 @@ from canopen.objectdictionary.datatypes import SIGNED_TYPES
 from canarm_protocol.canopen.dictionary import variable_at
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.wiring import CardNode, DirectionBits, bridge_directions, command_codec
+from canarm_protocol.shown import quoted
 
 from ..usage import UsageError
 
@@ -276,7 +277,7 @@ def _value(node: CardNode, index: int, subindex: int, text: str) -> bytes:
     if variable is None:
         raise UsageError(f"{where}: the EDS of {node.card.model} has no such object")
     if variable.data_type not in INTEGER_TYPES:
-        raise UsageError(f"{where}: {variable.name!r} is no integer; only integers can be written here")
+        raise UsageError(f"{where}: {quoted(variable.name)} is no integer; only integers can be written here")
     bits, is_signed = len(variable), variable.data_type in SIGNED_TYPES
     low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if is_signed else (0, (1 << bits) - 1)
     return _integer(where, "VALUE", text, low, high).to_bytes(bits // 8, "little", signed=is_signed)

@@ -11,6 +11,7 @@ from canarm_emulator.errors import TruthError
 from canarm_emulator.robot.truth import truth_keys
 from canarm_protocol.cell.cell_messages import nearest
 from canarm_protocol.cell.model import Cell
+from canarm_protocol.shown import quoted
 
 from ..usage import UsageError, value_text
 
@@ -25,7 +26,7 @@ class RigWarning(UserWarning):
 def checked_seed(seed: object) -> int:
     """`seed` as a whole number. Raises `UsageError` if it is none, or negative."""
     if not isinstance(seed, Integral) or isinstance(seed, bool):
-        raise UsageError(f"seed {seed!r}: must be a whole number")
+        raise UsageError(f"seed {quoted(seed)}: must be a whole number")
     if int(seed) < 0:
         raise UsageError(f"seed {seed}: must not be negative")
     return int(seed)
@@ -34,20 +35,20 @@ def checked_seed(seed: object) -> int:
 def check_number(what: str, value: object) -> None:
     """Raises `UsageError` unless `value` is a number, NaN excepted."""
     if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(float(value)):
-        raise UsageError(f"{what} {value!r}: must be a number")
+        raise UsageError(f"{what} {quoted(value)}: must be a number")
 
 
 def as_text(values: Mapping[str, object] | None) -> dict[str, str]:
     """Values as `--set` and `--truth` spell them. Raises `UsageError` for what is no mapping."""
     if not isinstance(values, Mapping | None):
-        raise UsageError(f"{values!r}: must be a mapping of keys and values, such as {{'joint3.mass': 0.9}}")
+        raise UsageError(f"{quoted(values)}: must be a mapping of keys and values, such as {{'joint3.mass': 0.9}}")
     return {key: value_text(value) for key, value in (values or {}).items()}
 
 
 def check_mechanics(cell: Cell, key: str) -> None:
     """Raises `TruthError` unless `key` can change during a run."""
     if not isinstance(key, str):
-        raise TruthError(f"{key!r}: a key is a name, such as 'joint3.mass'")
+        raise TruthError(f"{quoted(key)}: a key is a name, such as 'joint3.mass'")
     known = [each.name for each in truth_keys(cell)]
     if key not in known:
         raise TruthError(f"{key}: no such key{nearest(key, known, 'canarm check --keys')}")

@@ -21,6 +21,7 @@ from canarm_protocol.faults.bench_client import BenchClient
 from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.faults.script import FaultScript
 from canarm_protocol.runs.run_folder import EMULATOR_FILES, SIGNALS_FOLDER
+from canarm_protocol.shown import quoted
 from canarm_protocol.transport.port import open_port
 
 from ..bus_choice import VIRTUAL_BUSES, BusChoice
@@ -160,7 +161,7 @@ class BusRig(AnyRig):
     def __getattr__(self, name: str) -> Any:
         if name in ("controller", "change_truth", "frames", "events", "fault_status", "time_s"):
             raise UsageError(f"{name}: not to be had over a bus; such a test runs without --canarm-bus")
-        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {quoted(name)}")
 
     def _accept(self, script: FaultScript) -> None:
         if self._is_finished:

@@ -10,6 +10,7 @@ from canarm_controller.supervision.detection import DETECTORS, Detection
 from canarm_protocol.cell.cell_messages import nearest
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.faults.fault_events import FaultEvent
+from canarm_protocol.shown import quoted
 
 from ..usage import UsageError
 from .arguments import RigWarning
@@ -185,13 +186,13 @@ def check_question(cell: Cell, name: str | None, where: str | None) -> None:
     """Raises `UsageError` if nothing can ever match: `assert not` would always pass."""
     __tracebackhide__ = True
     if name is not None and name not in DETECTORS:
-        raise UsageError(f"detected: no detector {name!r}{nearest(name, DETECTORS)}")
+        raise UsageError(f"detected: no detector {quoted(name)}{nearest(name, DETECTORS)}")
     nodes = [cell.bus.controller_node_id, *(card.node_id for card in cell.card)]
     places = [*cell.joint_names, *(card.name for card in cell.card), *(f"0x{node_id:02X}" for node_id in nodes)]
     if where is not None and where not in places:
         hint = nearest(where, places)
         known = "" if "known are" in hint else f" There are {', '.join(places)}"
-        raise UsageError(f"detected: no joint, card or node {where!r}{hint}{known}")
+        raise UsageError(f"detected: no joint, card or node {quoted(where)}{hint}{known}")
 
 
 def _ms(seconds: float) -> str:

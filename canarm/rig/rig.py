@@ -28,7 +28,7 @@ from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.fault_events import FaultEvent, event_details, event_name
 from canarm_protocol.faults.script import FaultScript
 from canarm_protocol.runs.run_folder import CONTROLLER_FILES, EMULATOR_FILES, create_run_folder, update_run_file
-from canarm_protocol.shown import named_error
+from canarm_protocol.shown import named_error, quoted
 
 from ..session import make_bench, make_controller, provenance, tick_count
 from ..summary import Summary, detections_as_plain
@@ -299,8 +299,8 @@ class Rig(AnyRig):
             at_s, cycle = late.trigger.at_s, late.trigger.cycle
             given = f"cycle = {cycle}" if at_s is None else f"at = {at_s:g} s"
             raise FaultError(
-                f"set {late.name!r}: {given} is over: it is {self._bench.faults.run_time_s or 0.0:.4f} s, in cycle "
-                f"{self._bench.cycle}; to begin now, leave it out"
+                f"set {quoted(late.name)}: {given} is over: it is {self._bench.faults.run_time_s or 0.0:.4f} s, "
+                f"in cycle {self._bench.cycle}; to begin now, leave it out"
             )
         self._bench.inject(script)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from canarm_controller.bus.assessment import JointFigures
 from canarm_protocol.cell.cell_messages import nearest
+from canarm_protocol.shown import quoted
 
 from ..usage import UsageError
 from .arguments import check_number
@@ -41,7 +42,7 @@ class UnknownJoint(UsageError, KeyError):
         names = list(names)
         hint = nearest(str(name), names)
         known = "" if "known are" in hint else f" There are {', '.join(names)}"
-        super().__init__(f"no joint {name!r}{hint}{known}")
+        super().__init__(f"no joint {quoted(name)}{hint}{known}")
 
     def __str__(self) -> str:
         return str(self.args[0])  # a KeyError shows its repr
@@ -203,7 +204,7 @@ class RigJoint:
         if signal in SIGNALS:
             return self._source.span(self._index, signal)
         known = (*SIGNALS, ERROR_LSB)
-        raise UsageError(f"no history {signal!r}{nearest(signal, known)}; there are {', '.join(known)}")
+        raise UsageError(f"no history {quoted(signal)}{nearest(signal, known)}; there are {', '.join(known)}")
 
     def _check(self, signal: str, low: float, high: float, since: float, until: float) -> Finding:
         __tracebackhide__ = True

@@ -4,30 +4,34 @@ Names in a cell, headers of a file and answers of a bench may hold escape sequen
 endless.
 """
 
+import re
 from typing import Any
 
-LONGEST_LINE = 400
-"""Longest text that is shown, in characters; the middle of a longer one is left out."""
-LONGEST_OF_LINES = 4000
+LONGEST_LINE = 200
+"""Longest foreign text that is shown, in characters; the middle of a longer one is left out."""
+LONGEST_OF_LINES = 1000
 """Longest line of a message, which may list a lot."""
 MOST_LINES = 200
-LONGEST_REASON = 200
-"""Longest reason quoted from a library's error, in characters."""
+_LONG_WORD = re.compile(rf"\S{{{LONGEST_LINE + 1},}}")
 
 
 def printable(text: str, longest: int = LONGEST_LINE) -> str:
     """`text` on one line, shortened to `longest`, with escapes for unprintable characters."""
-    if len(text) > longest:
-        text = f"{text[: longest // 2]} ... {text[-longest // 2 :]}"
+    text = _shortened(text, longest)
     if text.isprintable():
         return text
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
 
+def quoted(value: object) -> str:
+    """A value that a user, a file or a bench has given, as Python writes it, made `printable`."""
+    return printable(repr(value))
+
+
 def first_line(error: object) -> str:
     """What a library says that went wrong, an exception or its text: the first line that says anything."""
     lines = (" ".join(line.split()) for line in str(error).splitlines())
-    return printable(next(filter(None, lines), type(error).__name__), LONGEST_REASON)
+    return printable(next(filter(None, lines), type(error).__name__))
 
 
 def named_error(error: BaseException) -> str:
@@ -37,12 +41,25 @@ def named_error(error: BaseException) -> str:
 
 
 def printable_lines(text: str) -> str:
-    """Each line of `text` made `printable`, at most `MOST_LINES` of them."""
-    if len(text) <= LONGEST_OF_LINES and text.isprintable():
+    """Each line of `text` made `printable`, at most `MOST_LINES` of them.
+
+    A message may be longer than a text that it quotes; none of its words is.
+    """
+    if len(text) <= LONGEST_LINE and text.isprintable():
         return text
     lines = text.split("\n", MOST_LINES)
-    more = ["..."] if len(lines) > MOST_LINES else []
-    return "\n".join([*(printable(line, LONGEST_OF_LINES) for line in lines[:MOST_LINES]), *more])
+    more = ["…"] if len(lines) > MOST_LINES else []
+    return "\n".join([*(_printable_line(line) for line in lines[:MOST_LINES]), *more])
+
+
+def _printable_line(line: str) -> str:
+    words = _LONG_WORD.sub(lambda word: _shortened(word.group(), LONGEST_LINE), _shortened(line, 1 << 16))
+    return printable(words, LONGEST_OF_LINES)
+
+
+def _shortened(text: str, longest: int) -> str:
+    half = longest // 2
+    return text if len(text) <= longest else f"{text[:half]}…{text[half - longest :]}"
 
 
 def printable_values(value: Any) -> Any:

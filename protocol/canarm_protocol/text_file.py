@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-SHOWN = 40
-"""Characters of a wrong value that are shown in a message."""
+from .shown import quoted
+
 MOST_PARTS = 32
 """Most parts of a dotted key: `tomllib` takes time that grows with their square."""
 MOST_DIGITS = 600
@@ -76,7 +76,7 @@ def finite(number: int, column: str, cell: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise RowError(f"row {number}, column {column}: {cell[:SHOWN]!r} is not a finite number")
+        raise RowError(f"row {number}, column {column}: {quoted(cell)} is not a finite number")
     return value
 
 

@@ -279,6 +279,47 @@ def test_a_reader_that_has_gone_is_status_1_and_no_word(canarm):
     assert process.stderr == ""
 
 
+ENDLESS = ["x" * 5000, "9" * 5000, "a b " * 1500]
+
+
+@pytest.mark.parametrize("endless", ENDLESS, ids=["word", "digits", "prose"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "{}",
+        "fault {}",
+        "check {}",
+        "check --cell {}",
+        "check --{}",
+        "check --set {}",
+        "check --set control.{}=1",
+        "demo --law {}",
+        "demo --law mine.py:{}",
+        "demo --clock {}",
+        "demo --seconds {}x",
+        "demo --truth {}",
+        "demo --truth joint3.mass={}",
+        "demo --faults mine.toml",
+        "demo --trajectory mine.csv",
+        "emulator --serve {}",
+        "emulator --serve 127.0.0.1:{}",
+        "emulator -i {}",
+        "emulator -i virtual --bus-kwargs {}",
+        "fault matrix --only {}",
+        "fault inject joint2.tachometer stuck {}",
+    ],
+)
+def test_a_foreign_text_is_shown_shortened_wherever_it_came_from(tmp_path, monkeypatch, capsys, command, endless):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.csv").write_text(f"time_s,{endless}\n0,1\n")
+    (tmp_path / "mine.toml").write_text(f"""[[set]]\nwhen = '{endless}'\n[[set.fault]]\ntap = "x"\nfault = "y"\n""")
+    assert cli.run([word.replace("{}", endless) for word in command.split()]) == 2
+    complaint = capsys.readouterr().err
+    assert "should not happen" not in complaint
+    assert len(complaint) < 800
+    assert max(map(len, complaint.split())) < 260  # 200 characters, and what stands around them
+
+
 def test_a_reader_of_the_first_line_does_not_end_the_emulator(canarm):
     command = f"{shlex.quote(sys.executable)} -m canarm emulator --serve 127.0.0.1:0 --seconds 1 | head -1"
     process = canarm.run("sh", "-c", command)

@@ -6,7 +6,14 @@ import pytest
 
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.errors import CellError, FaultError
-from canarm_protocol.shown import LONGEST_LINE, MOST_LINES, printable, printable_lines, printable_values
+from canarm_protocol.shown import (
+    LONGEST_LINE,
+    LONGEST_OF_LINES,
+    MOST_LINES,
+    printable,
+    printable_lines,
+    printable_values,
+)
 
 RED = "\x1b[31m"
 
@@ -20,6 +27,14 @@ def test_escape_sequences_are_shown_and_not_obeyed() -> None:
 def test_endless_texts_are_cut() -> None:
     assert len(printable("x" * 10**6)) < LONGEST_LINE + 10
     assert printable_lines("x\n" * 10**5).count("\n") == MOST_LINES
+
+
+def test_no_word_of_a_message_is_longer_than_a_text_that_is_shown_and_no_message_endless() -> None:
+    said = str(FaultError(f"set {'x' * 10**6} of {'a b ' * 10**5} is wrong"))
+    assert max(map(len, said.split())) == LONGEST_LINE + 1
+    assert said.startswith("set xxx")
+    assert said.endswith("a b  is wrong")
+    assert len(said) == LONGEST_OF_LINES + 1
 
 
 def test_an_error_that_repeats_a_strangers_text_is_fit_for_a_terminal() -> None:

@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import get_args, get_type_hints
 
 from canarm_protocol.cell.model import Control
-from canarm_protocol.shown import named_error
+from canarm_protocol.shown import named_error, printable, quoted
 
 from ..cycle import Cycle
 from ..dynamics import Arm
@@ -60,11 +60,12 @@ def _named_law(spec: str) -> type[ControlLaw]:
         file_name, colon, class_name = spec, ":", ""
     if not colon or not file_name.endswith(".py"):
         raise LawError(
-            f"law {spec!r}: no such law{_close(spec)}; must be one of {', '.join(LAWS)}, or path/to/file.py:ClassName"
+            f"law {quoted(spec)}: no such law{_close(spec)}; must be one of {', '.join(LAWS)}, "
+            "or path/to/file.py:ClassName"
         )
     path = Path(file_name)
     if not path.is_file():
-        raise LawError(f"law {spec!r}: no file {file_name}; must be an existing Python file")
+        raise LawError(f"law {quoted(spec)}: no file {printable(file_name)}; must be an existing Python file")
     module = _run(path)
     own = {
         name: item
@@ -74,17 +75,19 @@ def _named_law(spec: str) -> type[ControlLaw]:
     if not class_name:
         laws = [item for item in own.values() if issubclass(item, ControlLaw)]
         if len(laws) != 1:
-            raise LawError(f"law {spec!r}: which class? {file_name} has {', '.join(own) or 'none'}")
-        return _complete(laws[0], f"law {spec!r}")
+            raise LawError(f"law {quoted(spec)}: which class? {file_name} has {', '.join(own) or 'none'}")
+        return _complete(laws[0], f"law {quoted(spec)}")
     found = getattr(module, class_name, None)
     if not inspect.isclass(found):
-        raise LawError(f"law {spec!r}: {file_name} has no class {class_name}; its classes: {', '.join(own) or 'none'}")
-    return _complete(found, f"law {spec!r}")
+        raise LawError(
+            f"law {quoted(spec)}: {file_name} has no class {class_name}; its classes: {', '.join(own) or 'none'}"
+        )
+    return _complete(found, f"law {quoted(spec)}")
 
 
 def _close(spec: str) -> str:
     close = difflib.get_close_matches(spec, LAWS, n=1)
-    return f"; did you mean {close[0]!r}?" if close else ""
+    return f"; did you mean {quoted(close[0])}?" if close else ""
 
 
 def _complete(found: type, source: str) -> type[ControlLaw]:

@@ -9,6 +9,8 @@ from enum import StrEnum
 
 import numpy as np
 
+from canarm_protocol.shown import quoted
+
 from ..dynamics import Arm, Floats
 from ..errors import ControllerError
 from .memory import SAMPLES, MemoryImage
@@ -136,7 +138,7 @@ def make_feedforward(
             return TableFeedforward(arm, image, exclude_inertia, lead_s)
         case FeedforwardKind.TABLE:
             raise ControllerError("feed-forward 'table' needs a memory image to keep the table in; 'online' needs none")
-    raise ControllerError(f"feed-forward {kind!r}: no such kind; must be one of {', '.join(FeedforwardKind)}")
+    raise ControllerError(f"feed-forward {quoted(kind)}: no such kind; must be one of {', '.join(FeedforwardKind)}")
 
 
 def _advanced(reference: Reference, lead_s: float) -> tuple[Floats, Floats, Floats]:

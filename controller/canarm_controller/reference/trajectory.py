@@ -12,6 +12,7 @@ import numpy as np
 
 from canarm_protocol.cell.arm import Joint
 from canarm_protocol.cell.model import Cell
+from canarm_protocol.shown import quoted
 
 from ..errors import TrajectoryError
 from .base import Blended, Bools, Trajectory, blend_from
@@ -120,7 +121,7 @@ def make_trajectory(spec: object, cell: Cell) -> Trajectory:
     path, interpolation = _path_of(str(spec))
     if not path.exists():
         close = difflib.get_close_matches(str(spec), BUILT_IN, n=1)
-        hint = f"; did you mean {close[0]!r}?" if close else ""
+        hint = f"; did you mean {quoted(close[0])}?" if close else ""
         raise TrajectoryError(f"{spec}: no such trajectory or file; built in: {', '.join(BUILT_IN)}{hint}")
     time_s, position_rad = read_trajectory_csv(path, limits.joint_names)
     return FileTrajectory(limits, time_s, position_rad, interpolation, str(path))

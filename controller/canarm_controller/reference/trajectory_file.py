@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from canarm_protocol.shown import first_line
+from canarm_protocol.shown import first_line, printable
 from canarm_protocol.text_file import RowError, csv_rows, finite, read_text
 
 from ..errors import TrajectoryError
@@ -99,8 +99,8 @@ def _columns(source: str, header: Sequence[str], joint_names: Sequence[str]) -> 
     angles = [[name + ending for ending in ANGLE_UNITS if name + ending in header] for name in joint_names]
     if len(times) != 1 or any(len(found) != 1 for found in angles) or len(header) != 1 + len(joint_names):
         raise TrajectoryError(
-            f"{source}: row 1 has the columns {', '.join(header) or 'none'}; must be time_s, {', '.join(joint_names)} "
-            f"(degrees; radians as {joint_names[0]}_rad, milliseconds as time_ms)"
+            f"{source}: row 1 has the columns {printable(', '.join(header)) or 'none'}; must be time_s, "
+            f"{', '.join(joint_names)} (degrees; radians as {joint_names[0]}_rad, milliseconds as time_ms)"
         )
     names = [times[0], *(found[0] for found in angles)]
     scales = (TIME_UNITS[names[0]], *(units[name] for name in names[1:]))

@@ -7,7 +7,7 @@ from canarm_protocol.cell.cell_messages import nearest
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.script import FaultSpec, ParameterValue, limits_text
-from canarm_protocol.shown import named_error
+from canarm_protocol.shown import named_error, quoted
 
 from .declaration import Fault, Tap, declared_faults
 from .parameters import Parameter, parameters_at
@@ -96,7 +96,7 @@ def _resolve(taps: Mapping[str, Tap], spec: FaultSpec) -> tuple[Tap, type[Fault]
     """The tap, the fault and all its parameters that `spec` asks for."""
     tap = taps.get(spec.tap)
     if tap is None:
-        raise FaultError(f"no tap {spec.tap!r}{nearest(spec.tap, taps, '`canarm fault list`')}")
+        raise FaultError(f"no tap {quoted(spec.tap)}{nearest(spec.tap, taps, '`canarm fault list`')}")
     faults = declared_faults()
     fault = faults.get((spec.fault, tap.kind))
     if fault is None:
@@ -104,11 +104,11 @@ def _resolve(taps: Mapping[str, Tap], spec: FaultSpec) -> tuple[Tap, type[Fault]
         elsewhere = sorted({kind.value for name, kind in faults if name == spec.fault})
         others = f"; acts at: {', '.join(elsewhere)}; supported here are {', '.join(here) or 'none'}"
         hint = others if elsewhere else nearest(spec.fault, here)
-        raise FaultError(f"fault {spec.fault!r} is not supported at {tap.name} ({tap.kind.value}){hint}")
+        raise FaultError(f"fault {quoted(spec.fault)} is not supported at {tap.name} ({tap.kind.value}){hint}")
     parameters = {each.name: each for each in parameters_at(fault, tap)}
     for name in spec.parameters:
         if name not in parameters:
-            raise FaultError(f"{spec.fault} at {tap.name}: no parameter {name!r}{nearest(name, parameters)}")
+            raise FaultError(f"{spec.fault} at {tap.name}: no parameter {quoted(name)}{nearest(name, parameters)}")
     values = {
         name: _checked(spec, each, spec.parameters[name]) if name in spec.parameters else each.default
         for name, each in parameters.items()
@@ -117,7 +117,7 @@ def _resolve(taps: Mapping[str, Tap], spec: FaultSpec) -> tuple[Tap, type[Fault]
 
 
 def _checked(spec: FaultSpec, parameter: Parameter, value: ParameterValue) -> ParameterValue:
-    where = f"{spec.fault} at {spec.tap}: {parameter.name} = {value!r}"
+    where = f"{spec.fault} at {spec.tap}: {parameter.name} = {quoted(value)}"
     if parameter.choices:
         if value not in parameter.choices:
             raise FaultError(f"{where}: must be one of {', '.join(parameter.choices)} ({parameter.about})")

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.errors import FaultError
+from canarm_protocol.shown import quoted
 
 from ..robot.truth import JointTruth
 from .modules import import_declared, is_built_in, load_built_in
@@ -156,7 +157,7 @@ def _place_of(fault: type[Fault]) -> str:
 
 
 def _check_place(fault: type[Fault]) -> None:
-    where = f"{fault.declared_at}: fault {fault.name!r}"
+    where = f"{fault.declared_at}: fault {quoted(fault.name)}"
     if not fault.acts_on:
         raise FaultError(f"{where}: acts_on is empty; must be kinds of tap, such as SCALAR_KINDS")
     beyond = [kind.name for kind in TapKind if kind in fault.acts_on - fault.able_at]

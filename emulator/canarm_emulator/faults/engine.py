@@ -19,6 +19,7 @@ from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.conditions import Condition
 from canarm_protocol.faults.fault_events import FaultEvent
 from canarm_protocol.faults.script import FaultScript, FaultSet, Trigger
+from canarm_protocol.shown import quoted
 
 from ..robot.world import JointState
 from .bench_points import BusPoint, ClockPoint, NodePoint
@@ -80,7 +81,7 @@ class FaultEngine:
             if each.name == f"set {position + 1}" and each.name in at_work:
                 each = replace(each, name=f"set {self._accepted + position + 1}")
             if each.name in at_work:
-                raise FaultError(f"a set named {each.name!r} is there already: clear it, or choose another name")
+                raise FaultError(f"a set named {quoted(each.name)} is there already: clear it, or choose another name")
             planned = tuple(self._planned(each))
             when = each.trigger.when
             turns.append(Turn(each, None if when is None else Condition(when, self._signals), planned))
@@ -103,14 +104,14 @@ class FaultEngine:
                 planned = PlannedFault(self.taps, spec)
                 self._check_supported(planned, spec.fault)
             except FaultError as error:
-                raise FaultError(f"set {declared.name!r}, fault {number}: {error}") from None
+                raise FaultError(f"set {quoted(declared.name)}, fault {number}: {error}") from None
             yield planned
 
     def _check_supported(self, planned: PlannedFault, name: str) -> None:
         tap = planned.tap
         if planned.needs_wire and self._bench.wire is None:
             raise FaultError(
-                f"{name!r} at {tap.name} needs the model of the wire; start the emulator with --wire, a Rig with "
+                f"{quoted(name)} at {tap.name} needs the model of the wire; start the emulator with --wire, a Rig with "
                 "wire=True"
             )
         if tap.kind is TapKind.CLOCK and self._bench.clock is Clock.WALL:
@@ -145,7 +146,7 @@ class FaultEngine:
         found = 0
         names = [turn.declared.name for turn in self._turns()]
         if name and name not in names:
-            raise FaultError(f"no set {name!r} to clear; there {_are(names)}")
+            raise FaultError(f"no set {quoted(name)} to clear; there {_are(names)}")
         for turn in self._turns():
             if name in (NAME_OF_ALL, turn.declared.name):
                 found += turn.state is not SetState.ENDED
@@ -296,10 +297,12 @@ class FaultEngine:
         for turn in self._turns():
             if turn.declared.name == name:
                 if turn.state is not SetState.WAITING:
-                    raise FaultError(f"set {name!r} is {turn.state.value}; only one that waits can be triggered")
+                    raise FaultError(f"set {quoted(name)} is {turn.state.value}; only one that waits can be triggered")
                 turn.is_pulled = True
-                return f"triggered {name!r}"
-        raise FaultError(f"no set {name!r} to trigger; there {_are([turn.declared.name for turn in self._turns()])}")
+                return f"triggered {quoted(name)}"
+        raise FaultError(
+            f"no set {quoted(name)} to trigger; there {_are([turn.declared.name for turn in self._turns()])}"
+        )
 
     def _turns(self) -> list[Turn]:
         return [turn for configuration in self._configurations for turn in configuration.turns]
@@ -336,7 +339,7 @@ class FaultEngine:
             given += ["cycle"] * any(each.trigger.cycle is not None for each in script.sets)
             verb = "count" if len(given) > 1 else "counts"
             return [f"no run is on: {' and '.join(given)} {verb} from the next NMT start"] if given else []
-        return [f"{each.name!r} begins at once: {time_s:.3f} s are over" for each in self.overdue(script)]
+        return [f"{quoted(each.name)} begins at once: {time_s:.3f} s are over" for each in self.overdue(script)]
 
     def _values(self, now_ns: int) -> Mapping[str, float]:
         began_ns = self._run_began_ns
@@ -355,8 +358,8 @@ def _check_order(sets: Sequence[FaultSet]) -> None:
     for each, following in itertools.pairwise(sets):
         if each.duration_s is None and following.trigger == Trigger():
             raise FaultError(
-                f"set {each.name!r} would end as soon as it begins: give it a duration, or set {following.name!r} a "
-                "trigger"
+                f"set {quoted(each.name)} would end as soon as it begins: give it a duration, or set "
+                f"{quoted(following.name)} a trigger"
             )
 
 

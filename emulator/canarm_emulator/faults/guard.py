@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.shown import quoted
 
 from ..robot.truth import JointTruth
 from .declaration import Fault, NodeHandle
@@ -71,7 +72,7 @@ def _number(value: Any) -> Any:
     try:
         is_none = math.isnan(value)
     except TypeError:
-        raise TypeError(f"apply() returned {value!r}: must be a number") from None
+        raise TypeError(f"apply() returned {quoted(value)}: must be a number") from None
     if is_none:
         raise ValueError("apply() returned nan: must be a number")
     return value
@@ -79,7 +80,7 @@ def _number(value: Any) -> Any:
 
 def _joint(value: Any) -> JointTruth:
     if not isinstance(value, JointTruth):
-        raise TypeError(f"change() returned {value!r}: must be a JointTruth")
+        raise TypeError(f"change() returned {quoted(value)}: must be a JointTruth")
     return value
 
 
@@ -89,19 +90,19 @@ def _stamped(frames: Iterable[Any]) -> list[tuple[int, Frame]]:
     for each in found:
         time_ns, frame = each if isinstance(each, tuple) and len(each) == 2 else (None, None)
         if not isinstance(time_ns, int) or not isinstance(frame, Frame):
-            raise TypeError(f"{each!r} was to go on: must be a pair of a time in ns and a Frame")
+            raise TypeError(f"{quoted(each)} was to go on: must be a pair of a time in ns and a Frame")
     return found
 
 
 def _frame(value: Any) -> Any:
     if value is not None and not isinstance(value, Frame):
-        raise TypeError(f"the send filter returned {value!r}: must be a Frame, or None for a lost one")
+        raise TypeError(f"the send filter returned {quoted(value)}: must be a Frame, or None for a lost one")
     return value
 
 
 def _period(value: Any) -> int:
     if not isinstance(value, int) or value <= 0:
-        raise TypeError(f"period_ns() returned {value!r}: must be a whole number of ns, greater than 0")
+        raise TypeError(f"period_ns() returned {quoted(value)}: must be a whole number of ns, greater than 0")
     return value
 
 

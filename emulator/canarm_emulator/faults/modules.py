@@ -9,6 +9,7 @@ import pkgutil
 from importlib.metadata import entry_points
 
 from canarm_protocol.errors import FaultError
+from canarm_protocol.shown import quoted
 
 ENTRY_POINTS = "canarm.faults"
 """Group of entry points; each names a module that declares faults."""
@@ -35,6 +36,6 @@ def import_declared() -> None:
         try:
             entry.load()
         except (Exception, SystemExit) as error:
-            where = f"faults of entry point {entry.name!r} ({entry.value})"
+            where = f"faults of entry point {quoted(entry.name)} ({entry.value})"
             text = str(error) if isinstance(error, FaultError) else f"{type(error).__name__}: {error}"
             raise FaultError(f"{where}: {' '.join(text.split())}") from None

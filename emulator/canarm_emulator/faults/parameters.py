@@ -11,6 +11,7 @@ from types import FrameType
 from typing import Any
 
 from canarm_protocol.errors import FaultError
+from canarm_protocol.shown import quoted
 
 from .declaration import Fault, Tap
 
@@ -106,7 +107,7 @@ def choice(about: str, choices: tuple[str, ...]) -> Any:
     """A parameter that is one of some words; the first is the default."""
     given: object = choices
     if not isinstance(given, tuple | list) or not given or not all(isinstance(each, str) for each in given):
-        raise _refused("choice(about, choices)", f"choices = {choices!r}: must be words, at least one")
+        raise _refused("choice(about, choices)", f"choices = {quoted(choices)}: must be words, at least one")
     _check_arguments("choice(about, choices)", {"about": about}, None, 0.0, 0.0)
     meta = Parameter("", about, "", choices[0], choices=tuple(choices))
     return field(default=choices[0], metadata={"parameter": meta})
@@ -115,14 +116,14 @@ def choice(about: str, choices: tuple[str, ...]) -> Any:
 def _check_arguments(call: str, texts: Mapping[str, object], default: object, minimum: object, maximum: object) -> None:
     for name, value in texts.items():
         if not isinstance(value, str):
-            raise _refused(call, f"{name} = {value!r}: must be text")
+            raise _refused(call, f"{name} = {quoted(value)}: must be text")
     for name, value in (("minimum", minimum), ("maximum", maximum), ("default", default)):
         if isinstance(value, bool) or not (isinstance(value, float | int) or (value is None and name == "default")):
-            raise _refused(call, f"{name} = {value!r}: must be a number")
+            raise _refused(call, f"{name} = {quoted(value)}: must be a number")
     if not minimum <= maximum:  # type: ignore[operator]
-        raise _refused(call, f"minimum = {minimum!r} is above maximum = {maximum!r}")
+        raise _refused(call, f"minimum = {quoted(minimum)} is above maximum = {quoted(maximum)}")
     if default is not None and not minimum <= default <= maximum:  # type: ignore[operator]
-        raise _refused(call, f"default = {default!r}: must be from {minimum!r} to {maximum!r}")
+        raise _refused(call, f"default = {quoted(default)}: must be from {quoted(minimum)} to {quoted(maximum)}")
 
 
 def _refused(call: str, problem: str) -> FaultError:

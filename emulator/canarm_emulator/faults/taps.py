@@ -5,6 +5,7 @@ Names come from the cell's joints and cards. `points.py` has what stands behind 
 
 from canarm_protocol.cards import Wire
 from canarm_protocol.cell.model import Card, Cell, Channel, Command
+from canarm_protocol.shown import quoted
 
 from ..robot.drives import DRIVES
 from ..robot.sensors import SENSORS
@@ -61,7 +62,7 @@ def taps_of(cell: Cell) -> dict[str, Tap]:
     taps.append(Tap("can0.tx", TapKind.MESSAGES, "frames that the cards send"))
     taps.append(Tap("can0.wire", TapKind.BUS, "the robot's bus as a wire (needs the wire model)"))
     taps += [
-        Tap(f"node.0x{card.node_id:02X}", TapKind.NODE, f"card {card.name!r} as a node", node_id=card.node_id)
+        Tap(f"node.0x{card.node_id:02X}", TapKind.NODE, f"card {quoted(card.name)} as a node", node_id=card.node_id)
         for card in cell.card
     ]
     taps.append(Tap("bench.clock", TapKind.CLOCK, "the bench's time between two SYNCs"))

@@ -5,6 +5,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from canarm_protocol.shown import printable, quoted
+
 from ..errors import TruthError
 
 SWITCH = {"false": 0.0, "true": 1.0}
@@ -47,21 +49,21 @@ class Parameter:
 
 def parse_value(keys: Mapping[str, TruthKey], name: str, text: str, option: str = "--truth") -> float:
     """The value of one setting, given in `option`. Raises `TruthError`: key, value, and what would be right."""
-    key = keys.get(name)
+    key, given = keys.get(name), printable(f"{name}={text}")
     if key is None:
         close = difflib.get_close_matches(name, keys, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else "see `canarm check --keys`"
-        raise TruthError(f"{option} {name}={text}: no such key; {hint}")
+        hint = f"did you mean {quoted(close[0])}?" if close else "see `canarm check --keys`"
+        raise TruthError(f"{option} {given}: no such key; {hint}")
     try:
         value = SWITCH[text.lower()] if key.is_switch and text.lower() in SWITCH else float(text)
     except ValueError:
         value = math.nan
     if key.is_switch and value not in (0.0, 1.0):
-        raise TruthError(f"{option} {name}={text}: must be 0 or 1, false or true ({key.description})")
+        raise TruthError(f"{option} {given}: must be 0 or 1, false or true ({key.description})")
     if not key.minimum <= value <= key.maximum:
         unit = f" {key.unit}" if key.unit else ""
         raise TruthError(
-            f"{option} {name}={text}: must be a number from {key.minimum:g} to {key.maximum:g}{unit} "
+            f"{option} {given}: must be a number from {key.minimum:g} to {key.maximum:g}{unit} "
             f"({key.description}; nominal {key.nominal:g})"
         )
     return value

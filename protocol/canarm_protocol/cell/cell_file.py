@@ -18,6 +18,8 @@ from .settings import key_of, lay_over
 from .urdf_robots import resolve_urdf
 
 LARGEST_BYTES = 1_000_000
+LONGEST_PROBLEM = 400
+"""Longest line about one problem of a cell, which names what there is instead."""
 DEEPEST = 20
 MOST_PROBLEMS = 20
 
@@ -80,7 +82,7 @@ def parse_cell(
     table = _frozen(table, source)
     is_old = old_writing(table)
     if is_old is not None:
-        raise CellError(f"{source}: {printable(is_old)}")
+        raise CellError(f"{source}: {printable(is_old, LONGEST_PROBLEM)}")
     try:
         cell = Cell.model_validate(table)
     except ValidationError as error:
@@ -96,7 +98,7 @@ def parse_cell(
 
 def _lines(found: Sequence[str], count: int, source: str, settings: Mapping[str, str], option: str) -> list[str]:
     """One line per problem in `found`, and how many of `count` are left out."""
-    lines = [f"{_source(line, source, settings, option)}: {printable(line)}" for line in found]
+    lines = [f"{_source(line, source, settings, option)}: {printable(line, LONGEST_PROBLEM)}" for line in found]
     return [*lines, f"{source}: and {count - len(found)} more"] if count > len(found) else lines
 
 

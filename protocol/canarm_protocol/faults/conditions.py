@@ -13,6 +13,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 
 from ..cell.cell_messages import nearest
 from ..errors import FaultError
+from ..shown import quoted
 
 Value = Callable[[Mapping[str, float]], float]
 
@@ -55,7 +56,7 @@ class Condition:
                 warnings.simplefilter("ignore", SyntaxWarning)
                 body = ast.parse(self._source, mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
-            raise FaultError(f"condition {text!r}: cannot be read; {_EXPECTED}") from None
+            raise FaultError(f"condition {quoted(text)}: cannot be read; {_EXPECTED}") from None
         self._check_depth(body)
         self._is_true = self._truth(body)
 
@@ -70,7 +71,7 @@ class Condition:
             level = [child for node in level for child in ast.iter_child_nodes(node)]
             if not level:
                 return
-        raise FaultError(f"condition {self.text!r}: nested too deep; at most {DEEPEST} levels")
+        raise FaultError(f"condition {quoted(self.text)}: nested too deep; at most {DEEPEST} levels")
 
     def _truth(self, node: ast.expr) -> Value:
         if isinstance(node, ast.BoolOp):
@@ -94,7 +95,9 @@ class Condition:
     def _number(self, node: ast.expr) -> Value:
         if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
             if abs(node.value) > LARGEST:
-                raise FaultError(f"condition {self.text!r}: {self._given(node)!r} is too large; at most {LARGEST:g}")
+                raise FaultError(
+                    f"condition {quoted(self.text)}: {quoted(self._given(node))} is too large; at most {LARGEST:g}"
+                )
             constant = float(node.value)
             return lambda values: constant
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
@@ -103,7 +106,9 @@ class Condition:
         if isinstance(node, ast.BinOp) and type(node.op) in _OPERATIONS:
             combine, left, right = _OPERATIONS[type(node.op)], self._number(node.left), self._number(node.right)
             if isinstance(node.op, ast.Div) and _is_constant(node.right) and not right({}):
-                raise FaultError(f"condition {self.text!r}: {self._given(node)!r} divides by zero, and has no value")
+                raise FaultError(
+                    f"condition {quoted(self.text)}: {quoted(self._given(node))} divides by zero, and has no value"
+                )
             return lambda values: combine(left(values), right(values))
         if isinstance(node, ast.Call) and ast.unparse(node.func) == _ABS and len(node.args) == 1 and not node.keywords:
             inner = self._number(node.args[0])
@@ -111,7 +116,9 @@ class Condition:
         if isinstance(node, ast.Name | ast.Attribute):
             name = ast.unparse(node)
             if name not in self._known:
-                raise FaultError(f"condition {self.text!r}: no signal {name!r}{nearest(name, sorted(self._known))}")
+                raise FaultError(
+                    f"condition {quoted(self.text)}: no signal {quoted(name)}{nearest(name, sorted(self._known))}"
+                )
             self.signals.add(name)
             return lambda values: values[name]
         raise self._unreadable(node)
@@ -121,14 +128,15 @@ class Condition:
         constant = [_is_constant(each) for each in sides]
         if any(pair == (True, True) for pair in itertools.pairwise(constant)):
             raise FaultError(
-                f"condition {self.text!r}: {self._given(node)!r} compares numbers that never change; {_EXPECTED}"
+                f"condition {quoted(self.text)}: {quoted(self._given(node))} compares numbers that never change; "
+                f"{_EXPECTED}"
             )
         for is_constant, side, number in zip(constant, sides, numbers, strict=True):
             if is_constant and not math.isfinite(number({})):
-                raise FaultError(f"condition {self.text!r}: {self._given(side)!r} is no finite number")
+                raise FaultError(f"condition {quoted(self.text)}: {quoted(self._given(side))} is no finite number")
 
     def _unreadable(self, node: ast.expr) -> FaultError:
-        return FaultError(f"condition {self.text!r}: {self._given(node)!r} cannot be used; {_EXPECTED}")
+        return FaultError(f"condition {quoted(self.text)}: {quoted(self._given(node))} cannot be used; {_EXPECTED}")
 
     def _given(self, node: ast.expr) -> str:
         """A part of the condition as it was written."""

@@ -12,6 +12,7 @@ from typing import Any
 
 from ..cell.cell_messages import nearest
 from ..errors import FaultError
+from ..shown import quoted
 from ..text_file import parse_toml, read_text
 
 ParameterValue = float | int | str | bool
@@ -135,10 +136,10 @@ def script_of(table: Mapping[str, Any], source: str = "faults") -> FaultScript:
     _check_keys(table, _SCRIPT_KEYS, source)
     parallel, clear, trigger = table.get("parallel", False), table.get("clear"), table.get("trigger")
     if not isinstance(parallel, bool):
-        raise FaultError(f"{source}: parallel = {parallel!r}: must be true or false")
+        raise FaultError(f"{source}: parallel = {quoted(parallel)}: must be true or false")
     for key, value, others in (("clear", clear, ', or "" for all sets'), ("trigger", trigger, "")):
         if value is not None and not isinstance(value, str):
-            raise FaultError(f"{source}: {key} = {value!r}: must be the name of a set{others}")
+            raise FaultError(f"{source}: {key} = {quoted(value)}: must be the name of a set{others}")
     entries = _array(table, "set", source)
     if len(entries) > MOST_SETS:
         raise FaultError(f"{source}: {len(entries)} sets; must be at most {MOST_SETS}")
@@ -151,7 +152,7 @@ def script_of(table: Mapping[str, Any], source: str = "faults") -> FaultScript:
     names = [each.name for each in sets]
     for name in names:
         if names.count(name) > 1:
-            raise FaultError(f"{source}: {names.count(name)} sets are named {name!r}; names must differ")
+            raise FaultError(f"{source}: {names.count(name)} sets are named {quoted(name)}; names must differ")
     return FaultScript(sets, parallel, clear, trigger)
 
 
@@ -159,8 +160,10 @@ def _set(entry: Mapping[str, Any], where: str, number: int) -> FaultSet:
     _check_keys(entry, _SET_KEYS, where)
     name = entry.get("name", f"set {number}")
     if not isinstance(name, str) or not name or len(name) > LONGEST_NAME or not name.isprintable():
-        raise FaultError(f"{where}: name = {name!r}: must be one line of 1 to {LONGEST_NAME} printable characters")
-    where = f"{where} ({name!r})" if "name" in entry else where
+        raise FaultError(
+            f"{where}: name = {quoted(name)}: must be one line of 1 to {LONGEST_NAME} printable characters"
+        )
+    where = f"{where} ({quoted(name)})" if "name" in entry else where
     given = [key for key in _TRIGGERS if key in entry]
     if len(given) > 1:
         raise FaultError(f"{where}: has {' and '.join(given)}; must have one trigger: {', '.join(_TRIGGERS)}")
@@ -192,7 +195,7 @@ def _fault(entry: Mapping[str, Any], where: str) -> FaultSpec:
     parameters = {key: _plain(value) for key, value in entry.items() if key not in ("tap", "fault")}
     for key, value in parameters.items():
         if not isinstance(value, float | int | str | bool):
-            raise FaultError(f"{where}: {key} = {value!r}: must be a number, a text, or true or false")
+            raise FaultError(f"{where}: {key} = {quoted(value)}: must be a number, a text, or true or false")
     return FaultSpec(entry["tap"], entry["fault"], parameters)
 
 
@@ -206,13 +209,13 @@ def _plain(value: Any) -> Any:
 def _check_keys(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
     for key in table:
         if key not in known:
-            raise FaultError(f"{where}: unknown key {key!r}{nearest(key, known)}")
+            raise FaultError(f"{where}: unknown key {quoted(key)}{nearest(key, known)}")
 
 
 def _array(table: Mapping[str, Any], key: str, where: str) -> list[Mapping[str, Any]]:
     value = table.get(key, [])
     if not isinstance(value, list) or not all(isinstance(each, Mapping) for each in value):
-        raise FaultError(f"{where}: {key!r} must be tables, each headed [[{'set.' * (key == 'fault')}{key}]]")
+        raise FaultError(f"{where}: {quoted(key)} must be tables, each headed [[{'set.' * (key == 'fault')}{key}]]")
     return value
 
 
@@ -223,7 +226,9 @@ def _seconds(table: Mapping[str, Any], key: str, where: str, least: float | None
     is_number = isinstance(value, float | int) and not isinstance(value, bool)
     if not is_number or not (value > 0.0 or value == least) or value > LONGEST_S:
         bound = "at least 0" if least == 0.0 else "greater than 0"
-        raise FaultError(f"{where}: {key} = {value!r}: must be a number of seconds, {bound}, at most {LONGEST_S:g}")
+        raise FaultError(
+            f"{where}: {key} = {quoted(value)}: must be a number of seconds, {bound}, at most {LONGEST_S:g}"
+        )
     return float(value)
 
 
@@ -233,7 +238,7 @@ def _whole(table: Mapping[str, Any], key: str, where: str, least: int) -> int | 
         return None
     if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= LARGEST_WHOLE:
         raise FaultError(
-            f"{where}: {key} = {value!r}: must be a whole number, at least {least}, at most {LARGEST_WHOLE}"
+            f"{where}: {key} = {quoted(value)}: must be a whole number, at least {least}, at most {LARGEST_WHOLE}"
         )
     return value
 
@@ -241,12 +246,12 @@ def _whole(table: Mapping[str, Any], key: str, where: str, least: int) -> int | 
 def _text(table: Mapping[str, Any], key: str, where: str) -> str | None:
     value = table.get(key)
     if value is not None and not isinstance(value, str):
-        raise FaultError(f'{where}: {key} = {value!r}: must be text, such as "joint2.angle_deg > 30"')
+        raise FaultError(f'{where}: {key} = {quoted(value)}: must be text, such as "joint2.angle_deg > 30"')
     return value
 
 
 def _switch(table: Mapping[str, Any], key: str, where: str) -> bool:
     value = table.get(key, False)
     if not isinstance(value, bool):
-        raise FaultError(f"{where}: {key} = {value!r}: must be true or false")
+        raise FaultError(f"{where}: {key} = {quoted(value)}: must be true or false")
     return value

@@ -20,6 +20,7 @@ import can
 
 from ..canopen.frames import Frame
 from ..errors import FrameError
+from ..shown import quoted
 from .socketcand import DEFAULT_PORT, ClientParser, ErrorFrame, format_send
 
 DEFAULT_HOST = "127.0.0.1"
@@ -166,7 +167,7 @@ class HubClientBus(can.BusABC):
             else:
                 close = difflib.get_close_matches(name, (*OPTIONS, *WITHOUT_MEANING), n=1)
                 hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(OPTIONS)}"
-                reason = f"no option {name!r}; {hint}"
+                reason = f"no option {quoted(name)}; {hint}"
             raise can.CanInitializationError(f"{self.flags}: {reason}")
 
     def _connect(self, host: str, port: int, timeout_s: float) -> socket.socket:
@@ -220,7 +221,7 @@ class HubClientBus(can.BusABC):
         if answer == "< error too many clients >":
             self._fail("it serves as many clients as it can; end one of them")
         if answer != reply:
-            self._fail(f"{otherwise}: it said {answer[:60]!r} instead of {reply!r}")
+            self._fail(f"{otherwise}: it said {answer[:60]!r} instead of {quoted(reply)}")
 
     def _fail(self, reason: str, connection: socket.socket | None = None) -> NoReturn:
         if connection is not None:

@@ -15,6 +15,7 @@ from can.util import cast_from_string
 
 from ..canopen.frames import Frame
 from ..errors import BusError, BusOptionsError
+from ..shown import printable, quoted
 from .hub_client import DEFAULT_CHANNEL, HubClientBus
 
 
@@ -92,11 +93,11 @@ def parse_bus_options(words: Iterable[str]) -> dict[str, str | int | float | boo
         key, equals, text = word.partition("=")
         name = key.replace("-", "_")
         if not equals or not name.isidentifier():
-            raise BusOptionsError(f"bus option {word!r}: write KEY=VALUE, such as port=29536")
+            raise BusOptionsError(f"bus option {quoted(word)}: write KEY=VALUE, such as port=29536")
         if name in ("interface", "channel"):
-            raise BusOptionsError(f"bus option {word!r}: write -{name[0]} {text}")
+            raise BusOptionsError(f"bus option {quoted(word)}: write -{name[0]} {text}")
         if name in options:
-            raise BusOptionsError(f"bus option {word!r}: {name} is given twice")
+            raise BusOptionsError(f"bus option {quoted(word)}: {printable(name)} is given twice")
         try:
             options[name] = cast_from_string(text)
         except ValueError:
