@@ -12,7 +12,9 @@ LONGEST_LINE = 200
 LONGEST_OF_LINES = 1000
 """Longest line of a message, which may list a lot."""
 MOST_LINES = 200
-_LONG_WORD = re.compile(rf"\S{{{LONGEST_LINE + 1},}}")
+AROUND = 50
+"""What may stand around a shortened text without a blank: quotes, a key, a colon."""
+_LONG_WORD = re.compile(rf"\S{{{LONGEST_LINE + AROUND},}}")
 
 
 def printable(text: str, longest: int = LONGEST_LINE) -> str:
