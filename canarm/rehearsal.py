@@ -15,7 +15,7 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.shown import first_line
 
 from .rig.rig import Rig
-from .soundness import unsound
+from .soundness import unsound, weak_brakes
 from .usage import DEFAULT_LAW, UsageError
 
 REHEARSED_S = 3.0
@@ -24,7 +24,7 @@ REHEARSED_S = 3.0
 
 def rehearse(cell: Cell, laws: Iterable[str] = tuple(LAWS)) -> Iterator[str]:
     """Try `cell` by arithmetic, then with each of `laws`; a line for each thing that works, or that one motion or law
-    lacks.
+    lacks, or a brake.
 
     Raises `UsageError` with the reasons, a line each, where it cannot run, or would raise alarms without a fault.
     """
@@ -34,6 +34,7 @@ def rehearse(cell: Cell, laws: Iterable[str] = tuple(LAWS)) -> Iterator[str]:
         raise UsageError(f"no model of the arm: {error}") from None
     if problems:
         raise UsageError("\n".join(problems))
+    yield from weak_brakes(cell)
     fitting = []
     for motion in BUILT_IN:
         try:

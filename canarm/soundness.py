@@ -10,6 +10,7 @@ from canarm_controller.dynamics import Arm, SeveralArms, cell_arm
 from canarm_controller.supervision import thresholds as limit
 from canarm_controller.supervision.nominal import JointNominal, joint_nominals, sensor_nominal
 from canarm_controller.supervision.timing import Timing
+from canarm_protocol.cell.brakes import SpringBrake
 from canarm_protocol.cell.model import Cell, Joint
 from canarm_protocol.cell.sensing import joint_sensors
 
@@ -63,6 +64,28 @@ def _drive_problems(where: str, nominal: JointNominal, joint: Joint) -> Iterator
             f"{where}.drive.supply_v = {nominal.supply_v:g}: the {held_a:.3g} A that hold the arm take {held_v:.3g} V "
             f"in motor.winding_ohm = {nominal.winding_ohm:g}; must be at least {held_v / SUPPLY_SHARE:.3g} V"
         )
+
+
+def weak_brakes(cell: Cell) -> Iterator[str]:
+    """A line for each spring brake that the arm's weight turns in its worst pose: key, value, arithmetic.
+
+    Raises `DynamicsError` for an arm that has no model.
+    """
+    arm = cell_arm(cell.robot, cell.joint_names)
+    parts: tuple[Arm, ...] = tuple(arm.parts) if isinstance(arm, SeveralArms) else (arm,)
+    for nominal, joint in zip(joint_nominals(cell, parts), cell.joints, strict=True):
+        brake = joint.brake
+        if not isinstance(brake, SpringBrake):
+            continue
+        own_nm = nominal.torque_per_ampere * nominal.max_current_a
+        torque_nm = own_nm if brake.torque_nm is None else brake.torque_nm
+        if torque_nm + nominal.coulomb_nm < nominal.weight_nm:
+            assumed = ", what the motor has" if brake.torque_nm is None else ""
+            yield (
+                f"joint {nominal.name!r}.brake.torque_nm = {torque_nm:.4g}{assumed}: with coulomb_friction_nm = "
+                f"{nominal.coulomb_nm:g} it is less than the weight of {nominal.weight_nm:.3g} N m in the worst pose, "
+                f"where the joint sinks on its brake; {nominal.weight_nm - nominal.coulomb_nm:.3g} would hold it"
+            )
 
 
 def _sense_problems(where: str, nominal: JointNominal, joint: Joint) -> Iterator[str]:

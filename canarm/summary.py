@@ -6,6 +6,7 @@ from typing import Any
 
 from canarm_controller.bus.assessment import JointFigures
 from canarm_controller.supervision.detection import Detection
+from canarm_protocol.cell.bench_objects import SETTLING_CYCLES
 
 MOST_DETECTIONS = 8
 """A summary for people shows this many detections, the first ones."""
@@ -66,6 +67,15 @@ class Summary:
             lines.append(
                 f"{name:<{width}}{_lsb(joint.rms_lsb):>12}{_lsb(joint.max_lsb):>12}{joint.peak_current_a:>12.3f} A"
                 f"{ripple:>9}  {saturated}"
+            )
+        if (
+            self.joints
+            and self.ticks <= SETTLING_CYCLES
+            and all(joint.rms_lsb is None for joint in self.joints.values())
+        ):
+            lines.append(
+                f"errors count after the first {SETTLING_CYCLES} cycles, in which the motion blends in: "
+                "take more of them (--seconds)"
             )
         if self.faults:
             lines.append(f"{self.faults} {'fault has' if self.faults == 1 else 'faults have'} begun")

@@ -12,8 +12,9 @@ from canarm_protocol.cell.schedulability import cell_verdict
 from canarm_protocol.cell.settings import setting_keys
 from canarm_protocol.cell.wiring import card_nodes
 
+from ..announced import announced
 from ..options import CellOptions, Flag
-from ..rehearsal import rehearse
+from ..rehearsal import REHEARSED_S, rehearse
 from ..usage import UsageError, value_text
 
 
@@ -38,11 +39,15 @@ def check(
     if not verdict.fits:
         raise UsageError("\n".join((f"{cell.cell}: the cyclic traffic does not fit the bus", *verdict.lines)))
     print("\n".join(verdict.lines))
+    notes: list[str] = []
     try:
-        for line in rehearse(nominal):
-            print(line)
+        with announced(f"trying the cell: {REHEARSED_S:g} s with each law"):
+            notes += rehearse(nominal)
     except UsageError as error:
         raise UsageError("\n".join(f"{cell.cell}: {line}" for line in str(error).splitlines())) from None
+    finally:
+        for note in notes:
+            print(note)
     print("ok")
     return 0
 

@@ -13,11 +13,12 @@ from canarm_protocol.cell.wiring import card_nodes
 from canarm_protocol.errors import CanarmError
 from canarm_protocol.runs.own_file import create_file, replace_file
 
+from ..announced import announced
 from ..new_cell import NewCellError, Request, Sensing, write_cell
 from ..new_cell.arms import SEGMENTS, arm_of_urdf, made_up_arm
 from ..new_cell.request import DEFAULT_BITRATE, DEFAULT_BITS, DEFAULT_SENSING, POSITION_KINDS, Arm
 from ..options import Flag, named_file
-from ..rehearsal import rehearse
+from ..rehearsal import REHEARSED_S, rehearse
 from ..usage import DEFAULT_LAW, UsageError
 
 Kinds = Literal["potentiometer", "encoder", "tachometer", "current_sense"]
@@ -70,8 +71,11 @@ def new_cell(
         raise UsageError(f"--out {out}: there is no folder {folder}")
     request = Request(cycle_us, bitrate, bits, _sensing(sensors, position_sensor))
     try:
-        text, cell = write_cell(_arm(urdf, joints, folder), request, folder)
-        notes = list(rehearse(cell, [DEFAULT_LAW]))
+        arm = _arm(urdf, joints, folder)
+        with announced("choosing cycle, drives and gains"):
+            text, cell = write_cell(arm, request, folder)
+        with announced(f"trying the cell: {REHEARSED_S:g} s with {DEFAULT_LAW} on each built-in motion"):
+            notes = list(rehearse(cell, [DEFAULT_LAW]))
     except CanarmError as error:
         raise NewCellError(str(error).replace(":\n", ": ").replace("\n", "; ")) from None
     _write(out, text, force)

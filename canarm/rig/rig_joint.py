@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from canarm_controller.bus.assessment import JointFigures
+from canarm_protocol.cell.bench_objects import SETTLING_CYCLES
 from canarm_protocol.cell.cell_messages import nearest
 from canarm_protocol.shown import quoted
 
@@ -24,7 +25,7 @@ SIGNALS = ("true_angle_rad", "true_speed_rad_s", "current_a", "command_a", "refe
 TRUE_SIGNALS = 4
 """The first of `SIGNALS` are those of `canarm_emulator.robot.world.JointState`, in its order."""
 ERROR_LSB = "error_lsb"
-SETTLED = "the first 1024 cycles are left out; run() for longer"
+SETTLED = f"the first {SETTLING_CYCLES} cycles are left out; run() for longer"
 
 
 class Span(NamedTuple):

@@ -1,14 +1,18 @@
 """`canarm check`: what it accepts runs, and what cannot run it refuses with the rule."""
 
+import io
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from canarm.announced import announced
 from canarm.cli import run
 from canarm.rig.rig import Rig
-from canarm_protocol.cell.cell_file import load_cell, shipped_cells
+from canarm.soundness import weak_brakes
+from canarm_protocol.cell.cell_file import load_cell, parse_cell, shipped_cells
 from canarm_protocol.cell.inertia import is_possible
 
 Check = Callable[[str, str], tuple[int, str]]
@@ -175,3 +179,33 @@ def test_every_body_has_a_possible_inertia_and_its_mirror_in_the_triangle_has_no
             turn, _ = np.linalg.qr(random.normal(size=(3, 3)))
             impossible = turn @ np.diag([1.0, 1.0, 2.01]) @ turn.T
             assert not is_possible(np.diag(impossible), impossible[[0, 0, 1], [1, 2, 2]])
+
+
+@pytest.mark.parametrize(("torque_nm", "holds"), [(2.45, True), (2.1, False)])
+def test_a_spring_brake_that_the_weight_turns_is_told_with_the_arithmetic(torque_nm: float, holds: bool) -> None:
+    """Stretched out level, joint 2 bears 1 kg at 90 mm and 0.6 kg at 270 mm; its Coulomb friction is 0.15 N m."""
+    weight_nm = 9.8062 * (1.0 * 0.09 + 0.6 * 0.27)
+    text = shipped_cells()["konkuk1-brakes"].replace("torque_nm = 5.0", f"torque_nm = {torque_nm}")
+    told = list(weak_brakes(parse_cell(text, "mine.toml")))
+    if holds:
+        assert told == []
+        return
+    (line,) = told
+    assert line.startswith("joint 'joint2'.brake.torque_nm = 2.1: with coulomb_friction_nm = 0.15 it is less than")
+    weight = re.search(r"weight of ([0-9.]+) N m", line)
+    assert weight is not None
+    assert float(weight[1]) == pytest.approx(weight_nm, rel=0.02)
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_somebody_at_a_terminal_is_told_what_takes_so_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    for stream, said in ((Terminal(), "canarm: trying the cell ... "), (io.StringIO(), "")):
+        monkeypatch.setattr("sys.stderr", stream)
+        with announced("trying the cell"):
+            assert stream.getvalue() == said.rstrip(" ")
+        assert stream.getvalue().startswith(said)
+        assert stream.getvalue()[len(said) :] == "" or re.fullmatch(r"\d+\.\d s\n", stream.getvalue()[len(said) :])

@@ -93,3 +93,13 @@ def test_columns_stand_under_their_heads() -> None:
 def test_five_digits_are_kept_whatever_the_size(value: float) -> None:
     document = replace(SUMMARY, real_time_factor=value).as_json()
     assert document["real_time_factor"] == pytest.approx(value, rel=5e-5)
+
+
+def test_a_run_that_was_too_short_to_be_assessed_says_from_when_on_errors_count() -> None:
+    short = replace(SUMMARY, ticks=400, joints={"joint2": UNKNOWN, "joint3": UNKNOWN})
+    text = short.as_text()
+    assert (
+        "errors count after the first 1024 cycles, in which the motion blends in: take more of them (--seconds)" in text
+    )
+    assert "errors count" not in SUMMARY.as_text()
+    assert "errors count" not in replace(short, ticks=4096).as_text()

@@ -34,7 +34,7 @@ HELP = """\
 [b]Joints[/b]
   Angle, reference and error belong to the same cycle: the newest whose reference has arrived.
   While no cycles come, the angle is the present one, without reference and error.
-  Error          true angle minus reference, in steps (LSB) of the joint's potentiometer
+  Error          true angle minus reference, in steps (LSB) of the joint's position sensor
   RMS            of the error over the last 10 s of the run, as are the traces
   saturated +/−  the amplifier is at its limit, in that direction
   The traces need a terminal of 100 columns."""

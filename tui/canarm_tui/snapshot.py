@@ -17,7 +17,7 @@ class JointNow:
 
     While cycles stand still, it is the joint as the bench saw it last, and there is no reference.
 
-    What is not known is NaN. Errors are true minus reference angle in steps (LSB) of the joint's potentiometer.
+    What is not known is NaN. Errors are true minus reference angle in steps (LSB) of the joint's position sensor.
     """
 
     angle_rad: float = np.nan

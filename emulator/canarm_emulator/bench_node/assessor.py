@@ -7,13 +7,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from canarm_protocol.cell.bench_objects import SETTLING_CYCLES as SETTLING_CYCLES
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.sensing import position_steps_rad
 
 from ..robot.world import JointState
 
-SETTLING_CYCLES = 1024
-"""Cycles at the start that are left out, while the motion blends in."""
 KEPT_CYCLES = 4096
 
 LARGEST_RAD = 1e6

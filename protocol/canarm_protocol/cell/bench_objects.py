@@ -49,6 +49,8 @@ CLAIM_S = 10.0
 """A client that has been silent for this long (wall clock) loses its channel to the next one that claims it."""
 MOST_EVENTS = 100
 """FAULT_EVENTS shows the last this many."""
+SETTLING_CYCLES = 1024
+"""Cycles at the start of a run that its assessment leaves out, while the motion blends in."""
 DIVIDER = 4
 """Telemetry goes out every 4th cycle (100 Hz at 2.5 ms) while somebody listens."""
 
