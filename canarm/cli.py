@@ -56,7 +56,7 @@ COMMANDS = {
     "reset": "Switch the robot of a running bench off and on again.",
     "check": "Validate a cell file and show what it describes.",
     "new-cell": "Write a cell for an arm of your own: from its URDF file, or from a number of joints.",
-    "export": "Describe a cell to other tools: EDS and DCF for CANopen masters, DBC for decoders.",
+    "export": "Describe a cell to other tools: EDS, DCF and bus.yml for CANopen masters, DBC for decoders.",
 }
 WITH_STOP_REQUEST = ("emulator", "controller")
 """Commands that open nothing before their own signal handler is installed."""

@@ -5,20 +5,24 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from canarm_protocol.cell.export import BUSES, export_dbc, export_dcf, export_eds
+from canarm_protocol.cell.export import BUSES, export_dbc, export_dcf, export_dcfgen, export_eds
 from canarm_protocol.runs.own_file import replace_files
 from canarm_protocol.runs.tentative import Tentative
 
 from ..options import CellOptions
 from ..usage import UsageError
 
-EXPORTERS = {"eds": export_eds, "dcf": export_dcf, "dbc": export_dbc}
+EXPORTERS = {"eds": export_eds, "dcf": export_dcf, "dcfgen": export_dcfgen, "dbc": export_dbc}
 
 
 def export(
     format_: Annotated[
-        Literal["eds", "dcf", "dbc"],
-        Parameter(name="FORMAT", help="eds: data sheets; dcf: configured cards, for any master; dbc: CAN databases."),
+        Literal["eds", "dcf", "dcfgen", "dbc"],
+        Parameter(
+            name="FORMAT",
+            help="eds: data sheets; dcf: configured cards, for any master; dcfgen: bus.yml for Lely's dcfgen and "
+            "ros2_canopen, with data sheets; dbc: CAN databases.",
+        ),
     ],
     /,
     *,
@@ -31,7 +35,7 @@ def export(
         Path | None, Parameter(metavar="DIR", help="Folder to write into; without it a dbc goes to stdout.")
     ] = None,
 ) -> int:
-    """Describe a cell to other tools: EDS and DCF for CANopen masters, DBC for whatever decodes CAN."""
+    """Describe a cell to other tools: EDS, DCF and bus.yml for CANopen masters, DBC for whatever decodes CAN."""
     if bus is not None and format_ != "dbc":
         raise UsageError(f"--bus {bus}: only a dbc has one file per bus; leave it out")
     if out is None and format_ != "dbc":

@@ -24,12 +24,12 @@ from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.bench_objects import bench_dictionary
 from canarm_protocol.cell.cell_file import load_cell
-from canarm_protocol.cell.export import export_dcf, export_eds
+from canarm_protocol.cell.export import export_dcf, export_dcfgen, export_eds
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import CellError
 
 CELL = load_cell("konkuk1")
-EDS, DCF = export_eds(CELL), export_dcf(CELL)
+EDS, DCF, DCFGEN = export_eds(CELL), export_dcf(CELL), export_dcfgen(CELL)
 NODE_IDS = {"konkuk1_dac.dcf": 0x12, "konkuk1_latch.dcf": 0x13, "konkuk1_adc.dcf": 0x14}
 EVERY_FILE = pytest.mark.parametrize(("name", "text"), [*EDS.items(), *DCF.items()], ids=[*EDS, *DCF])
 
@@ -258,7 +258,7 @@ def test_a_foreign_master_drives_the_robot_by_the_configurations_alone() -> None
     assert current * 1.5 / 255 == pytest.approx(truth.current_a, abs=0.03)
 
 
-@pytest.mark.parametrize("kind", ["eds", "dcf", "dbc"])
+@pytest.mark.parametrize("kind", ["eds", "dcf", "dcfgen", "dbc"])
 def test_the_same_cell_gives_the_same_bytes_in_every_process(kind: str) -> None:
     program = (
         "import hashlib; from canarm_protocol.cell.cell_file import load_cell; "
@@ -274,7 +274,7 @@ def test_the_same_cell_gives_the_same_bytes_in_every_process(kind: str) -> None:
     assert len(digests) == 1
 
 
-@pytest.mark.parametrize(("kind", "texts"), [("eds", EDS), ("dcf", DCF)])
+@pytest.mark.parametrize(("kind", "texts"), [("eds", EDS), ("dcf", DCF), ("dcfgen", DCFGEN)])
 def test_the_command_writes_a_file_each_and_says_which(
     kind: str, texts: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -287,11 +287,11 @@ def test_the_command_writes_a_file_each_and_says_which(
 def test_an_unknown_format_is_answered_with_the_ones_there_are() -> None:
     app = App(result_action="return_value")
     app.command(export)
-    with pytest.raises(CycloptsError, match=r'"xml".*"eds", "dcf", "dbc"'):
+    with pytest.raises(CycloptsError, match=r'"xml".*"eds", "dcf", "dcfgen", "dbc"'):
         app(["export", "xml"], exit_on_error=False, print_error=False)
 
 
-@pytest.mark.parametrize("kind", ["eds", "dcf"])
+@pytest.mark.parametrize("kind", ["eds", "dcf", "dcfgen"])
 def test_several_files_need_a_folder(kind: str) -> None:
     with pytest.raises(UsageError, match=f"export {kind}: writes several files; name a folder with --out DIR"):
         export(kind)

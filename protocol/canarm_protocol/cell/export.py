@@ -1,4 +1,4 @@
-"""A cell as files for other tools: data sheets (EDS), configurations (DCF), CAN databases (DBC).
+"""A cell as files for other tools: data sheets (EDS), configurations (DCF, `dcfgen`), CAN databases (DBC).
 
 The functions return texts by file name; the caller writes them.
 """
@@ -9,6 +9,7 @@ from .bench_objects import bench_dictionary
 from .cell_dbc import BENCH_BUS, ROBOT_BUS, bench_database, robot_database
 from .configuration import card_settings, final_values
 from .dbc_file import dbc_text
+from .dcfgen_file import dcfgen_text
 from .model import Cell
 from .wiring import CardNode, card_nodes
 
@@ -34,6 +35,12 @@ def export_dbc(cell: Cell) -> dict[str, str]:
     """The DBC of each of `BUSES`, in that order."""
     databases = (robot_database(cell), bench_database(cell))
     return {f"{database.name}.dbc": dbc_text(database) for database in databases}
+
+
+def export_dcfgen(cell: Cell) -> dict[str, str]:
+    """The bus description for Lely's `dcfgen`, and the EDS of every card model, which it names."""
+    sheets = {f"{model}.eds": eds_text(model) for model in sorted({card.model for card in cell.card})}
+    return {"bus.yml": dcfgen_text(cell, card_nodes(cell)), **sheets}
 
 
 def _dcf(cell: Cell, node: CardNode) -> tuple[str, str]:
