@@ -1,7 +1,7 @@
 """`canarm new-cell`: a cell for an arm of one's own, from its URDF file or from a number of joints."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -79,7 +79,7 @@ def new_cell(
     except CanarmError as error:
         raise NewCellError(str(error).replace(":\n", ": ").replace("\n", "; ")) from None
     _write(out, text, force)
-    _print(cell, out, notes[:-1])
+    _print(cell, out, [*_efforts(arm, cell), *notes[:-1]])
     return 0
 
 
@@ -115,6 +115,19 @@ def _write(out: Path, text: str, force: bool) -> None:
         write(out, text.encode())
     except OSError as error:
         raise UsageError(f"--out {out}: cannot be written: {error.strerror}") from None
+
+
+def _efforts(arm: Arm, cell: Cell) -> Iterator[str]:
+    """What became of the effort limits of the arm's description: drives are sized by what the arm takes."""
+    stated = [(joint.name, joint.effort_nm) for joint in arm.joints if joint.effort_nm is not None]
+    if stated:
+        listed = ", ".join(f"{name} {effort_nm:g}" for name, effort_nm in stated)
+        yield f"effort limits of the file, in N m, not used: {listed}"
+    for (name, joint), own in zip(zip(cell.joint_names, cell.joints, strict=True), arm.joints, strict=True):
+        torque_nm = joint.motor.torque_per_ampere * joint.drive.max_current_a
+        if own.effort_nm is not None and torque_nm > own.effort_nm:
+            most = f"the effort limit of {own.effort_nm:g} N m"
+            yield f"joint {name}: its drive has {torque_nm:.3g} N m, more than {most}"
 
 
 def _print(cell: Cell, out: Path, notes: Sequence[str]) -> None:

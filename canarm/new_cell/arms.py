@@ -97,6 +97,7 @@ def arm_of_urdf(path: Path, named: str) -> Arm:
             comment=f"{joint.urdf_name} of the file",
             states_limits=joint.is_continuous,
             speed_rad_s=joint.velocity_rad_s or None,
+            effort_nm=joint.effort_nm or None,
             viscous_nm_s=joint.damping_nm_s or None,
             coulomb_nm=joint.friction_nm or None,
         )

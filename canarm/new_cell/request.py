@@ -23,7 +23,7 @@ class NewCellError(UsageError):
 class ArmJoint:
     """One joint without a drive. `body` is a cell's table; None if a URDF file describes it.
 
-    `speed_rad_s` is its highest speed; it and the friction are None where not stated.
+    `speed_rad_s` is its highest speed, `effort_nm` the most torque; they and the friction are None where not stated.
     """
 
     name: str
@@ -33,6 +33,7 @@ class ArmJoint:
     comment: str = ""
     states_limits: bool = True
     speed_rad_s: float | None = None
+    effort_nm: float | None = None
     viscous_nm_s: float | None = None
     coulomb_nm: float | None = None
 

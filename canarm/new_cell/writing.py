@@ -122,14 +122,20 @@ def _joint(joint: ArmJoint, size: DriveSize, request: Request) -> list[str]:
     lines.append(_value("home_deg", joint.home_deg, "where the arm stands at power-on, assumed"))
     if joint.states_limits:
         lines.append(_value("limits_deg", (low, high), "assumed"))
+    if joint.speed_rad_s is not None:
+        lines.append(_value("max_speed_rad_s", joint.speed_rad_s, "the arm's description; no motion may be faster"))
     if joint.body is not None:
         lines += ["", "[robot.joint.body]", *(_value(key, value) for key, value in joint.body.items())]
     hold = f"holding takes {size.hold_nm:.3g} N m at worst, the built-in motions {size.motion_nm:.3g} N m"
+    unused = []
+    if joint.effort_nm is not None:
+        unused.append(f"# effort limit of the arm's description, not used: {joint.effort_nm:g} N m")
     stated = {
         key: "of the arm's description" for key, value in (("v", joint.viscous_nm_s), ("c", joint.coulomb_nm)) if value
     }
     lines += [
         "",
+        *unused,
         f"[robot.joint.motor]  # {size.torque_nm:.3g} N m at the joint: {hold}",
         _value("torque_constant_nm_a", size.torque_constant_nm_a, "assumed: torque / (gear x efficiency x current)"),
         _value("gear_ratio", GEAR_RATIO, "assumed"),

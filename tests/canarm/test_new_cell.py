@@ -12,6 +12,8 @@ from canarm.cli import run
 from canarm.new_cell import NewCellError, Request, write_cell
 from canarm.new_cell.arms import arm_of_urdf, made_up_arm
 from canarm.rig.rig import Rig
+from canarm_controller.errors import TrajectoryError
+from canarm_controller.reference.trajectory import make_trajectory
 from canarm_controller.run.state import State
 from canarm_protocol.cell.arm import LEAST_MASS_KG
 from canarm_protocol.cell.cell_file import load_cell
@@ -259,3 +261,27 @@ def test_what_cannot_be_written_is_refused(
     assert expected in complaint
     assert complaint.count("\n") == 1
     assert not (tmp_path / "my.toml").exists()
+
+
+def test_limits_of_a_urdf_file_are_used_or_said_not_to_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "my.toml"
+    arm = tmp_path / "arm.urdf"
+    text = BENCH_ARM.read_text(encoding="utf-8")
+    arm.write_text(text.replace('effort="3" velocity="2.5"', 'effort="0" velocity="0"'), encoding="utf-8")
+    assert run(["new-cell", "--urdf", str(arm), "--out", str(out), "--sensors", "potentiometer"]) == 0
+    said = capsys.readouterr().out
+    # <limit effort=... velocity=...> of bench_arm.urdf; 0 is what exporters write where nothing is known
+    assert "in N m, not used: waist 20, shoulder 30, elbow 15, forearm_roll 6, wrist_pitch 5\n" in said
+    assert "joint waist: its drive has 29 N m, more than the effort limit of 20 N m" in said
+    assert out.read_text(encoding="utf-8").count("not used: ") == 5
+    cell = load_cell(str(out))
+    assert [joint.max_speed_rad_s for joint in cell.joints] == [2.0, 2.0, 2.0, 2.5, 2.5, None]
+    names = list(cell.joint_names)
+    # A swing of the elbow by 36 degrees: 0.628 rad x 4.71 rad/s = 2.96 rad/s at most.
+    still = {name: [joint.home_deg] * 401 for name, joint in zip(names, cell.joints, strict=True)}
+    time_s = np.linspace(0.0, 4.0, 401)
+    still["elbow"] = [36.0 * np.sin(1.5 * np.pi * each) for each in time_s]
+    with pytest.raises(
+        TrajectoryError, match=r"elbow .* rad/s is beyond max_speed_rad_s of the cell; must be .*2 rad/s"
+    ):
+        make_trajectory({"time_s": time_s, **still}, cell)

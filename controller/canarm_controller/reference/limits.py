@@ -47,6 +47,8 @@ class Limits:
     high_deg: tuple[float, ...]
     speed_rad_s: tuple[float, ...]
     period_s: float
+    is_stated: tuple[bool, ...] = ()
+    """Whether the speed is the cell's `max_speed_rad_s`; else it is the tachometer's."""
     current_a: tuple[float, ...] = ()
     arm: Arm | None = None
     supply_v: tuple[float, ...] = ()
@@ -55,14 +57,15 @@ class Limits:
 
     @classmethod
     def of(cls, cell: Cell) -> "Limits":
-        """Joint limits, tachometer ranges and amplifiers of `cell`. Raises `ControllerError` for an arm without a
+        """Joint limits, highest speeds and amplifiers of `cell`. Raises `ControllerError` for an arm without a
         model.
         """
         return cls(
             joint_names=cell.joint_names,
             low_deg=tuple(joint.limits_deg[0] for joint in cell.joints),
             high_deg=tuple(joint.limits_deg[1] for joint in cell.joints),
-            speed_rad_s=tuple(joint.fastest_rad_s for joint in cell.joints),
+            speed_rad_s=tuple(joint.allowed_rad_s for joint in cell.joints),
+            is_stated=tuple(joint.allowed_rad_s < joint.fastest_rad_s for joint in cell.joints),
             period_s=cell.bus.cycle_s,
             current_a=tuple(joint.drive.max_current_a for joint in cell.joints),
             arm=cell_arm(cell.robot, cell.joint_names),
@@ -91,8 +94,11 @@ class Limits:
                     f"{where}: {position_deg[sample, joint]:.2f} deg is outside limits_deg = "
                     f"[{self.low_deg[joint]:g}, {self.high_deg[joint]:g}]"
                 )
+            beyond = (
+                "max_speed_rad_s of the cell" if any(self.is_stated[joint : joint + 1]) else "the tachometer's range"
+            )
             raise TrajectoryError(
-                f"{where}: {reference.velocity_rad_s[sample, joint]:.3f} rad/s is beyond the tachometer's range; "
+                f"{where}: {reference.velocity_rad_s[sample, joint]:.3f} rad/s is beyond {beyond}; "
                 f"must be within +-{self.speed_rad_s[joint]:g} rad/s"
             )
         self._check_current(reference, first, source)

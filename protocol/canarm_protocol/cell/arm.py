@@ -98,6 +98,8 @@ class Joint(Table):
     name: Name
     home_deg: Finite
     limits_deg: tuple[Finite, Finite]
+    max_speed_rad_s: Positive | None = None
+    """The highest speed that a motion may ask of it; unless given, what can be followed."""
     link: Link | None = None
     body: Body | None = None
     motor: Motor
@@ -127,6 +129,12 @@ class Joint(Table):
     def sensor(self, quantity: Quantity) -> Sensor | None:
         """The sensor that measures `quantity`; None without one."""
         return self.sensors.measuring(quantity)
+
+    @property
+    def allowed_rad_s(self) -> float:
+        """The highest speed that a motion may ask for: what can be followed, or less if the cell says so."""
+        stated = self.max_speed_rad_s
+        return self.fastest_rad_s if stated is None else min(stated, self.fastest_rad_s)
 
     @property
     def fastest_rad_s(self) -> float:

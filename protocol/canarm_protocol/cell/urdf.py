@@ -32,8 +32,8 @@ EXTRA = "canarm-protocol[urdf]"
 class UrdfJoint:
     """One revolute joint and what it carries, in the terms of a cell's `Body`; units in the names.
 
-    `name` is the file's name in the letters that a cell allows; `velocity_rad_s`, `damping_nm_s` and `friction_nm` are
-    the file's values, or 0.
+    `name` is the file's name in the letters that a cell allows; `velocity_rad_s`, `effort_nm`, `damping_nm_s` and
+    `friction_nm` are the file's values, or 0.
     """
 
     name: str
@@ -47,6 +47,7 @@ class UrdfJoint:
     centre_of_mass_m: Triple
     inertia_kg_m2: tuple[float, float, float, float, float, float]
     velocity_rad_s: float
+    effort_nm: float
     damping_nm_s: float
     friction_nm: float
 
@@ -254,6 +255,7 @@ def _joint(joint: Any, pose: Pose, body: Inertial | None) -> UrdfJoint:
         centre_of_mass_m=body.centre_m,
         inertia_kg_m2=(tensor[0][0], tensor[1][1], tensor[2][2], tensor[0][1], tensor[0][2], tensor[1][2]),
         velocity_rad_s=_at_least_0(limit and limit.velocity, f"{where}: limit velocity"),
+        effort_nm=_at_least_0(limit and limit.effort, f"{where}: limit effort"),
         damping_nm_s=_at_least_0(dynamics and dynamics.damping, f"{where}: damping"),
         friction_nm=_at_least_0(dynamics and dynamics.friction, f"{where}: friction"),
     )
