@@ -39,13 +39,15 @@ class Child:
         # -P: a file in the working folder must not shadow our packages.
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "canarm", command, *arguments, "--with-parent"],
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE if quiet else None,
             start_new_session=True,
             env=_environment(),
         )
+        assert self._process.stdin is not None
         assert self._process.stdout is not None
+        self._words = self._process.stdin
         self._output = _Drain(self._process.stdout)
         self._errors = None if self._process.stderr is None else _Drain(self._process.stderr)
 
@@ -82,8 +84,12 @@ class Child:
                 drain.join(LAST_WORDS_S)
         return True
 
-    def end(self) -> None:
-        """Ask the process to end, and kill it if it does not. May be called again."""
+    def end(self, why: str = "") -> None:
+        """Ask the process to end, and kill it if it does not. It is told `why`. May be called again."""
+        with contextlib.suppress(OSError):
+            if why and not self._words.closed:
+                self._words.write(f"{why}\n".encode())
+            self._words.close()
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGTERM)
         if not self.wait(END_S):

@@ -1,16 +1,22 @@
 """Ending a process on request: signals, a vanished parent, a time limit, user code that does not return."""
 
+import contextlib
 import os
 import signal
+import stat
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from types import FrameType
+
+from canarm_protocol.shown import printable
 
 STUCK_S = 6
 """Seconds after which a loop that does not ask counts as stuck: less than a parent waits for the end."""
 HANGUP: signal.Signals | None = getattr(signal, "SIGHUP", None)
 """Sent by a closing terminal; None if the system has no such signal."""
+MOST_WORDS = 200
+"""Bytes of what a parent says about the end that it asks for."""
 AGAIN_S = 0.5
 """A signal this soon after the first is the same one: timeout(1) sends it to the process and to its group."""
 
@@ -24,13 +30,18 @@ class StopRequest:
     """
 
     def __init__(
-        self, seconds: float | None = None, with_parent: bool = False, place: Callable[[], str] | None = None
+        self,
+        seconds: float | None = None,
+        with_parent: bool = False,
+        place: Callable[[], str] | None = None,
+        parents_words: int | None = None,
     ) -> None:
         self._reason: str | None = None
         self._deadline = None if seconds is None else time.monotonic() + seconds
         self._parent = os.getppid() if with_parent else None
-        self._place = place
+        self._place, self._words = place, parents_words
         self._signalled_s: float | None = None
+        self._is_waiting = False
         self._questions = 0
         self._watch: threading.Thread | None = None
         self._is_over = threading.Event()
@@ -60,16 +71,32 @@ class StopRequest:
         """Request the end from inside the process; an earlier reason is kept."""
         self._reason = self._reason or reason
 
+    @contextlib.contextmanager
+    def interrupting(self) -> Iterator[None]:
+        """A signal ends what is done in here at once: it waits for others, and asks nobody whether to stop.
+
+        Raises `KeyboardInterrupt`; `reason` is as ever.
+        """
+        self._is_waiting = True
+        try:
+            if self._reason is not None:
+                raise KeyboardInterrupt
+            yield
+        finally:
+            self._is_waiting = False
+
     def is_over(self) -> None:
         """The loop has ended and will not ask again."""
         self._is_over.set()
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        self.ask(signal.Signals(number).name)
+        self.ask(self._said_by_parent(number) or signal.Signals(number).name)
         now_s = time.monotonic()
         if self._signalled_s is None:
             self._signalled_s = now_s
             self._start_watch()
+            if self._is_waiting:
+                raise KeyboardInterrupt
         # A closing terminal sends SIGHUP more than once.
         elif (
             self._place is not None
@@ -77,6 +104,15 @@ class StopRequest:
             and now_s - self._signalled_s > AGAIN_S
         ):
             _end_now("interrupted twice")
+
+    def _said_by_parent(self, number: int) -> str:
+        """Why the parent asks for the end: its SIGTERM may pass on a Ctrl-C, or a dashboard that was left."""
+        if self._words is None or number != signal.SIGTERM:
+            return ""
+        try:
+            return printable(os.read(self._words, MOST_WORDS).decode(errors="replace").strip())
+        except OSError:
+            return ""
 
     def _start_watch(self) -> None:
         if self._place is not None and self._watch is None:
@@ -97,12 +133,45 @@ class StopRequest:
         _end_now(f"{place()} (does the law loop for ever?)")
 
 
+def parents_words(with_parent: bool) -> int | None:
+    """A descriptor of what the parent will say about the end, which comes through stdin; None without such a parent.
+
+    Call it before any code of a user runs, which then finds an empty stdin.
+    """
+    if not with_parent or os.name != "posix":
+        return None
+    with contextlib.suppress(OSError):
+        return _taken_stdin() if stat.S_ISFIFO(os.fstat(0).st_mode) else None
+    return None
+
+
+def _taken_stdin() -> int:
+    words, nothing = os.dup(0), os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    os.set_blocking(words, False)
+    return words
+
+
 def interrupt_on_terminate() -> None:
-    """Let SIGINT, SIGTERM and SIGHUP raise `KeyboardInterrupt`, for a command that must clean up."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    for number in (signal.SIGINT, HANGUP):
-        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, signal.default_int_handler)
+    """Let SIGINT, SIGTERM and SIGHUP raise `KeyboardInterrupt`, for a command that must clean up.
+
+    `cause_of` tells which it was.
+    """
+    signal.signal(signal.SIGTERM, _interrupt)
+    if HANGUP is not None and signal.getsignal(HANGUP) is not signal.SIG_IGN:
+        signal.signal(HANGUP, _interrupt)
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt(signal.Signals(number).name)
+
+
+def cause_of(interrupt: KeyboardInterrupt) -> str:
+    """What has caused an interrupt, in a few words: Python's own says nothing and is a Ctrl-C."""
+    return str(interrupt) or signal.SIGINT.name
 
 
 def ignore_hangups() -> None:

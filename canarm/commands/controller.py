@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from canarm_controller.errors import ClockMismatchError, ControllerError
+from canarm_controller.errors import ClockMismatchError, ControllerError, InterruptedRunError
 from canarm_controller.run.controller import Controller
 from canarm_controller.run.recording import SIGNALS_FILE, ControllerRecorder
 from canarm_controller.run.runner import LISTEN_NS, Runner, RunResult
@@ -56,7 +56,7 @@ from ..options import (
 from ..recording import recording_failure
 from ..session import make_controller, provenance, tick_count, traffic_warning
 from ..stdout import keep_stdout
-from ..stopping import StopRequest
+from ..stopping import StopRequest, parents_words
 from ..summary import Summary, detections_as_plain
 from ..usage import UsageError
 
@@ -86,6 +86,7 @@ def controller(
 
     Without --seconds, Ctrl-C ends the run as planned (status 0); with it, Ctrl-C is a safe stop (status 1).
     """
+    words = parents_words(with_parent)
     nominal = cell.load()
     robot_bus, bench_bus = bus.named(bus_options), bench.named()
     check_clock(clock, robot_bus, bench_bus)
@@ -105,7 +106,7 @@ def controller(
         _tell(warning)
     is_watched = math.isfinite(sync_timeout)
     place = (lambda: f"the controller sent nothing after cycle {built.tick}") if is_watched else None
-    stop = StopRequest(None, with_parent, place)
+    stop = StopRequest(None, with_parent, place, words)
     made = Tentative()
     if output.out is not None:
         _make_folder(output.out, made)
@@ -131,12 +132,13 @@ def controller(
     with made:
         result = _run(built, follower, robot_bus, bench_bus, on_open, pacing)
     stop.is_over()
-    if isinstance(built.error, ClockMismatchError) or follower.recorder is None:
+    is_told = isinstance(built.error, InterruptedRunError) or follower.recorder is not None
+    if isinstance(built.error, ClockMismatchError) or not is_told:
         _forget_recording(output.out, follower, made)
-    recorder = follower.recorder
-    out = None if recorder is None else output.out
+        is_told = False
+    out = output.out if is_told else None
     summary = _summary(nominal, control, clock, built, result, out)
-    is_recorded = recorder is None or out is None or _end_recording(out, recorder, summary, result)
+    is_recorded = out is None or _end_recording(out, follower.recorder, summary, result)
     if result.ticks and not output.json:
         say(summary.as_text())
     elif result.reason:
@@ -163,7 +165,7 @@ class _Follower:
         self.recorder: ControllerRecorder | None = None
         """Takes the events once the buses are open."""
         self._controller, self._ticks = controller, ticks
-        self._progress, self._stop = progress, stop
+        self._progress, self.stop = progress, stop
         self._period_s = controller.loop.period_s
         self._next_s = 1.0
 
@@ -173,9 +175,9 @@ class _Follower:
             try:
                 self.recorder.state(state)
             except OSError as error:
-                self._stop.ask(f"recording failed: {error}")
+                self.stop.ask(f"recording failed: {error}")
         if state in (State.DONE, State.FAILED):
-            self._stop.is_over()
+            self.stop.is_over()
         if self._progress:
             _tell(state.name.lower().replace("_", " "))
 
@@ -186,7 +188,7 @@ class _Follower:
             total = "" if self._ticks is None else f" of {self._ticks * self._period_s + approach_s:g}"
             _tell(f"{self._next_s:g}{total} s, {self._controller.missed} cycles missed")
             self._next_s += 1.0
-        reason = self._stop.reason()
+        reason = self.stop.reason()
         if reason is not None and self._ticks is None and self._controller.state is State.RUNNING:
             self._controller.end()
             return None
@@ -207,12 +209,16 @@ def _run(
     """
     with contextlib.ExitStack() as stack:
         try:
-            port = stack.enter_context(robot_bus.open())
-            bench = None if bench_bus is None else stack.enter_context(bench_bus.open())
+            with follower.stop.interrupting():
+                port = stack.enter_context(robot_bus.open())
+                bench = None if bench_bus is None else stack.enter_context(bench_bus.open())
         except BusOptionsError:
             raise
-        except BusError as error:
-            controller.lose(ControllerError(str(error)))
+        except (BusError, KeyboardInterrupt) as error:
+            lost = ControllerError(str(error))
+            if isinstance(error, KeyboardInterrupt):
+                lost = InterruptedRunError(f"interrupted: {follower.stop.reason()}, while the bus was opened")
+            controller.lose(lost)
             follower.on_state(controller.state)
             return RunResult(controller.state, controller.reason, 0, 0, 0, 0.0, None)
         on_open()
@@ -249,9 +255,10 @@ def _forget_recording(folder: Path | None, follower: "_Follower", made: Tentativ
     made.take_back()
 
 
-def _end_recording(folder: Path, recorder: ControllerRecorder, summary: Summary, result: RunResult) -> bool:
+def _end_recording(folder: Path, recorder: ControllerRecorder | None, summary: Summary, result: RunResult) -> bool:
     """Close the files and add the summary; False, and a line on stderr, if they cannot be written."""
-    steps = [recorder.close, lambda: update_run_file(folder, "summary", summary.as_json())]
+    steps = [] if recorder is None else [recorder.close]
+    steps.append(lambda: update_run_file(folder, "summary", summary.as_json()))
     if result.pacing is not None:
         pacing = result.pacing.summary()
         steps.append(lambda: update_run_file(folder, "pacing", pacing))
@@ -274,7 +281,8 @@ def _summary(
     out: Path | None,
 ) -> Summary:
     state = result.state.name.lower()
-    if controller.verdict is not None and controller.verdict.detector == "interrupted":
+    by_verdict = controller.verdict is not None and controller.verdict.detector == "interrupted"
+    if by_verdict or isinstance(controller.error, InterruptedRunError):
         state = "interrupted"
     return Summary(
         cell=cell.name,

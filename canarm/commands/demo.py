@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from canarm_controller.bus.assessment import JointFigures
+from canarm_controller.run.controller import Controller
 from canarm_emulator.robot.truth import Truth as TrueRobot
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
@@ -48,7 +49,7 @@ from ..recording import recording_failure
 from ..serving import attach_flags, is_remote
 from ..session import make_bench, make_controller, tick_count, traffic_warning
 from ..stdout import keep_stdout
-from ..stopping import ignore_hangups
+from ..stopping import cause_of, ignore_hangups
 from ..summary import Summary
 from ..usage import UsageError, parse_settings
 
@@ -98,7 +99,7 @@ def demo(
     if clock == "sync" and pace is None:
         pace = 1.0 if is_terminal else math.inf
     say = keep_stdout()
-    _check(nominal, control, clock, seconds, settings)
+    built = _check(nominal, control, clock, seconds, settings)
     if faults is not None:
         load_faults(faults, make_bench(nominal, parse_settings("--truth", settings), Clock[clock.upper()], seed, wire))
     warning = traffic_warning(nominal, cell.cell)
@@ -114,37 +115,47 @@ def demo(
         robot.append("--wire")
     if faults is not None:
         robot += ["--faults", str(faults)]
-    with Child("emulator", [*common, *robot], quiet=with_dashboard) as emulator:
-        with made:
-            port = offered_port(emulator)
-        arguments = [*common, *_controller_arguments(control, f"{host}:{port}", seconds)]
-        if pace is not None:
-            arguments += ["--pace", pace_text(pace)]
-        if not with_dashboard:
-            arguments.append("--progress")
-        for bus in (ROBOT_BUS, BENCH_BUS):
-            _tell(f"to attach to {bus}: {attach_flags(bus, host, port)}")
-        with Child("controller", arguments, quiet=with_dashboard) as controller:
+    emulator: Child | None = None
+    controller: Child | None = None
+    cause: str | None = None
+    with contextlib.ExitStack() as stack:
+        try:
+            emulator = stack.enter_context(Child("emulator", [*common, *robot], quiet=with_dashboard))
+            with made:
+                port = offered_port(emulator)
+            arguments = [*common, *_controller_arguments(control, f"{host}:{port}", seconds)]
+            if pace is not None:
+                arguments += ["--pace", pace_text(pace)]
+            if not with_dashboard:
+                arguments.append("--progress")
+            for bus in (ROBOT_BUS, BENCH_BUS):
+                _tell(f"to attach to {bus}: {attach_flags(bus, host, port)}")
+            controller = stack.enter_context(Child("controller", arguments, quiet=with_dashboard))
             # With no time-out, a debugger may hold it for ever.
             limit_s = START_S + SLOWEST * seconds / min(pace or 1.0, 1.0) if math.isfinite(sync_timeout) else math.inf
             deadline_s = time.monotonic() + limit_s
-            try:
-                if with_dashboard and _dashboard_is_left(nominal, host, port, controller, deadline_s):
-                    raise KeyboardInterrupt
-                if not controller.wait(max(deadline_s - time.monotonic(), 0.0)):
-                    _tell(f"the controller has not ended within {limit_s:g} s and is given up")
-                    controller.end()
-            except KeyboardInterrupt:
-                ignore_hangups()
-                _tell("stopping")
+            if with_dashboard:
+                _watch(nominal, host, port, controller, deadline_s)
+            if not controller.wait(max(deadline_s - time.monotonic(), 0.0)):
+                _tell(f"the controller has not ended within {limit_s:g} s and is given up")
                 controller.end()
-            complaints = emulator.complaints + controller.complaints
-            if emulator.status is not None:
-                complaints += f"canarm: the emulator has ended with status {emulator.status}\n"
+        except KeyboardInterrupt as interrupt:
+            ignore_hangups()
+            cause = cause_of(interrupt)
+            _tell("stopping")
+            if controller is not None:
+                controller.end(cause)
+        complaints = "".join(child.complaints for child in (emulator, controller) if child is not None)
+        if cause is None and emulator is not None and emulator.status is not None:
+            complaints += f"canarm: the emulator has ended with status {emulator.status}\n"
     print(complaints, end="", file=sys.stderr)
     for name in _of_summary(emulator, "faults_never_begun") or ():
         _tell(f"fault never began: {name}")
-    return _report(controller, {"seed": seed, "faults": _of_summary(emulator, "faults")}, folder, output.json, say)
+    known = {"seed": seed, "faults": _of_summary(emulator, "faults"), "out": str(folder)}
+    if cause is not None and _result(controller) is None:
+        known |= {"feedforward": built.loop.feedforward_kind, "clock": clock, "reason": f"interrupted: {cause}"}
+        return _report(None, _unbegun(nominal, control, known), folder, output.json, say)
+    return _report(controller, known, folder, output.json, say)
 
 
 def _each(option: str, words: Sequence[str]) -> list[str]:
@@ -164,11 +175,11 @@ def _controller_arguments(control: ControlOptions, address: str, seconds: float)
     return arguments
 
 
-def _check(cell: Cell, control: ControlOptions, clock: str, seconds: float, truth: Sequence[str]) -> None:
-    """Check the command line before any process starts."""
+def _check(cell: Cell, control: ControlOptions, clock: str, seconds: float, truth: Sequence[str]) -> Controller:
+    """Check the command line before any process starts; returns the controller that it describes."""
     tick_count(cell, seconds)
     TrueRobot.from_settings(cell, parse_settings("--truth", truth))
-    make_controller(cell, control.law, control.trajectory, control.feedforward, Clock[clock.upper()])
+    return make_controller(cell, control.law, control.trajectory, control.feedforward, Clock[clock.upper()])
 
 
 def _served_host(serve: str) -> str:
@@ -182,44 +193,66 @@ def _served_host(serve: str) -> str:
     return host
 
 
-def _dashboard_is_left(cell: Cell, host: str, port: int, controller: Child, deadline_s: float) -> bool:
-    """The dashboard in this process, until the run is over or time is up; or, which is true, its user has left it."""
-    from canarm_tui.app import run_dashboard
+def _watch(cell: Cell, host: str, port: int, controller: Child, deadline_s: float) -> None:
+    """The dashboard in this process, until the run is over or time is up.
 
-    options = {"host": host, "port": port}
+    Raises `KeyboardInterrupt`, with how, if its user has left it.
+    """
+    from canarm_tui.app import run_dashboard
 
     def is_over() -> bool:
         return controller.status is not None or time.monotonic() > deadline_s
 
-    run_dashboard(cell, "canarm", BENCH_BUS, options, until=is_over)
-    return not is_over()
+    left: list[str] = []
+    run_dashboard(cell, "canarm", BENCH_BUS, {"host": host, "port": port}, until=is_over, on_left=left.append)
+    if not is_over():
+        raise KeyboardInterrupt(*left)
 
 
-def _of_summary(emulator: Child, key: str) -> Any:
+def _of_summary(emulator: Child | None, key: str) -> Any:
     """A figure of the emulator's summary; None if there is no summary."""
-    with contextlib.suppress(IndexError, ValueError, KeyError, TypeError):
-        return json.loads(emulator.printed.splitlines()[-1])[key]
+    return (_result(emulator) or {}).get(key)
+
+
+def _result(child: Child | None) -> dict[str, Any] | None:
+    """The summary that a process has printed; None without one."""
+    with contextlib.suppress(IndexError, ValueError, TypeError):
+        return None if child is None else dict(json.loads(child.printed.splitlines()[-1]))
     return None
 
 
+def _unbegun(cell: Cell, control: ControlOptions, known: Mapping[str, Any]) -> dict[str, Any]:
+    """The summary of a run that was interrupted before a controller could give one."""
+    options = {"cell": cell.name, "law": control.law, "trajectory": control.trajectory, "state": "interrupted"}
+    figures: dict[str, Any] = {
+        "ticks": 0,
+        "missed": 0,
+        "late": 0,
+        "real_time_factor": None,
+        "joints": {},
+        "detections": (),
+    }
+    return {**options, **figures, **known}
+
+
 def _report(
-    controller: Child, known: Mapping[str, Any], folder: Path, as_json: bool, say: Callable[[str], None]
+    controller: Child | None, known: Mapping[str, Any], folder: Path, as_json: bool, say: Callable[[str], None]
 ) -> int:
     """Print the summary of the run, complete its record, and return the exit status.
 
-    `known` is what the controller does not know.
+    `known` is what the controller does not know, or all there is without one.
     """
-    try:
-        result = dict(json.loads(controller.printed.splitlines()[-1]))
-    except (IndexError, ValueError):
+    result = _result(controller)
+    if controller is not None and result is None:
         text = f"the controller ended with status {controller.status} and without a summary"
-        raise ended_too_early(controller, text) from None
-    summary = _summary({**result, **known, "out": str(folder)})
+        raise ended_too_early(controller, text)
+    summary = _summary({**(result or {}), **known})
     failure = recording_failure(folder, lambda: update_run_file(folder, "summary", summary.as_json()))
     say(json.dumps(summary.as_json()) if as_json else summary.as_text())
     if failure is not None:
         _tell(failure)
-        return 1
+    if failure is not None or controller is None:
+        return ExitStatus.FAILED
     assert controller.status is not None
     return controller.status if controller.status in PASSED_ON else ExitStatus.FAILED
 

@@ -55,7 +55,7 @@ from ..options import (
 from ..recording import recording_failure
 from ..serving import attach_flags, exposure_lines
 from ..session import make_bench, provenance, traffic_warning
-from ..stopping import StopRequest
+from ..stopping import StopRequest, parents_words
 from ..usage import UsageError, parse_settings
 
 WINDOWS_PORT = re.compile(r"com\d+:?", re.IGNORECASE)
@@ -109,6 +109,7 @@ def emulator(
 
     Prints how to attach to each bus with python-can's flags. Ends on Ctrl-C, which is status 0.
     """
+    words = parents_words(with_parent)
     nominal = cell.load()
     buses = {ROBOT_BUS: bus.named(bus_options), BENCH_BUS: bench_bus.named()}
     if allow_remote:
@@ -118,7 +119,7 @@ def emulator(
     settings = parse_settings("--truth", world.truth)
     bench = make_bench(nominal, settings, Clock[world.clock.upper()], world.seed, world.wire)
     script = None if world.faults is None else load_faults(world.faults, bench)
-    stop = StopRequest(seconds, with_parent)
+    stop = StopRequest(seconds, with_parent, parents_words=words)
     with contextlib.ExitStack() as stack:
         made = stack.enter_context(Tentative())
         hub = stack.enter_context(contextlib.closing(_serve(host, port, allow_remote)))

@@ -24,7 +24,7 @@ class LawError(ControllerError):
 
 
 class InterruptedRunError(ControllerError):
-    """The user has asked to stop (Ctrl-C) while a law's own code ran."""
+    """The user has asked to stop (Ctrl-C) while a law's own code ran, or before the run had begun."""
 
     exit_status = ExitStatus.FAILED
 

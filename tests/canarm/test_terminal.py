@@ -127,6 +127,9 @@ def test_who_leaves_the_dashboard_of_a_demo_stops_the_robot(canarm, run_folder, 
     assert canarm.remaining() == []
     folder = run_folder(canarm.folder / "run").check()
     assert folder.run["summary"]["state"] == "interrupted"
+    causes = {"Ctrl-C": "Ctrl-C in the dashboard", "q": "the dashboard was left"}
+    assert folder.run["summary"]["reason"].endswith(causes.get(how, "SIGHUP"))
+    assert any(event.get("reason") == folder.run["summary"]["reason"] for event in folder.events())
     signals = folder.signals("robot")
     assert signals["joint2.command_a"][-1] == signals["joint3.command_a"][-1] == 0.0
     if how != "window closed":

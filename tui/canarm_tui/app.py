@@ -36,6 +36,7 @@ IDLE_NS = 1_000_000_000
 """Without new cycles, ages and counters are drawn this often, so that watching an idle bench is cheap."""
 ANSWER_NS = 6_000_000_000
 """How long the bench's answer to a request stays below the header."""
+LEFT = "the dashboard was left"
 
 
 class DashboardApp(App[None]):
@@ -55,7 +56,7 @@ class DashboardApp(App[None]):
     """
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("q", "quit", "Quit", id="app.quit", tooltip="Leave the dashboard; that ends a demo, and nothing else"),
-        Binding("ctrl+c", "quit", "Quit", id="app.interrupt", show=False, priority=True),
+        Binding("ctrl+c", "interrupt", "Quit", id="app.interrupt", show=False, priority=True),
         Binding("question_mark", "help", "Help", key_display="?", id="app.help", tooltip="What the screen means"),
         Binding("space", "pause", "Pause", id="view.pause", tooltip="Hold the panes; data are still received"),
         Binding("f", "inject", "Inject", id="fault.inject", tooltip="Inject a fault, chosen in a dialog"),
@@ -84,6 +85,8 @@ class DashboardApp(App[None]):
         self.is_paused = False
         self._clock_ns = clock_ns
         self._on_start, self._until, self._signals = on_start, until, signals
+        self.left_by = LEFT
+        """How the user has left, in a few words."""
         self._connections = 0
         self._answer: texts.Word | None = None
         self._answer_until_ns = 0
@@ -103,11 +106,19 @@ class DashboardApp(App[None]):
     def on_mount(self) -> None:
         """Start the timers."""
         for number in self._signals:
-            asyncio.get_running_loop().add_signal_handler(number, self.exit)
+            asyncio.get_running_loop().add_signal_handler(number, self._leave, number.name)
         self.drain()
         self.redraw()
         self.set_interval(1.0 / DRAIN_HZ, self.drain)
         self.set_interval(1.0 / REDRAW_HZ, self.redraw_news)
+
+    def _leave(self, how: str) -> None:
+        self.left_by = how
+        self.exit()
+
+    def action_interrupt(self) -> None:
+        """Leave, as Ctrl-C does everywhere."""
+        self._leave("Ctrl-C in the dashboard")
 
     def on_ready(self) -> None:
         """The first screen is up."""
@@ -227,10 +238,12 @@ def run_dashboard(
     bus_options: Mapping[str, Any],
     on_start: Callable[[], None] | None = None,
     until: Callable[[], bool] | None = None,
+    on_left: Callable[[str], None] | None = None,
 ) -> int:
     """Show the bench bus `-i interface -c channel key=value …` until the user quits; return an exit status, 0 = quit.
 
     `on_start` is called once, when the first screen is up; `until` often, and the dashboard ends when it is true.
+    `on_left` is told at the end how the user has left it, in a few words.
     A missing or lost bus is shown and tried again. SIGINT, SIGTERM and SIGHUP end the dashboard and leave the terminal
     as it was. Raises `TerminalError` if stdin or stderr, on which the dashboard is drawn, is no terminal.
     """
@@ -253,6 +266,8 @@ def run_dashboard(
     finally:  # the event loop puts its own in the place of ours
         for number, handler in before.items():
             signal.signal(number, handler)
+    if on_left is not None:
+        on_left(app.left_by)
     return app.return_code or 0
 
 

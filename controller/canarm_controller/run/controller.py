@@ -13,7 +13,7 @@ from canarm_protocol.cell.wiring import CardNode, InputSlot
 from canarm_protocol.clock import Clock
 
 from ..bus.master import start_frames, stop_frames
-from ..errors import BringUpError, ControllerError
+from ..errors import BringUpError, ControllerError, InterruptedRunError
 from ..supervision.arrivals import Arrivals
 from ..supervision.detection import DETECTORS
 from ..supervision.supervisor import Supervisor, Verdict, law_verdict
@@ -185,7 +185,7 @@ class Controller(SupervisedRun):
         if self.state is State.RUNNING:
             self._judge(Verdict("interrupted", detail))
         elif not self.is_finished and self.state is not State.STOPPING:
-            self.lose(ControllerError(f"interrupted: {detail}"))
+            self.lose(InterruptedRunError(f"interrupted: {detail}"))
 
     def end(self) -> None:
         """Stop as planned, before the last tick; during bring-up the run ends when the cards have been found."""
