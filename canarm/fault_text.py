@@ -1,11 +1,10 @@
 """Faults as text: the catalogue for people to read, and values as typed on a command line."""
 
-import difflib
 import fnmatch
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from canarm_protocol.cell.cell_messages import nearest
+from canarm_protocol.cell.cell_messages import meant, nearest
 from canarm_protocol.faults.script import IDENTIFIER, ParameterValue, limits_text
 
 from .usage import UsageError, key_values
@@ -55,8 +54,10 @@ def _nearest_tap(pattern: str, names: Sequence[str]) -> str:
         return nearest(pattern, names)
     head, dot, rest = pattern.partition(".")
     heads = list(dict.fromkeys(name.partition(".")[0] for name in names))
-    meant = [] if head in heads else difflib.get_close_matches(head, heads, n=1)
-    return f"; did you mean '{meant[0]}{dot}{rest}'?" if meant else f"; names begin with {', '.join(heads)}"
+    found = [] if head in heads else meant(head, heads)
+    if not found:
+        return f"; names begin with {', '.join(heads)}"
+    return f"; did you mean {' or '.join(repr(f'{each}{dot}{rest}') for each in found)}?"
 
 
 def catalogue_lines(taps: Iterable[Mapping[str, Any]]) -> Iterator[str]:

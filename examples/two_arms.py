@@ -1,8 +1,9 @@
 """Two five-axis arms of one's own carry a rod: where may the second one stand, and how do all ten joints move?
 
-Run it:  python examples/two_arms.py          It writes two_arms.csv, one row every 2.5 ms.
+Run it:  python examples/two_arms.py [FILE]   It writes FILE, runs/two_arms.csv unless given, one row every 2.5 ms.
 """
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ ARM = FiveAxisArm(
 )
 START = np.radians([20.0, 60.0, -75.0, 15.0, 0.0])
 LIFT = line((0.0, 0.0, 0.06), seconds=2.0, ease_s=0.5)
+FILE = Path("runs", "two_arms.csv")
 COARSE = line((0.0, 0.0, 0.06), seconds=2.0, period_s=0.1)
 
 
@@ -42,8 +44,9 @@ def main(file: Path) -> None:
     x, y, _ = best.pair.slave_base_m
     print(f"the slave at ({x:.2f}, {y:.2f}) m moves {plan.travel_ratio:.2f} times as far as the master")
     print(f"largest step: {np.degrees(max(checks.master_step_rad, checks.slave_step_rad)):.3f} deg")
+    file.parent.mkdir(parents=True, exist_ok=True)
     plan.write_csv(file)
 
 
 if __name__ == "__main__":
-    main(Path("two_arms.csv"))
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else FILE)

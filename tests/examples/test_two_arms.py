@@ -20,6 +20,8 @@ def test_the_example_plans_a_lift_within_the_limits_of_its_arms(
     assert spec.loader is not None
     example = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(example)
+    ignored = (EXAMPLE.parents[1] / ".gitignore").read_text(encoding="utf-8").splitlines()
+    assert f"/{example.FILE.parts[0]}/" in ignored, "what it writes would lie about in the checkout"
     example.main(tmp_path / "two_arms.csv")
     said = capsys.readouterr().out
     assert "% of the bases: works" in said

@@ -9,6 +9,7 @@ import pytest
 from canarm_protocol.cards import KINDS
 from canarm_protocol.cell.cell_checks import MOST_JOINTS, problems
 from canarm_protocol.cell.cell_file import load_cell, parse_cell, shipped_cells
+from canarm_protocol.cell.cell_messages import nearest
 from canarm_protocol.cell.control import (
     JointMrasGains,
     JointMrasLyapunovGains,
@@ -603,3 +604,32 @@ def test_a_brake_that_cannot_be_is_refused_with_what_would_be_right(line: str, c
         parse_cell(with_brake(line), "a test")
     assert str(caught.value).startswith("a test: robot 'konkuk1'.joint 'joint2'.brake")
     assert "\n" not in str(caught.value)
+
+
+PAIR = load_cell("rhino-pair").joint_names
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [
+        ("elbow", "'master_elbow' or 'slave_elbow'"),
+        ("slave.elbow", "'slave_elbow'"),
+        ("slave-elbow", "'slave_elbow'"),
+        ("elbow_slave", "'slave_elbow'"),
+        ("slave_elbo", "'slave_elbow'"),
+        ("slaev_elbow", "'slave_elbow'"),
+        ("Master_Elbow", "'master_elbow'"),
+    ],
+)
+def test_a_joint_of_two_robots_is_suggested_for_the_robot_that_was_named_or_for_both(word: str, meant: str) -> None:
+    assert nearest(word, PAIR) == f"; did you mean {meant}?"
+    taps = [f"{joint}.{leaf}" for joint in PAIR for leaf in ("motor", "link", "encoder")]
+    with_leaf = meant.replace("elbow'", "elbow.motor'")
+    assert nearest(f"{word}.motor", taps) == f"; did you mean {with_leaf}?"
+
+
+def test_set_suggests_the_joint_of_the_robot_that_was_named() -> None:
+    with pytest.raises(CellError, match="did you mean 'slave_elbow'"):
+        load_cell("rhino-pair", {"control.slave.elbow.damping_ratio": "1"})
+    with pytest.raises(CellError, match="did you mean 'master_elbow' or 'slave_elbow'"):
+        load_cell("rhino-pair", {"control.elbow.damping_ratio": "1"})

@@ -1,10 +1,10 @@
 """What a key of `--truth` is, and how its value is read. Kinds of sensor and `truth.py` define the keys."""
 
-import difflib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from canarm_protocol.cell.cell_messages import meant
 from canarm_protocol.shown import printable, quoted
 
 from ..errors import TruthError
@@ -51,8 +51,8 @@ def parse_value(keys: Mapping[str, TruthKey], name: str, text: str, option: str 
     """The value of one setting, given in `option`. Raises `TruthError`: key, value, and what would be right."""
     key, given = keys.get(name), printable(f"{name}={text}")
     if key is None:
-        close = difflib.get_close_matches(name, keys, n=1)
-        hint = f"did you mean {quoted(close[0])}?" if close else "see `canarm check --keys`"
+        found = meant(name, keys)
+        hint = f"did you mean {' or '.join(map(quoted, found))}?" if found else "see `canarm check --keys`"
         raise TruthError(f"{option} {given}: no such key; {hint}")
     try:
         value = SWITCH[text.lower()] if key.is_switch and text.lower() in SWITCH else float(text)

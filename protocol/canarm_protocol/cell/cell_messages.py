@@ -1,6 +1,7 @@
 """What is wrong with a value of a cell file, in terms of TOML: key, value, and what would be right."""
 
 import difflib
+import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -13,6 +14,10 @@ from .model import CARD_TYPES, Card, Cell
 Location = tuple[str | int, ...]
 
 _NAME = "must be lower-case letters, digits, '-' and '_', beginning with a letter, at most 32"
+_SEPARATORS = re.compile("[._-]")
+SHORTEST_NAME, MOST_MEANT = 3, 4
+SIMILAR = 0.6
+"""How alike two words must be for one to be taken for the other, as `difflib` has it."""
 LONGEST_NODE_ID = 3
 """Digits of a node-ID in decimal, 1 to 127; names have them in hexadecimal, node.0x12."""
 _SIGNAL = 'must be "<joint>.<command or sensor>", such as "joint2.potentiometer"'
@@ -114,22 +119,48 @@ def is_switch(location: Location) -> bool:
 def nearest(word: str, known: Iterable[str], see: str = "") -> str:
     """A hint: the known word that was probably meant, or all of them, and what to `see`."""
     known = list(known)
-    meant = _meant(word.casefold(), {each.casefold(): each for each in known})
-    if meant is not None:
-        return f"; did you mean {meant!r}?" + (f" See {see}" if see else "")
+    found = meant(word, known)
+    if found:
+        *most, last = map(repr, found)
+        listed = f"{', '.join(most)} or {last}" if most else last
+        return f"; did you mean {listed}?" + (f" See {see}" if see else "")
     return (f"; known are {', '.join(known)}" if known else "") + (f"; see {see}" if see else "")
 
 
-def _meant(word: str, known: Mapping[str, str]) -> str | None:
-    """The same word among `known` (keyed by lower case), or the only one that begins with it, or a similar one."""
+def meant(word: str, known: Iterable[str]) -> list[str]:
+    """What was probably meant: the same word among `known` in other letters or another order, the only one that begins
+    with it, or a similar one. Several where it could be of any robot: `elbow` where each has one. None if nothing fits.
+    """
+    word, names = word.casefold(), {each.casefold(): each for each in known}
     stem, _, number = word.rpartition(".")
-    if number.isdecimal() and len(number) <= LONGEST_NODE_ID and f"{stem}.{int(number):#04x}" in known:
-        return known[f"{stem}.{int(number):#04x}"]
-    longer = [each for each in known if each.startswith(word)]
-    if word in known or len(longer) == 1:
-        return known[word] if word in known else known[longer[0]]
-    close = difflib.get_close_matches(word, list(known), n=1)
-    return known[close[0]] if close else None
+    if number.isdecimal() and len(number) <= LONGEST_NODE_ID and f"{stem}.{int(number):#04x}" in names:
+        return [names[f"{stem}.{int(number):#04x}"]]
+    if word in names:
+        return [names[word]]
+    found = [each for each in names if _parts(each) == _parts(word)]
+    if len(found) != 1:
+        found = [each for each in names if each.startswith(word)]
+    if len(found) != 1:
+        found = [each for each in names if each.endswith(f"_{word}")] if len(word) >= SHORTEST_NAME else []
+    if not found:
+        close = difflib.get_close_matches(word, list(names), n=1)
+        found = _of_any_robot(word, close[0], names) if close else []
+    return [names[each] for each in found[:MOST_MEANT]]
+
+
+def _of_any_robot(word: str, best: str, names: Iterable[str]) -> list[str]:
+    """`best` alone if `word` begins like it, else all `names` with another beginning, a robot's name, than it."""
+    separator = _SEPARATORS.search(best)
+    if separator is None or separator[0] != "_":
+        return [best]
+    beginning = _SEPARATORS.split(word)[0]
+    if difflib.SequenceMatcher(None, beginning, best[: separator.start()]).ratio() >= SIMILAR:
+        return [best]
+    return [each for each in names if each.endswith(best[separator.start() :])]
+
+
+def _parts(name: str) -> list[str]:
+    return sorted(_SEPARATORS.split(name))
 
 
 def spelled(location: Location, table: Any) -> str:

@@ -34,10 +34,13 @@ def lay_over(table: dict[str, Any], key: str, value: str, option: str) -> None:
         raise CellError(f"{where}: keys begin with 'control.' or 'supervision.'; see `canarm check --keys`")
     joint = parts[1] if parts[0] == "control" and parts[1] in _own_names(table) else None
     location: tuple[str | int, ...] = (parts[0],) if joint is None else _OWN
-    for part in parts[1 if joint is None else 2 :]:
+    rest = parts[1 if joint is None else 2 :]
+    for place, part in enumerate(rest):
         known = _keys_at(location, table)
         if part not in known:
-            raise CellError(f"{where}: no such key (see `canarm check --keys`){nearest(part, known)}")
+            whole = "_".join(rest[place : place + 2])
+            hint = nearest(whole if whole in known else part, known)
+            raise CellError(f"{where}: no such key (see `canarm check --keys`){hint}")
         location = (*location, part)
     below = _keys_at(location, table)
     if below:
