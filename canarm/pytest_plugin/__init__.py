@@ -4,6 +4,7 @@ pytest loads this module in every run of every project where canarm is installed
 fixtures need is imported by the first test that asks for one.
 """
 
+import sys
 from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
+    from ..rig.arguments import Unused
     from .foreign import CanarmBench
     from .keeping import Keeper
     from .rigs import RigFactory
@@ -121,6 +123,20 @@ def canarm_bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPa
         keeper.watch(bench)
         yield bench
     _warn(request, keeper)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_call() -> Generator[None, object, None]:
+    """Warn, in the right test, of a `canarm.Rig` that it has made and never run."""
+    known = _unused_rigs()
+    yield
+    for each in _unused_rigs() - known:
+        each.warn()
+
+
+def _unused_rigs() -> "set[Unused]":
+    arguments = sys.modules.get("canarm.rig.arguments")
+    return set() if arguments is None else set(arguments.Unused.waiting)
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -39,6 +39,8 @@ class RigFactory:
         options = {"seed": self._seed, "out": self._keeper.new_folder(), **options}
         rig = plainly(lambda: self._kind(cell, *arguments, **options))
         self._rigs.append(rig)
+        if rig.unused is not None:
+            rig.unused.is_used()  # it is finished after the test, which warns
         folder = None if options["out"] is None else Path(options["out"])
         self._keeper.watch(_RigRun(rig, folder, f"canarm_rig({', '.join(words)})"))
         return rig

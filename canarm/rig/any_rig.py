@@ -14,7 +14,7 @@ from canarm_protocol.faults.fault_events import FaultEvent
 from canarm_protocol.runs.tentative import Tentative
 
 from ..session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY
-from .arguments import as_text, checked_seed
+from .arguments import Unused, as_text, checked_folder, checked_seed, checked_switch
 from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question
 from .rig_faults import FaultControl, FaultSource
 
@@ -23,6 +23,8 @@ class AnyRig(FaultControl):
     """The arguments of every rig, kept for `_open`."""
 
     cell: Cell
+    unused: Unused | None = None
+    """What warns of a rig that is never run."""
 
     def __init__(
         self,
@@ -41,9 +43,9 @@ class AnyRig(FaultControl):
     ) -> None:
         super().__init__()
         self._law, self._trajectory, self._feedforward = law, trajectory, feedforward
-        self._seed, self._wire = checked_seed(seed), wire
+        self._seed, self._wire = checked_seed(seed), checked_switch("wire", wire)
         self._true_settings = as_text(truth)
-        self._history_s, self._out = history_s, out
+        self._history_s, self._out = history_s, checked_folder(out)
         self.fault_events: list[FaultEvent] = []
         """Beginnings and ends of faults; oldest first."""
         self.noticed: list[Noticed] = []
@@ -54,6 +56,7 @@ class AnyRig(FaultControl):
             if faults is not None:
                 self.inject_file(faults)
         except Exception:
+            self._used()
             self._close_files()
             self._made.take_back()
             raise
@@ -62,6 +65,10 @@ class AnyRig(FaultControl):
     @abstractmethod
     def _open(self, cell: str | Path | Cell, settings: Mapping[str, object] | None) -> None:
         """Build what a run needs, with `settings` applied to the cell."""
+
+    def _used(self) -> None:
+        if self.unused is not None:
+            self.unused.is_used()
 
     @abstractmethod
     def _close_files(self) -> None:

@@ -4,8 +4,13 @@ The controller resolves law and trajectory. Nothing is run here.
 """
 
 import math
+import sys
+import warnings
+import weakref
 from collections.abc import Mapping
 from numbers import Integral, Real
+from pathlib import Path
+from typing import ClassVar
 
 from canarm_emulator.errors import TruthError
 from canarm_emulator.robot.truth import truth_keys
@@ -23,6 +28,39 @@ class RigWarning(UserWarning):
     """A rig was used in a way that proves nothing."""
 
 
+class Unused:
+    """Whether a rig has been run or finished. One that is discarded without either warns, where it was made.
+
+    The rig's own end would come too late or never: it stands in circles with what it runs.
+    """
+
+    waiting: ClassVar[set["Unused"]] = set()
+    """Of all rigs that have been neither run nor discarded."""
+
+    def __init__(self, rig: object) -> None:
+        self.waiting.add(self)
+        frame = sys._getframe(1)
+        while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("canarm."):
+            frame = frame.f_back
+        self._place = (frame.f_code.co_filename, frame.f_lineno)
+        self._module = str(frame.f_globals.get("__name__"))
+        self._finalizer = weakref.finalize(rig, self._warn)
+
+    def is_used(self) -> None:
+        """It has been run, finished, or broken off."""
+        self.waiting.discard(self)
+        self._finalizer.detach()
+
+    def warn(self) -> None:
+        """Warn now, unless it has been used."""
+        self._finalizer()
+
+    def _warn(self) -> None:
+        self.waiting.discard(self)
+        text = "nobody has run this rig: it has tested nothing (rig.run?)"
+        warnings.warn_explicit(text, RigWarning, *self._place, module=self._module)
+
+
 def checked_seed(seed: object) -> int:
     """`seed` as a whole number. Raises `UsageError` if it is none, or negative."""
     if not isinstance(seed, Integral) or isinstance(seed, bool):
@@ -30,6 +68,20 @@ def checked_seed(seed: object) -> int:
     if int(seed) < 0:
         raise UsageError(f"seed {seed}: must not be negative")
     return int(seed)
+
+
+def checked_folder(out: object) -> Path | None:
+    """`out` as a path. Raises `UsageError` if it is none."""
+    if not isinstance(out, str | Path | None) or "\0" in str(out):
+        raise UsageError(f"out {quoted(out)}: must be the path of a folder")
+    return None if out is None else Path(out)
+
+
+def checked_switch(what: str, value: object) -> bool:
+    """`value` as a bool. Raises `UsageError` if it is neither true nor false."""
+    if value not in (True, False):
+        raise UsageError(f"{what} {quoted(value)}: must be True or False")
+    return bool(value)
 
 
 def check_number(what: str, value: object) -> None:

@@ -69,7 +69,7 @@ class BusRig(AnyRig):
         given = as_text(settings)
         self.cell = load_cell(name, given, option="settings")
         Truth.from_settings(self.cell, self._true_settings, "truth")
-        self.folder = Path(self._out)
+        self.folder = self._out
         self.reason: str | None = None
         self._result: dict[str, Any] | None = None
         self._is_finished = False

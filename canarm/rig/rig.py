@@ -34,7 +34,7 @@ from ..session import make_bench, make_controller, provenance, tick_count
 from ..summary import Summary, detections_as_plain
 from ..usage import UsageError, value_text
 from .any_rig import AnyRig
-from .arguments import RigWarning, check_mechanics
+from .arguments import RigWarning, Unused, check_mechanics
 from .findings import Noticed
 from .rig_cell import rig_cell
 from .rig_history import Event, History, StampedFrame
@@ -51,7 +51,8 @@ class Rig(AnyRig):
     (n, joints) in rad with a row per cycle, or a function of the time in s (`make_trajectory`). `truth` and `settings`
     are what `--truth` and `--set` take, `wire` is `--wire`, `faults` is a fault file, its text or a script
     (`inject_file`). `history_s` bounds the histories: older cycles are forgotten, and a question about them raises
-    `UsageError`. `out` names a run folder. A rig that is finished without having run warns (`RigWarning`).
+    `UsageError`. `out` names a run folder. A rig that is finished, or
+    discarded, without having run warns (`RigWarning`).
 
     Raises `CellError`, `TruthError`, `ControllerError` (`LawError`, `TrajectoryError`), `FaultError`, `RunFolderError`
     or `UsageError` (a `ValueError`) for bad arguments, and warns of a cell whose traffic its bit rate cannot carry.
@@ -67,7 +68,12 @@ class Rig(AnyRig):
         self._assessor: Assessor = self._bench.assessor
         size = tick_count(self.cell, self._history_s, "history_s")
         controller = self._controller
-        self._history = History(self.cell, size, self._assessor, lambda: controller.controlled_ticks)
+        try:
+            self._history = History(self.cell, size, self._assessor, lambda: controller.controlled_ticks)
+        except (MemoryError, ValueError):
+            raise UsageError(
+                f"history_s {self._history_s:g}: {size:.2g} cycles do not fit into memory; take less"
+            ) from None
         self._truth: CycleTruth | None = None
         self.events: list[Event] = []
         """Changes of the controller's state (with the reason of a stop) and of the truth; beginnings and ends of
@@ -86,12 +92,13 @@ class Rig(AnyRig):
         self._state = State.IDLE
         self._folder: Path | None = None
         if self._out is not None:
-            self._record(Path(self._out))
+            self._record(self._out)
         self._bench.on_cycle = self._keep_truth
         self._bench.device.faults.on_event = self._note_fault
         self._controller.on_tick = self._on_tick
         self._bench.start()
         self._exchange()
+        self.unused = Unused(self)
 
     @property
     def controller(self) -> Controller:
@@ -143,6 +150,7 @@ class Rig(AnyRig):
         """
         __tracebackhide__ = True
         self._check_unfinished("run")
+        self._used()
         controller = self._controller
         goal = controller.controlled_ticks + tick_count(self.cell, seconds, "seconds")
         if controller.state is State.IDLE:
@@ -177,6 +185,7 @@ class Rig(AnyRig):
 
         `events` reports sets that never began. Afterwards the rig answers questions and refuses everything else.
         """
+        self._used()
         controller = self._controller
         if not self._is_finished and controller.state is State.IDLE:
             warnings.warn("the rig is finished and has never run: it has tested nothing", RigWarning, self._depth)

@@ -10,8 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
-from canarm_protocol.errors import CanarmError
+from canarm_protocol.errors import CanarmError, FaultError
 from canarm_protocol.faults.script import FaultScript, ParameterValue, clearing, parse_faults, read_faults, script_of
+from canarm_protocol.shown import quoted
 
 FaultSource = Path | str | FaultScript
 UNNAMED = "set "
@@ -116,4 +117,6 @@ def read_script(source: FaultSource) -> FaultScript:
         return source
     if isinstance(source, str) and (not source.strip() or any(sign in source for sign in "=[\n")):
         return parse_faults(source, "faults")
+    if not isinstance(source, str | Path):
+        raise FaultError(f"faults: {quoted(source)}: must be a fault file, its text as TOML, or a script")
     return read_faults(Path(source))

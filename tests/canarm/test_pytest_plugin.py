@@ -479,3 +479,23 @@ def test_rigs_may_be_shared_by_a_class_or_a_file_and_are_kept_when_one_of_its_te
     result.stdout.fnmatch_lines(["*the run is shared by all tests of TestRobot; it will be kept below *kept*"])
     (folder,) = (tmp_path / "kept").iterdir()
     assert (folder / "joints.svg").exists()
+
+
+def test_a_rig_that_a_test_makes_and_never_runs_is_a_warning_of_that_test(run):
+    result = run(
+        """
+        from canarm import Rig
+        rigs = []
+
+        def test_forgetful():
+            rigs.append(Rig())
+
+        def test_thorough(canarm_rig):
+            Rig().run(0.1)
+            canarm_rig().run(0.1)
+        """,
+    )
+    result.assert_outcomes(passed=2, warnings=1)
+    result.stdout.fnmatch_lines(
+        ["*.py::test_forgetful", "*RigWarning: nobody has run this rig: it has tested nothing*"]
+    )

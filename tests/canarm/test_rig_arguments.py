@@ -1,5 +1,6 @@
 """What a rig takes from Python: classes, functions, arrays, files beside a law; and what it warns of."""
 
+import gc
 import sys
 import warnings
 from collections.abc import Sequence
@@ -121,6 +122,21 @@ def test_a_rig_that_has_never_run_warns() -> None:
     assert caught[0].filename == __file__
 
 
+def test_a_rig_that_is_neither_run_nor_finished_warns_where_it_was_made() -> None:
+    rig = Rig()
+    rig.inject("joint2.tachometer", "stuck", at=1.0)
+    del rig
+    with pytest.warns(RigWarning, match=r"nobody has run this rig: it has tested nothing \(rig\.run\?\)") as caught:
+        gc.collect()
+    assert caught[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = Rig()
+        run.run(0.1)
+        del run
+        gc.collect()
+
+
 def test_a_finding_that_nobody_asks_warns_where_the_assert_is_missing() -> None:
     with Rig() as rig:
         rig.run(0.1)
@@ -136,6 +152,13 @@ def test_a_finding_that_nobody_asks_warns_where_the_assert_is_missing() -> None:
 @pytest.mark.parametrize(
     ("given", "complaint"),
     [
+        ({"faults": 5}, "faults: 5: must be a fault file, its text as TOML, or a script"),
+        ({"faults": ["a.toml"]}, "faults: ['a.toml']: must be a fault file, its text as TOML, or a script"),
+        ({"out": 5}, "out 5: must be the path of a folder"),
+        ({"out": "a\0b"}, "out 'a\\x00b': must be the path of a folder"),
+        ({"history_s": 1e300}, "history_s 1e+300: 4e+302 cycles do not fit into memory; take less"),
+        ({"history_s": 1e12}, "history_s 1e+12: 4e+14 cycles do not fit into memory; take less"),
+        ({"wire": "no"}, "wire 'no': must be True or False"),
         ({"truth": {"joint3.mas": 1}}, "truth joint3.mas=1: no such key; did you mean 'joint3.mass'?"),
         ({"truth": {"joint3.mass": "heavy"}}, "truth joint3.mass=heavy: must be a number from 0.001 to 1000 kg"),
         ({"settings": {"control.damp": 1}}, "settings control.damp=1: no such key"),
