@@ -73,6 +73,7 @@ def _lines(
     lines = [
         f"# {arm.title}. Written by canarm new-cell; it is yours now: change what you know better.",
         '# "assumed" marks what the arm does not say. After a change: canarm check --cell THIS_FILE.',
+        "# A motor or sensor that is mounted the other way round: sign = -1 in its table.",
         "",
         _value("name", arm.name),
         _value("title", arm.title),

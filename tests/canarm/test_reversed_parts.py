@@ -208,3 +208,7 @@ def test_jogging_a_reversed_drive_by_current_turns_the_joint_the_way_that_is_ask
     assert isinstance(drive, Drive)
     assert drive.direction is DirectionBits.CLOCKWISE
     assert output_text(cell, 0, drive.code, drive.direction) == "joint2: code 85, cw, 0.500 A"
+
+
+def test_a_new_cell_says_how_a_reversed_part_is_written() -> None:
+    assert "mounted the other way round: sign = -1" in text_of("three")
