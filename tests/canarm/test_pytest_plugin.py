@@ -481,8 +481,8 @@ def test_rigs_may_be_shared_by_a_class_or_a_file_and_are_kept_when_one_of_its_te
     assert (folder / "joints.svg").exists()
 
 
-def test_a_rig_that_a_test_makes_and_never_runs_is_a_warning_of_that_test(run):
-    result = run(
+def test_a_rig_that_a_test_makes_and_never_runs_is_a_warning_of_that_test(pytester):
+    pytester.makepyfile(
         """
         from canarm import Rig
         rigs = []
@@ -493,9 +493,8 @@ def test_a_rig_that_a_test_makes_and_never_runs_is_a_warning_of_that_test(run):
         def test_thorough(canarm_rig):
             Rig().run(0.1)
             canarm_rig().run(0.1)
-        """,
+        """
     )
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider")  # this process ignores the warning
     result.assert_outcomes(passed=2, warnings=1)
-    result.stdout.fnmatch_lines(
-        ["*.py::test_forgetful", "*RigWarning: nobody has run this rig: it has tested nothing*"]
-    )
+    result.stdout.fnmatch_lines(["*.py::test_forgetful", "*RigWarning: nobody has run this rig: it has tested*"])

@@ -209,6 +209,30 @@ def test_savvycan_sends_bytes_above_127_and_long_identifiers_and_whatever_scanf_
     assert ServerParser().feed(element) == [Send(frame)]
 
 
+@pytest.mark.parametrize(
+    ("element", "frame"),
+    [
+        (b"< send 40000123 2 11 22 >", Frame(0x123, bytes(2), True, True)),
+        (b"< send C0000123 0 >", Frame(0x123, b"", True, True)),
+        (b"< send 0x40000123 1 11 >", Frame(0x123, bytes(1), False, True)),
+        (b"< sendrtr 123 8 >", Frame(0x123, bytes(8), False, True)),
+        (b"< sendrtr 00000123 0 >", Frame(0x123, b"", True, True)),
+    ],
+)
+def test_an_identifier_with_the_flag_of_a_remote_frame_is_one(element, frame):
+    # state_raw.c writes the ID as it came into can_id, where linux/can.h has its flags; `sendrtr` sets bit 30 itself.
+    assert ServerParser().feed(element) == [Send(frame)]
+
+
+@pytest.mark.parametrize(
+    "element", ["send 20000004 1 1", "send 60000123 0", "send e0000123 0", "send 0x20000123 1 1", "sendrtr 123 9"]
+)
+def test_an_identifier_with_the_flag_of_an_error_frame_is_no_data_and_counted(element):
+    parser = ServerParser()
+    assert parser.feed(f"< {element} >< send 123 1 7 >".encode()) == [Bad(element), Send(Frame(0x123, b"\x07"))]
+    assert parser.malformed == 1
+
+
 def test_kayak_subscribes_and_asks_for_statistics():
     # As BCMConnection.java and ControlConnection.java write it.
     text = b"< subscribe 0 0 294 >< unsubscribe 18ff1234 >< bcmmode >< controlmode >< statistics 1000 >"

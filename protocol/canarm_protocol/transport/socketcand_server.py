@@ -14,8 +14,8 @@ from ..canopen.frames import Frame
 from .socketcand import EXTENDED_MASK, HEX_DIGITS, STANDARD_MASK, Cutter
 
 LONGEST_INTERVAL_MS = 1 << 31
-_EXTENDED_FLAG = 0x8000_0000
-"""CAN_EFF_FLAG of linux/can.h, bit 31 of an ID."""
+_EXTENDED_FLAG, _REMOTE_FLAG, _ERROR_FLAG = 0x8000_0000, 0x4000_0000, 0x2000_0000
+"""CAN_EFF_FLAG, CAN_RTR_FLAG and CAN_ERR_FLAG of linux/can.h in an ID, which state_raw.c sends as it was given."""
 _WIDEST_HEX, _WIDEST_DECIMAL = (1 << 64) - 1, 20
 """strtoul's value for anything larger, and the decimal digits of 64 bits."""
 _LENGTH_TEXT = tuple(str(length) for length in range(9))
@@ -144,6 +144,8 @@ def _read_command(words: list[str]) -> Command | None:
     match words:
         case ["send", id_text, length_text, *byte_texts]:
             return Send(_read_send(id_text, length_text, byte_texts))
+        case ["sendrtr", id_text, length_text]:
+            return Send(_remote_frame(id_text, _read_decimal(length_text) & 0xFF))
         case ["open", channel]:
             return Open(channel)
         case [name] if name in _MODES:
@@ -163,19 +165,15 @@ def _read_command(words: list[str]) -> Command | None:
     return None
 
 
-_WITH_ARGUMENTS = ("send", "open", "subscribe", "unsubscribe", "statistics")
+_WITH_ARGUMENTS = ("send", "sendrtr", "open", "subscribe", "unsubscribe", "statistics")
 
 
 class _IdTable(dict[str, tuple[int, bool]]):
     """(CAN ID, is extended) by its text, filled on demand. Raises `ValueError` for what is no ID."""
 
     def __missing__(self, text: str) -> tuple[int, bool]:
-        # Eight characters mean extended (state_raw.c, element_length), and so does bit 31, which SavvyCAN sets.
-        value = _read_hex(text)
-        is_extended = len(text) == 8 or bool(value & _EXTENDED_FLAG)
-        if is_extended:
-            value &= EXTENDED_MASK
-        elif value > STANDARD_MASK:
+        value, is_extended, is_remote = _read_id(text)
+        if is_remote:
             raise ValueError(text)
         if len(self) >= 8192:
             self.clear()
@@ -185,6 +183,26 @@ class _IdTable(dict[str, tuple[int, bool]]):
 
 
 _IDS = _IdTable()
+
+
+def _read_id(text: str) -> tuple[int, bool, bool]:
+    """CAN ID, is extended, is remote. Raises `ValueError` for what is no ID, and for that of an error frame.
+
+    Only a controller makes error frames: what SocketCAN passes on of a client's reaches nobody as data.
+    """
+    # Eight characters mean extended (state_raw.c, element_length), and so does bit 31, which SavvyCAN sets.
+    value = _read_hex(text)
+    is_extended = len(text) == 8 or bool(value & _EXTENDED_FLAG)
+    is_remote = bool(value & _REMOTE_FLAG)
+    if value & _ERROR_FLAG:
+        raise ValueError(text)
+    if is_extended:
+        value &= EXTENDED_MASK
+    else:
+        value &= ~_REMOTE_FLAG
+        if value > STANDARD_MASK:
+            raise ValueError(text)
+    return value, is_extended, is_remote
 
 
 def _read_hex(text: str) -> int:
@@ -223,8 +241,16 @@ def _read_sends(text: str) -> list[Command]:
 
 def _read_send(id_text: str, length_text: str, byte_texts: list[str]) -> Frame:
     """As scanf's %x, %hhu and %hhx would: length and bytes keep their lowest eight bits."""
-    can_id, is_extended = _IDS[id_text]
+    can_id, is_extended, is_remote = _read_id(id_text)
     data = bytes(_read_hex(text) & 0xFF for text in byte_texts)
     if len(data) > 8 or _read_decimal(length_text) & 0xFF != len(data):
         raise ValueError(length_text)
-    return Frame(can_id, data, is_extended)
+    return _remote_frame(id_text, len(data)) if is_remote else Frame(can_id, data, is_extended)
+
+
+def _remote_frame(id_text: str, length: int) -> Frame:
+    """A remote frame that asks for `length` bytes; the flag in the ID may be set or not (state_raw.c, sendrtr)."""
+    can_id, is_extended, _ = _read_id(id_text)
+    if length > 8:
+        raise ValueError(id_text)
+    return Frame(can_id, bytes(length), is_extended, is_remote=True)
