@@ -14,7 +14,7 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, UnusedCliTokensError
 from cyclopts.config import Env
 
 from canarm_protocol.errors import CanarmError, ExitStatus
@@ -96,9 +96,8 @@ def run(arguments: Sequence[str]) -> int:
         result = app(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         command = " ".join(("canarm", *(error.command_chain or ())))
-        return _complain(
-            f"{_without_long_words(str(error), arguments)} See `{command} --help`.", ExitStatus.WRONG_INPUT
-        )
+        said = f"{_without_long_words(str(error), arguments)}{_hint(error)}"
+        return _complain(f"{said} See `{command} --help`.", ExitStatus.WRONG_INPUT)
     except CanarmError as error:
         return _complain(str(error), error.exit_status)
     except KeyboardInterrupt:
@@ -167,6 +166,19 @@ def _without_long_words(text: str, arguments: Sequence[str]) -> str:
     for word in arguments:
         text = text.replace(word, printable(word)) if len(word) > LONGEST_LINE else text
     return " ".join(text.split())
+
+
+def _hint(error: CycloptsError) -> str:
+    """Which option a word is the value of that stands alone, if that is plain."""
+    if not isinstance(error, UnusedCliTokensError) or not error.unused_tokens:
+        return ""
+    from .misplaced import hint
+
+    command = app
+    for name in error.command_chain or ():
+        command = command[name]
+    known = {name for argument in command.assemble_argument_collection() for name in argument.names}
+    return hint(error.unused_tokens, known)
 
 
 def _complain(text: str, status: int) -> int:

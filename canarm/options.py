@@ -16,6 +16,7 @@ from canarm_protocol.shown import printable
 from canarm_protocol.transport.port import BusPort, open_port, parse_bus_options
 from canarm_protocol.transport.socketcand import DEFAULT_PORT
 
+from .misplaced import hint
 from .usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError, parse_settings
 
 DEFAULT_HOST = "127.0.0.1"
@@ -262,6 +263,9 @@ class BusOptions:
 
     def named(self, more: Sequence[str] = ()) -> "NamedBus | None":
         """The robot's bus if one is named. Raises `UsageError`."""
+        alone = [word for word in more if "=" not in word]
+        if alone and (meant := hint(alone, ("--cell", "--law", "--trajectory", "--faults"))):
+            raise UsageError(f"{printable(alone[0])}: what is that?{meant}")
         return _named("-i", self.interface, self.channel, [*self.bus_kwargs, *more])
 
 

@@ -279,6 +279,34 @@ def test_a_reader_that_has_gone_is_status_1_and_no_word(canarm):
     assert process.stderr == ""
 
 
+@pytest.mark.parametrize(
+    ("command", "meant"),
+    [
+        ("check my.toml", "--cell my.toml"),
+        ("check konkuk1-brakes", "--cell konkuk1-brakes"),
+        ("fault list my.toml", "--cell my.toml"),
+        ("export eds my.toml", "--cell my.toml"),
+        ("demo my.toml", "--cell my.toml"),
+        ("demo broken.toml", "--faults broken.toml"),
+        ("demo move.csv:samples", "--trajectory move.csv:samples"),
+        ("demo laws.py:Mine", "--law laws.py:Mine"),
+        ("emulator my.toml", "--cell my.toml"),
+        ("controller laws.py:Mine", "--law laws.py:Mine"),
+        ("new-cell arm.urdf", "--urdf arm.urdf"),
+    ],
+)
+def test_a_file_without_its_option_is_told_the_option(tmp_path, monkeypatch, capsys, command, meant):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "broken.toml").write_text('[[set]]\n[[set.fault]]\ntap = "joint2.motor"\nfault = "open-load"\n')
+    assert cli.run(command.split()) == 2
+    assert f"Did you mean {meant}?" in capsys.readouterr().err
+
+
+def test_a_word_that_is_nothing_gets_no_hint(capsys):
+    assert cli.run(["check", "nonsense"]) == 2
+    assert "Did you mean" not in capsys.readouterr().err
+
+
 ENDLESS = ["x" * 5000, "9" * 5000, "a b " * 1500]
 
 
