@@ -5,6 +5,9 @@ import pytest
 
 from canarm import Rig
 
+SOFT = {  # the softest of the box: half of the cell's 200 and 80 N m/rad
+    "joint2.wire": 1, "joint2.wire_stiffness": 100.0, "joint3.wire": 1, "joint3.wire_stiffness": 40.0,
+}  # fmt: skip
 STANDING_RAD_S = 0.125  # 5 % of the tachometers' 2.5 rad/s
 RAMP_S = 0.1  # what a dangerous fault has in all
 
@@ -35,3 +38,13 @@ def test_a_hold_brings_the_arm_to_rest_within_100_ms_and_keeps_it_there(
     assert time_s[fast[-1] + 1] - stop_s <= RAMP_S
     assert off[0] - fast[-1] > 4  # it is held for a while
     assert np.abs(command_a).max() <= 0.98 * 1.5 + 1.5 / 255  # of the amplifier's 1.5 A, to a step of its DAC
+
+
+@pytest.mark.parametrize("onset_s", [1.3, 2.05, 2.8, 3.4])
+def test_links_on_soft_wires_do_not_swing_on_once_their_motors_stand(onset_s: float) -> None:
+    stop_s, time_s, speed_rad_s, command_a = held("konkuk1", onset_s, SOFT)
+    off = np.flatnonzero((command_a == 0.0).all(axis=1))
+    left_rad_s = np.abs(speed_rad_s[: off[0]][time_s[: off[0]] >= stop_s + RAMP_S]).max()
+    # A ramp to rest in T leaves a link of I on a wire of k with sin(wT/2)/(wT/2) of its speed, w = sqrt(k/I): of
+    # joint 2's 0.07 kg m2 on 100 N m/rad, and 50 ms, 86 %. It swings for seconds then.
+    assert left_rad_s < max(STANDING_RAD_S, 0.25 * 0.86 * np.abs(speed_rad_s[0]).max())

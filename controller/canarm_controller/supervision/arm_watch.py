@@ -180,7 +180,14 @@ class ArmWatch:
 
     def safe_hold(self, cycle: Cycle) -> SafeHold:
         """The law that brakes and holds the arm from its present state."""
-        return SafeHold(self._arm, cycle, [joint.bias for joint in self.joints], self._timing.period_s)
+        joints = self.joints
+        start_rad_s2 = [
+            model + joint.bias for model, joint in zip(self._accelerate(self._last_nm), joints, strict=True)
+        ]
+        return SafeHold(
+            self._arm, cycle, lambda: [joint.bias for joint in joints],
+            [joint.compliance_rad_nm for joint in joints], start_rad_s2, self._timing.period_s,
+        )  # fmt: skip
 
     def _from_rest(
         self, accelerations: Sequence[float], speed_rad_s: Sequence[float], acted_nm: Sequence[float]

@@ -3,15 +3,12 @@
 Owns the torque of a safe stop; the trusted state, and the end of the stop, are decided elsewhere.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from ..dynamics import Arm
 from ..laws.base import Cycle
+from .braking import Braking
 
-LONGEST_S, SHORTEST_S = 0.125, 0.05
-"""Bounds of the time from the first cycle to rest; within them, as fast as the amplifiers can."""
-RAMP_SHARE = 0.8
-"""Share of the amplifier's current that the ramp may use: the rest is for model errors."""
 STIFFNESS_RAD_S, DAMPING_RATIO = 12.0, 1.5
 LATENCY_CYCLES = 2
 """From a commanded torque to its effect on the speed: it acts from the next SYNC to the one after."""
@@ -20,60 +17,54 @@ SHARE = 0.98
 
 
 class SafeHold:
-    """τ = M(q)·(q̈_r + 2ζω(q̇_r - q̇) + ω²(q_r - q)) + H + G + friction + bias, along a ramp of q̇_r to zero.
+    """τ = M(q)·(q̈_r + 2ζω(q̇_r - q̇) + ω²(q_r - q)) + H + G + friction + lacking, along a way of q̇_r to zero.
 
     All joints come to rest at the same time. Where they do is where they are held: the way that the arm takes to begin
-    to brake is not made good. `bias_rad_s2` is what the model was known to lack before the failure, such as a payload:
-    it is carried on.
+    to brake is not made good. `bias_rad_s2` tells what the model lacks, such as a payload: before the failure, and as
+    it turns with the arm. `compliance_rad_nm` is the drive wires', `start_rad_s2` the arm's present acceleration.
     """
 
-    def __init__(self, arm: Arm, cycle: Cycle, bias_rad_s2: Sequence[float], period_s: float) -> None:
-        self._arm = arm
+    def __init__(
+        self, arm: Arm, cycle: Cycle, bias_rad_s2: Callable[[], Sequence[float]], compliance_rad_nm: Sequence[float],
+        start_rad_s2: Sequence[float], period_s: float,
+    ) -> None:  # fmt: skip
+        self._arm, self._bias_rad_s2 = arm, bias_rad_s2
         self._position = tuple(cycle.position_rad)
-        self._speed = tuple(cycle.velocity_rad_s)
-        """That at the beginning."""
-        self._bias_nm = [-bias * inertia for bias, inertia in zip(bias_rad_s2, arm.effective_inertia, strict=True)]
         per_ampere = arm.torque_per_ampere
-        self._most_nm = [amperes * limit for amperes, limit in zip(per_ampere, arm.max_current_a, strict=True)]
-        self._ramp_cycles = max(round(self._stopping_s() / period_s), 1)
-        self._ramp_rad_s2 = [-speed / (self._ramp_cycles * period_s) for speed in self._speed]
+        self._most_nm = [SHARE * amperes * limit for amperes, limit in zip(per_ampere, arm.max_current_a, strict=True)]
+        self._braking = Braking(
+            arm, self._position, cycle.velocity_rad_s, start_rad_s2, compliance_rad_nm,
+            self._lacking_nm(self._position), period_s,
+        )  # fmt: skip
         self._cycle = 0
 
     def torque_nm(self, cycle: Cycle) -> list[float]:
         """Torques for one cycle, N·m, within what the amplifiers have."""
-        is_ramp = self._cycle < self._ramp_cycles
-        if self._cycle < self._ramp_cycles + LATENCY_CYCLES:
-            self._position = tuple(cycle.position_rad)
-        planned, expected = self._left(self._cycle), self._left(self._cycle - LATENCY_CYCLES)
-        rows = zip(
-            self._ramp_rad_s2, self._speed, cycle.velocity_rad_s, self._position, cycle.position_rad, strict=True
-        )
-        aimed = [
-            ramp * is_ramp
-            + 2.0 * DAMPING_RATIO * STIFFNESS_RAD_S * (expected * first - speed)
-            + STIFFNESS_RAD_S**2 * (aim - position)
-            for ramp, first, speed, aim, position in rows
-        ]
+        position_rad, braking = cycle.position_rad, self._braking
+        if self._cycle < braking.cycles + LATENCY_CYCLES:
+            self._position = tuple(position_rad)
+        planned, expected = braking.at(self._cycle), braking.at(self._cycle - LATENCY_CYCLES)
         self._cycle += 1
-        model_nm = self._arm.torque_nm(cycle.position_rad, [planned * first for first in self._speed], aimed)
-        rows_nm = zip(model_nm, self._bias_nm, self._most_nm, strict=True)
-        return [max(-SHARE * most, min(SHARE * most, torque + bias)) for torque, bias, most in rows_nm]
+        ahead_rad_s = braking.ahead_rad_s(expected, position_rad)
+        rows = zip(
+            planned.acceleration, expected.speed, ahead_rad_s, cycle.velocity_rad_s, self._position, position_rad,
+            strict=True,
+        )  # fmt: skip
+        aimed = [
+            planned_rad_s2
+            + 2.0 * DAMPING_RATIO * STIFFNESS_RAD_S * (link + ahead - speed)
+            + STIFFNESS_RAD_S**2 * (aim - position)
+            for planned_rad_s2, link, ahead, speed, aim, position in rows
+        ]
+        model_nm = self._arm.torque_nm(position_rad, planned.speed, aimed)
+        rotors_nm = braking.rotors_nm(planned, position_rad)
+        rows_nm = zip(model_nm, rotors_nm, self._lacking_nm(position_rad), self._most_nm, strict=True)
+        return [max(-most, min(most, torque + rotor + lacking)) for torque, rotor, lacking, most in rows_nm]
 
-    def _left(self, cycle: int) -> float:
-        """What the ramp leaves of the speed in a cycle, as a share."""
-        return min(max(1.0 - cycle / self._ramp_cycles, 0.0), 1.0)
-
-    def _stopping_s(self) -> float:
-        """How long the ramp takes: what it costs over that of going on at constant speed is inverse to its length."""
-        position_rad, rest = self._position, [0.0] * len(self._speed)
-        going_on_nm = self._arm.torque_nm(position_rad, self._speed, rest)
-        standing_nm = self._arm.torque_nm(position_rad, rest, rest)
-        pushed_nm = self._arm.torque_nm(position_rad, rest, [-speed for speed in self._speed])
-        hardest = 1.0 / SHORTEST_S
-        rows = zip(going_on_nm, standing_nm, pushed_nm, self._bias_nm, self._most_nm, strict=True)
-        for going_on, standing, pushed, bias, most in rows:
-            cost = pushed - standing
-            room = RAMP_SHARE * most - (going_on + bias if cost > 0.0 else -going_on - bias)
-            if cost:
-                hardest = min(hardest, max(room, 0.0) / abs(cost))
-        return min(1.0 / hardest, LONGEST_S) if hardest > 0.0 else LONGEST_S
+    def _lacking_nm(self, position_rad: Sequence[float]) -> list[float]:
+        """Torques worth the accelerations that the model lacks."""
+        bias = self._bias_rad_s2()
+        rows = zip(self._arm.inertia(position_rad), self._arm.rotor_inertia, bias, strict=True)
+        return [
+            -rotor * own - sum([part * each for part, each in zip(row, bias, strict=True)]) for row, rotor, own in rows
+        ]

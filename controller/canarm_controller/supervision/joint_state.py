@@ -72,6 +72,7 @@ class JointState:
         "_twist",
         "_upset_at",
         "bias",
+        "compliance_rad_nm",
         "cycles",
         "is_agitated",
         "mode",
@@ -112,6 +113,8 @@ class JointState:
         self._lacking = self._code_swing = 0.0
         self._changed_at = 0
         self._set_rate()
+        self.compliance_rad_nm = 0.0
+        """Of its drive wire, where that is known to be elastic; else 0."""
         self.is_agitated = False
         """Whether the speed left the model's prediction; reset once investigated."""
         self.position_rad, self.velocity_rad_s = position_rad, 0.0
@@ -120,6 +123,11 @@ class JointState:
     def take_load(self) -> None:
         """The arm leaves its support: its payload is not known yet."""
         self._calm_at = self.cycles + self._timing.calm
+
+    @property
+    def is_elastic(self) -> bool:
+        """Whether its drive wire is known to be elastic."""
+        return self.compliance_rad_nm > 0.0
 
     @property
     def is_upset(self) -> bool:

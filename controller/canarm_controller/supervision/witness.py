@@ -181,15 +181,11 @@ class JointWitness(SensorLess):
 
     def twist(self, drive_nm: float, acceleration: float) -> None:
         """Take what drive, less friction, and the model's acceleration make of the wire's torque, once in 10 ms."""
-        if self.mode is _SOUND:
+        if self.mode is _SOUND and not self._astray_cycles:
             wire = self._wire
             wire.take(drive_nm, acceleration + self.bias, self._raw, self._base_gain, self._offset_gain)
             self._twist = wire.twist_rad
-
-    @property
-    def is_elastic(self) -> bool:
-        """Whether its wire is known to be elastic."""
-        return self._wire.is_elastic
+            self.compliance_rad_nm = wire.compliance if wire.is_elastic else 0.0
 
     def accuse_code(self) -> bool:
         """Whether an unexpected acceleration is the tachometer's: its code stands, at a speed that it can show.
