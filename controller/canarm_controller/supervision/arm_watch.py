@@ -111,9 +111,10 @@ class ArmWatch:
                     current_codes[index], applied_nm[index], flowing_nm[index], measured_rad_s[index]
                 )
             ):
-                joint = self.joints[index]
-                mobility = self._own_mobility(index)
-                current.judge(off_a, measured_rad_s[index], joint.model_rad_s, joint.bias, mobility)
+                joint, mobility = self.joints[index], self._own_mobility(index)
+                is_seen = joint.mode not in (Mode.NO_TACHOMETER, Mode.BLIND)
+                doubt, noisiness = joint.doubt_rad_s2(mobility), joint.noisiness if is_seen else math.inf
+                current.judge(off_a, measured_rad_s[index], joint.model_rad_s, joint.bias, mobility, doubt, noisiness)
         if replaced:
             self._replace(cycle, replaced)
         if count >= self._refresh_at:

@@ -8,7 +8,7 @@ import math
 from .detection import Reaction
 from .limits import Report
 from .nominal import JointNominal, SensorNominal
-from .thresholds import Thresholds
+from .thresholds import Thresholds, observer_bandwidth_rad_s
 from .timing import Timing
 from .vote import Ballot
 
@@ -17,11 +17,15 @@ STEP_FRACTION = 0.2
 the code of the DAC is rounded."""
 FLUTTER_GAIN = 0.25
 """Changes of the difference between readings are averaged over about four."""
-SMALLEST_CYCLES, NOTED_CYCLES = 2, 8
-FLUTTER_NOTED_CYCLES, FLUTTER_CYCLES, CALMING = 3, 16, 0.25
-"""A current that does not follow is reported; unless the sense proves to be the cause, torque is switched off."""
-DECISIVE_GRAINS = 4.0
-"""Grains of speed that the missing torque should have caused before its effect is judged."""
+NOTED_CYCLES, NOTED_FACTOR = 8, 2.0
+"""A difference is reported after so many cycles at this factor of the limit, which is a fault's floor, or more; a
+smaller one in proportion later: the arm has so long to tell amplifier and sense apart."""
+TOLD_READINGS = 2, 3
+"""Readings that must differ before the drive is accused, or the sense: what one shows may have lasted for a part of a
+cycle only, or be a current that turns."""
+BRIEF_CYCLES, FLUTTER_NOTED_CYCLES, FLUTTER_CYCLES, CALMING = 3, 20, 24, 0.25
+"""Cycles of a current that does not follow: a brief one is reported once it is over, a lasting one before, and unless
+the sense proves to be the cause, torque is switched off."""
 UNEXPLAINED_SHARE, UNEXPLAINED_CYCLES = 1.2, 16
 """Share of the limit, and cycles: a difference this large and long, not blamed on the sense, switches torque off; in
 half that time if it flutters by half the flutter limit, as no offset or gain error does."""
@@ -35,35 +39,43 @@ class CurrentWatch:
     """One joint: the sense gives |i| at its own time after SYNC; the command acts at SYNC, through the winding.
 
     Two ways to differ: by `current_mismatch_a`, or by a difference that flutters, as it does when the current follows
-    an old command or noise. Then the arm votes. A sudden difference is judged by the speed that the missing torque
-    should cause; of a slow one, only the variations can be distinguished from another payload.
+    an old command or noise. Then the arm votes, by the speed that the difference causes if it is the amplifier's. What
+    had built up before has been learned as acceleration bias already, as fast as `_slow_a` follows it; only what has
+    come since is due.
     """
 
     __slots__ = (
         "_amperes",
         "_ballot",
+        "_beyond_cycles",
         "_bias",
         "_code",
         "_command_a",
         "_deficit_nm_s",
+        "_detail",
         "_emf_v",
         "_end_codes",
         "_fastest_rad_s",
         "_flutter_a",
         "_flutter_cycles",
         "_flutter_limit_a",
-        "_is_abrupt",
+        "_full_a",
+        "_haste",
+        "_is_noted",
         "_last_off_a",
+        "_learned_a",
         "_limit_a",
         "_model",
         "_ohm",
         "_period_s",
+        "_pushed_nm",
+        "_readings",
         "_report",
+        "_slow_a",
+        "_slow_gain",
         "_speed",
-        "_speed_grain",
         "_step_a",
         "_supply_v",
-        "_timing",
         "_unexplained_cycles",
         "_weight",
         "cycles",
@@ -73,23 +85,26 @@ class CurrentWatch:
     def __init__(
         self, joint: JointNominal, sense: SensorNominal, limits: Thresholds, timing: Timing, report: Report
     ) -> None:
-        self._report, self._timing = report, timing
+        self._report = report
         self._step_a, self._end_codes = sense.step, sense.end_codes
         self._limit_a, self._flutter_limit_a = limits.current, limits.flutter
+        self._full_a = NOTED_FACTOR * limits.current
         self._weight = math.exp(-sense.skew_s / joint.winding_s)
         self._supply_v, self._ohm = joint.supply_v, joint.winding_ohm / SUPPLY_SHARE
         self._emf_v = joint.back_emf_v_s_rad
         self._fastest_rad_s = FASTEST_SHARE * joint.fastest_rad_s
         self._amperes = 1.0 / joint.torque_per_ampere
-        self._period_s, self._speed_grain = timing.period_s, limits.speed_grain
+        self._period_s = timing.period_s
         self.cycles = 0
         """Number of cycles in which measurement and command have differed."""
         self.is_given_up = False
         """Whether the sense was found wrong, and is ignored."""
         self._ballot = Ballot(limits.speed_grain, timing.window)
-        self._is_abrupt = False
-        self._unexplained_cycles = 0
-        self._flutter_cycles = 0.0
+        self._slow_gain = timing.period_s * observer_bandwidth_rad_s(timing.period_s)
+        self._slow_a = self._learned_a = 0.0
+        self._unexplained_cycles = self._readings = 0
+        self._beyond_cycles = self._haste = self._flutter_cycles = self._pushed_nm = 0.0
+        self._is_noted, self._detail = False, ""
         self._flutter_a = self._last_off_a = self._deficit_nm_s = self._command_a = 0.0
         self._speed = self._model = self._bias = 0.0
         self._code = 0
@@ -107,9 +122,13 @@ class CurrentWatch:
         flutter_a = self._flutter_a
         flutter_a += FLUTTER_GAIN * ((change_off_a if change_off_a > 0.0 else -change_off_a) - allowed_a - flutter_a)
         self._flutter_a = flutter_a
+        slow_a = self._slow_a
+        self._slow_a = slow_a + self._slow_gain * (off_a - slow_a)
         limit_a = self._limit_a + allowed_a
         is_within = -limit_a < off_a < limit_a
         if is_within and flutter_a < (0.5 * self._flutter_limit_a if self.cycles else self._flutter_limit_a):
+            if self.cycles and self._beyond_cycles and self._flutter_cycles >= BRIEF_CYCLES:
+                self._note()
             self.cycles = 0
             if self._flutter_cycles:
                 self._flutter_cycles = max(self._flutter_cycles - CALMING, 0.0)
@@ -121,7 +140,7 @@ class CurrentWatch:
             self._flutter_a = 0.0
             return 0.0
         if not self.cycles:
-            self._is_abrupt = not is_within and abs(change_off_a) > 0.5 * self._limit_a
+            self._learned_a = slow_a
         self._code, self._command_a = code, command_a
         return off_a
 
@@ -130,28 +149,38 @@ class CurrentWatch:
         self.cycles, self._flutter_a = 0, 0.0
         self._ballot.clear()
 
-    def judge(self, off_a: float, speed_rad_s: float, model_rad_s: float, bias_rad_s2: float, mobility: float) -> None:
-        """Judge a difference by the joint's speed, ∫model, acceleration bias and mobility (rad/s² per N·m)."""
+    def judge(
+        self, off_a: float, speed_rad_s: float, model_rad_s: float, bias_rad_s2: float, mobility: float,
+        doubt_rad_s2: float, noisiness: float,
+    ) -> None:  # fmt: skip
+        """Judge a difference by the joint's speed, ∫model, acceleration bias and mobility (rad/s² per N·m).
+
+        `doubt_rad_s2` is what the model may be off by for other reasons; `noisiness` as in `Ballot.verdict`.
+        """
         command_a = self._command_a
         self.cycles += 1
+        detail = f"{off_a:+.2f} A from the {command_a:+.2f} A commanded"
+        sign = 1.0 if command_a >= 0.0 else -1.0
+        pushed_nm, self._pushed_nm = self._pushed_nm, sign * (off_a - self._learned_a) / self._amperes
         if self.cycles == 1:
             self._speed, self._model, self._bias, self._deficit_nm_s = speed_rad_s, model_rad_s, bias_rad_s2, 0.0
-            self._unexplained_cycles = 0
+            self._unexplained_cycles, self._is_noted = 0, False
+            self._beyond_cycles = self._haste = 0.0
+            self._readings = 0
             self._ballot.open_window()
+            self._ballot.cast(0.0, 0.0, 0.0)
+            self._judge_lasting(off_a, detail)
             return
-        sign = 1.0 if command_a >= 0.0 else -1.0
-        self._deficit_nm_s += self._period_s * sign * off_a / self._amperes
+        self._deficit_nm_s += self._period_s * pushed_nm
         due = self._deficit_nm_s * mobility
         elapsed_s = (self.cycles - 1) * self._period_s
         unexplained = speed_rad_s - self._speed - (model_rad_s - self._model) - elapsed_s * self._bias
-        detail = f"{off_a:+.2f} A from the {command_a:+.2f} A commanded"
-        if self._is_abrupt and self.cycles <= self._timing.abrupt:
-            self._judge_abrupt(off_a, due, unexplained, detail)
-        elif self._ballot.cast(due, unexplained):
-            if self._ballot.is_for:
-                self._report("current-mismatch", f"{detail}, and the arm goes with it", None)
-            else:
-                self._blame_sense(detail)
+        self._ballot.cast(due, unexplained, elapsed_s)
+        verdict = self._ballot.verdict(doubt_rad_s2, noisiness)
+        if verdict > 0 and self._readings >= TOLD_READINGS[0]:
+            self._report("current-mismatch", f"{detail}, and the arm goes with it", None)
+        elif verdict < 0 and self._readings >= TOLD_READINGS[1]:
+            self._blame_sense(detail)
         if self.cycles:
             self._judge_lasting(off_a, detail)
 
@@ -159,26 +188,24 @@ class CurrentWatch:
         """Not decided yet: report it, and decide after a time limit."""
         flutters = self._flutter_a > self._flutter_limit_a
         self._flutter_cycles = max(self._flutter_cycles + (1.0 if flutters else -CALMING), 0.0)
-        if self.cycles == NOTED_CYCLES or self._flutter_cycles == FLUTTER_NOTED_CYCLES:
-            self._report("current-mismatch", f"{detail}: amplifier or sense", Reaction.DEGRADED)
-        if self._is_abrupt and self.cycles <= self._timing.abrupt:
-            return
+        self._readings += abs(off_a) > 0.5 * self._limit_a
+        if self._beyond_cycles or abs(off_a) > self._limit_a:
+            self._haste = min(max(abs(off_a) / self._full_a, self._haste), 1.0)
+            self._beyond_cycles += self._haste
+            self._detail = detail
+        if self._beyond_cycles >= NOTED_CYCLES or self._flutter_cycles >= FLUTTER_NOTED_CYCLES:
+            self._note()
         is_large = abs(off_a) > UNEXPLAINED_SHARE * self._limit_a
         weight = 2 if self._flutter_a > 0.5 * self._flutter_limit_a else 1
         self._unexplained_cycles = self._unexplained_cycles + weight if is_large else 0
         if self._unexplained_cycles > UNEXPLAINED_CYCLES or self._flutter_cycles > FLUTTER_CYCLES:
             self._report("current-mismatch", f"{detail}, and the sense cannot be blamed", None)
 
-    def _judge_abrupt(self, off_a: float, due: float, unexplained: float, detail: str) -> None:
-        """A sudden difference: the speed that it causes tells amplifier and sense apart."""
-        is_clear = abs(due) > DECISIVE_GRAINS * self._speed_grain
-        if self.cycles <= SMALLEST_CYCLES or not is_clear:
-            return
-        if unexplained * due > 0.5 * due * due or (off_a > 0.0 and abs(unexplained) > 0.5 * abs(due)):
-            self._report("current-mismatch", detail, None)
-            self.cycles = 0
-        elif self.cycles >= NOTED_CYCLES:
-            self._blame_sense(detail)
+    def _note(self) -> None:
+        """It is reported, once: amplifier or sense."""
+        if not self._is_noted:
+            self._report("current-mismatch", f"{self._detail}: amplifier or sense", Reaction.DEGRADED)
+            self._is_noted = True
 
     def _blame_sense(self, detail: str) -> None:
         at_end = self._code in self._end_codes

@@ -83,9 +83,9 @@ DETECTORS: dict[str, Detector] = dict(
         _row("tachometer-stuck", Reaction.SUBSTITUTE, 8, "the code does not change while the model's speed does"),
         _row("tachometer-mismatch", Reaction.SUBSTITUTE, 1, "as the potentiometer's, after a doubtful speed"),
         _row("sensor-noise", Reaction.SUBSTITUTE, 2, "three spikes in 80 cycles, or a speed that goes to and fro"),
-        _row("current-mismatch", Reaction.OFF, 3, "current_mismatch_a off or fluttering, not blamed on the sense"),
-        _row("current-sense-mismatch", Reaction.CONTINUE, 8, "current_mismatch_a off, and the arm does not care"),
-        _row("current-sense-range", Reaction.CONTINUE, 8, "as before, with the last code at either end"),
+        _row("current-mismatch", Reaction.OFF, 2, "current_mismatch_a off or fluttering, not blamed on the sense"),
+        _row("current-sense-mismatch", Reaction.CONTINUE, 3, "current_mismatch_a off, and the arm does not care"),
+        _row("current-sense-range", Reaction.CONTINUE, 3, "as before, with the last code at either end"),
         _row("acceleration-mismatch", Reaction.DEGRADED, 4, "acceleration_mismatch_rad_s2 unexpected; lasting: stop"),
         _row("wrong-direction", Reaction.OFF, 4, "1.5 to 2.6 times the commanded torque is missing"),
         _row(

@@ -158,16 +158,26 @@ class JointState:
             worst_rad_s2 = min(worst_rad_s2, 2.0 * self._lacking)
         return unlearned * worst_rad_s2
 
-    def _model_drift(self, elapsed_s: float) -> float:
-        """What a payload that turns makes of the model's speed, rad/s, while nothing corrects it.
+    def doubt_rad_s2(self, mobility: float) -> float:
+        """What the model's acceleration may be off by: friction that has just turned, and a payload that turns.
 
-        How much payload there is tells what the model has lacked lately, unless the arm has changed since.
+        The observer is two time constants behind it.
         """
+        worst = self._thresholds.turned_nm * mobility
+        behind = self._payload_share() * self._thresholds.stuck_drift * 2.0 / self._bandwidth_rad_s
+        return self.unlearned_friction(self.turned_until, self.cycles, worst) + behind
+
+    def _payload_share(self) -> float:
+        """How much payload of the box there is: what the model has lacked lately tells, unless the arm has changed."""
         thresholds = self._thresholds
-        share = 1.0
         if thresholds.payload > 0.0 and self.cycles >= self._changed_at + self._timing.doubt:
-            share = min(LACKING_FLOOR + self._lacking / thresholds.payload, 1.0)
-        return share * thresholds.stuck_drift * elapsed_s * (0.5 * elapsed_s + 2.0 / self._bandwidth_rad_s)
+            return min(LACKING_FLOOR + self._lacking / thresholds.payload, 1.0)
+        return 1.0
+
+    def _model_drift(self, elapsed_s: float) -> float:
+        """What a payload that turns makes of the model's speed, rad/s, while nothing corrects it."""
+        behind_s = 0.5 * elapsed_s + 2.0 / self._bandwidth_rad_s
+        return self._payload_share() * self._thresholds.stuck_drift * elapsed_s * behind_s
 
     def coast(self, acceleration: float) -> None:
         """A cycle without a measurement."""

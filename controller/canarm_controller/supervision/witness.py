@@ -13,6 +13,7 @@ from .noisiness import SPIKES, TURNS, SpikeCount, TurnCount
 from .nominal import JointNominal
 from .sensor_less import BLIND_FACTOR, EARLY_FACTOR, PERSISTENT_CYCLES, SensorLess
 from .step_trial import StepTrial
+from .suspicion import Suspicion
 from .thresholds import Thresholds
 from .timing import Timing
 from .wire_twist import WireTwist
@@ -30,8 +31,6 @@ STUCK_HASTE = 1.45
 STUCK_SOON_CYCLES = 6
 """If the tachometer has covered part of the travel while the position's code has not changed, and will soon cover the
 rest, the verdict waits."""
-SLOW_SHARE = 0.35
-"""Share of a mismatch that existed 16 to 32 cycles ago if it is slow: it grows by less than 0.1 rad/s."""
 RANGE_CYCLES = 2
 STEP_SHARE = 0.75
 """Share of the limit by which a speed must change in one cycle to have stepped; else the arm accelerates."""
@@ -54,14 +53,15 @@ class JointWitness(SensorLess):
     """
 
     __slots__ = (
-        "_accused_at", "_code_at", "_code_bias", "_code_model", "_doubt_until", "_end_gains", "_gap_at",
-        "_new_mismatch", "_old_mismatch", "_quick_cycles", "_raw", "_settled_at", "_spikes", "_stepped_until",
-        "_stuck_cycles", "_stuck_limit", "_trial", "_turns", "_wire", "_x_code", "_x_travel",
+        "_accused_at", "_code_at", "_code_bias", "_code_model", "_end_gains", "_gap_at",
+        "_quick_cycles", "_raw", "_settled_at", "_spikes", "_stepped_until",
+        "_stuck_cycles", "_stuck_limit", "_suspicion", "_trial", "_turns", "_wire", "_x_code", "_x_travel",
     )  # fmt: skip
 
     def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
         super().__init__(nominal, thresholds, timing, report)
         self._stuck_limit, self._stuck_cycles = thresholds.stuck_speed, timing.stuck
+        self._suspicion = Suspicion(timing.doubt, self._bandwidth_rad_s, timing.period_s)
         self._quick_cycles = max(int(thresholds.wire_turn_s / timing.period_s), 1)
         self._trial = StepTrial(thresholds.position_grain, timing.period_s, timing.step)
         self._end_gains = observer_gains(timing.period_s)
@@ -76,10 +76,11 @@ class JointWitness(SensorLess):
             {sensor: SpikeCount(self._timing.spike) for sensor in ("potentiometer", "tachometer")},
             TurnCount(self._timing.turn, self._quick_cycles),
         )
-        self._old_mismatch = self._new_mismatch = self._raw = 0.0
+        self._raw = 0.0
+        self._suspicion.start()
         self._x_code, self._code_at, self._accused_at = -1, 0, -1
         self._code_model = self._code_bias = self._x_travel = 0.0
-        self._doubt_until = self._stepped_until = -1
+        self._stepped_until = -1
         self._settled_at = -self._timing.unsettled
         self._gap_at = -self._timing.doubt
 
@@ -130,11 +131,12 @@ class JointWitness(SensorLess):
             return True
         if not count & NOISE_MASK:
             limits.learn(astray, mismatch, off - self._last_off)
+            self._suspicion.take(mismatch)
             if not count & LEARNING_MASK:
                 self._set_rate()
                 if count >= self._timing.early:
                     limits.settle()
-                self._old_mismatch, self._new_mismatch = self._new_mismatch, mismatch
+                self._suspicion.take_slowly(mismatch)
         self.speed = predicted + self._speed_gain * off
         self.bias = bias + self._accel_gain * off
         self._swing = swing
@@ -235,7 +237,7 @@ class JointWitness(SensorLess):
                 self._advance(predicted, predicted)
                 return self._substitute(x, predicted)
         if is_doubtful:
-            self._doubt_until = count + timing.doubt
+            self._suspicion.doubt(count, off)
         if not -limits.swing * factor < swing < limits.swing * factor:
             self.is_agitated = True
         is_wide = count < max(self._stepped_until, self._blurred_until)
@@ -290,17 +292,17 @@ class JointWitness(SensorLess):
         soon = turned + STUCK_SOON_CYCLES * self._period_s * abs(predicted)
         if self.cycles < self._settled_at + self._timing.unsettled:
             name = "drive-broken"
-        elif self.cycles < self._stepped_until:
+        elif self.cycles < self._stepped_until and self._suspicion.fits(self.cycles, mismatch):
             name = "tachometer-mismatch"
         elif turned > thresholds.stuck_travel:
             name, detail = "potentiometer-stuck", self._still_detail(turned)
         elif turned > thresholds.stuck_suspect and soon > thresholds.stuck_travel:
             return False
-        elif self.cycles < self._doubt_until or self._code_cycles >= self._stuck_cycles:
+        elif self._suspicion.fits(self.cycles, mismatch) or self._code_cycles >= self._stuck_cycles:
             name = "tachometer-mismatch"
         else:
             name = "potentiometer-mismatch"
-            if self._old_mismatch * mismatch > SLOW_SHARE * mismatch * mismatch:
+            if self._suspicion.is_slow(mismatch):
                 # Either may drift; a potentiometer that slow still holds the arm, a tachometer soon does not.
                 return self._report(name, f"{detail}, slowly", None) and self._lose_tachometer(x, predicted)
         if not self._report(name, detail, None):
@@ -359,6 +361,7 @@ class JointWitness(SensorLess):
         self._swing = 0.0
         self.speed = self._last_rad_s = v
         self._stepped_until = self.cycles + self._timing.doubt
+        self._suspicion.doubt(self.cycles, self._trial.step_rad_s)
         self._upset_at = self.cycles
         self.is_agitated = True
         self._calm_at = self.cycles + self._timing.calm
