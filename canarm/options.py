@@ -17,7 +17,7 @@ from canarm_protocol.transport.port import BusPort, open_port, parse_bus_options
 from canarm_protocol.transport.socketcand import DEFAULT_PORT
 
 from .misplaced import hint
-from .usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError, parse_settings
+from .usage import DEFAULT_CELL, DEFAULT_LAW, UsageError, parse_settings
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_ADDRESS = f"{DEFAULT_HOST}:{DEFAULT_PORT}"
@@ -194,13 +194,20 @@ class ControlOptions:
         Parameter(help="Feed-forward torque; the law's own choice unless given."),
     ] = None
     trajectory: Annotated[
-        str,
+        str | None,
         Parameter(
             metavar="NAME|FILE[:HOW]",
-            help="Trajectory: sine, trapezoid, or a CSV file with time_s and a column of degrees for each joint; "
-            "behind it :spline, :monotone or :samples chooses what lies between its rows.",
+            help="Trajectory: sine (the usual one), trapezoid, or a CSV file with time_s and a column of degrees for "
+            "each joint; behind it :spline, :monotone or :samples chooses what lies between its rows. Two robots that "
+            "carry an object have circle (the usual one), line and arc, or a file of the tip's way.",
         ),
-    ] = DEFAULT_TRAJECTORY
+    ] = None
+
+    def motion(self, cell: Cell) -> str:
+        """The trajectory for `cell`."""
+        from canarm_controller.reference.trajectory import usual_motion
+
+        return usual_motion(cell) if self.trajectory is None else self.trajectory
 
 
 @Parameter(name="*")

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 
 from canarm_controller.errors import ControllerError, LawError, TrajectoryError
 from canarm_controller.laws.loading import LAWS
-from canarm_controller.reference.trajectory import BUILT_IN, make_trajectory
+from canarm_controller.reference.trajectory import built_in_motions, make_trajectory
 from canarm_controller.run.state import State
 from canarm_emulator.errors import EmulatorError
 from canarm_protocol.cell.model import Cell
@@ -36,7 +36,7 @@ def rehearse(cell: Cell, laws: Iterable[str] = tuple(LAWS)) -> Iterator[str]:
         raise UsageError("\n".join(problems))
     yield from weak_brakes(cell)
     fitting = []
-    for motion in BUILT_IN:
+    for motion in built_in_motions(cell):
         try:
             make_trajectory(motion, cell)
         except TrajectoryError as error:

@@ -18,7 +18,7 @@ from canarm_protocol.cell.wiring import card_nodes, input_slots
 from canarm_protocol.clock import Clock
 from canarm_protocol.shown import quoted
 
-from .usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError
+from .usage import DEFAULT_CELL, DEFAULT_LAW, UsageError
 
 if TYPE_CHECKING:
     from canarm_emulator.faults.fault_bench import FaultBench
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 __all__ = [
     "DEFAULT_CELL",
     "DEFAULT_LAW",
-    "DEFAULT_TRAJECTORY",
     "UsageError",
     "make_bench",
     "make_controller",

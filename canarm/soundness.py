@@ -38,7 +38,7 @@ def unsound(cell: Cell) -> Iterator[str]:
 
     Raises `DynamicsError` for an arm that has no model.
     """
-    arm, timing = cell_arm(cell.robot, cell.joint_names), Timing.of(cell.bus.cycle_s)
+    arm, timing = cell_arm(cell.laden, cell.joint_names), Timing.of(cell.bus.cycle_s)
     parts: tuple[Arm, ...] = tuple(arm.parts) if isinstance(arm, SeveralArms) else (arm,)
     nominals = joint_nominals(cell, parts)
     for nominal, joint in zip(nominals, cell.joints, strict=True):

@@ -39,9 +39,15 @@ class Summary:
     detections: Sequence[Mapping[str, Any]] = ()
     """The controller's detections, oldest first: detector, where, tick, reaction."""
 
+    object: Mapping[str, Any] | None = None
+    """Forces of two hands on the object that they carry, N, and which have lost it; None if the cell has none."""
+
     def as_json(self) -> dict[str, Any]:
         """A JSON object, with numbers rounded to significant digits."""
-        return {key: _rounded(value) for key, value in asdict(self).items()}
+        plain = {key: _rounded(value) for key, value in asdict(self).items()}
+        if self.object is None:
+            del plain["object"]
+        return plain
 
     def as_text(self) -> str:
         """A few lines for a terminal."""
@@ -77,6 +83,8 @@ class Summary:
                 f"errors count after the first {SETTLING_CYCLES} cycles, in which the motion blends in: "
                 "take more of them (--seconds)"
             )
+        if self.object is not None:
+            lines.append(_grips(self.object))
         if self.faults:
             lines.append(f"{self.faults} {'fault has' if self.faults == 1 else 'faults have'} begun")
         for each in self.detections[:MOST_DETECTIONS]:
@@ -94,6 +102,14 @@ def detections_as_plain(detections: Iterable[Detection]) -> tuple[dict[str, Any]
     return tuple(
         {"detector": each.detector, "where": each.where, "tick": each.tick, "reaction": each.reaction.value}
         for each in detections
+    )
+
+
+def _grips(figures: Mapping[str, Any]) -> str:
+    lost = "".join(f", lost by the {hand}" for hand in figures["lost_by"])
+    return (
+        f"object: a grip's force reached {figures['grip_peak_n']:.3g} N of {figures['slip_force_n']:g} N, squeeze "
+        f"{figures['squeeze_rms_n']:.2g} N RMS and {figures['squeeze_peak_n']:.2g} N at most{lost}"
     )
 
 

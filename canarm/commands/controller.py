@@ -99,7 +99,7 @@ def controller(
         bench_bus = bench_bus or NamedBus("canarm", BENCH_BUS, {"host": host, "port": port})
     say = keep_stdout()
     built = make_controller(
-        nominal, control.law, control.trajectory, control.feedforward, Clock[clock.upper()], ticks, LISTEN_NS
+        nominal, control.law, control.motion(nominal), control.feedforward, Clock[clock.upper()], ticks, LISTEN_NS
     )
     warning = None if with_parent else traffic_warning(nominal, cell.cell)
     if warning is not None:
@@ -117,7 +117,7 @@ def controller(
     given = {
         "cell": nominal.model_dump(mode="json"),
         "law": control.law,
-        "trajectory": control.trajectory,
+        "trajectory": control.motion(nominal),
         "feedforward": built.loop.feedforward_kind,
         "clock": clock,
         "seconds": seconds,
@@ -287,7 +287,7 @@ def _summary(
     return Summary(
         cell=cell.name,
         law=control.law,
-        trajectory=control.trajectory,
+        trajectory=control.motion(cell),
         feedforward=controller.loop.feedforward_kind,
         clock=clock,
         seed=None,

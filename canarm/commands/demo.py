@@ -123,7 +123,7 @@ def demo(
             emulator = stack.enter_context(Child("emulator", [*common, *robot], quiet=with_dashboard))
             with made:
                 port = offered_port(emulator)
-            arguments = [*common, *_controller_arguments(control, f"{host}:{port}", seconds)]
+            arguments = [*common, *_controller_arguments(nominal, control, f"{host}:{port}", seconds)]
             if pace is not None:
                 arguments += ["--pace", pace_text(pace)]
             if not with_dashboard:
@@ -152,6 +152,8 @@ def demo(
     for name in _of_summary(emulator, "faults_never_begun") or ():
         _tell(f"fault never began: {name}")
     known = {"seed": seed, "faults": _of_summary(emulator, "faults"), "out": str(folder)}
+    if nominal.object is not None:
+        known["object"] = _of_summary(emulator, "object")
     if cause is not None and _result(controller) is None:
         known |= {"feedforward": built.loop.feedforward_kind, "clock": clock, "reason": f"interrupted: {cause}"}
         return _report(None, _unbegun(nominal, control, known), folder, output.json, say)
@@ -167,9 +169,9 @@ def _is_terminal() -> bool:
     return all(stream is not None and stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr))
 
 
-def _controller_arguments(control: ControlOptions, address: str, seconds: float) -> list[str]:
+def _controller_arguments(cell: Cell, control: ControlOptions, address: str, seconds: float) -> list[str]:
     arguments = ["--connect", address, "--seconds", str(seconds)]
-    arguments += ["--law", control.law, "--trajectory", control.trajectory]
+    arguments += ["--law", control.law, "--trajectory", control.motion(cell)]
     if control.feedforward is not None:
         arguments += ["--feedforward", control.feedforward]
     return arguments
@@ -179,7 +181,7 @@ def _check(cell: Cell, control: ControlOptions, clock: str, seconds: float, trut
     """Check the command line before any process starts; returns the controller that it describes."""
     tick_count(cell, seconds)
     TrueRobot.from_settings(cell, parse_settings("--truth", truth))
-    return make_controller(cell, control.law, control.trajectory, control.feedforward, Clock[clock.upper()])
+    return make_controller(cell, control.law, control.motion(cell), control.feedforward, Clock[clock.upper()])
 
 
 def _served_host(serve: str) -> str:

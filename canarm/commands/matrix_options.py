@@ -95,6 +95,7 @@ class ScenarioOptions:
 
         Law and motion are drawn only for our own controller.
         """
+        from canarm_controller.reference.trajectory import usual_motion
         from canarm_emulator.robot.truth import Truth as TrueRobot
 
         from ..matrix import scenarios as kinds
@@ -111,7 +112,7 @@ class ScenarioOptions:
             cell.cell,
             tuple(parse_settings("--set", cell.settings).items()),
             usual.law if self.law is None else self.law,
-            usual.trajectory if self.trajectory is None else self.trajectory,
+            usual_motion(nominal) if self.trajectory is None else self.trajectory,
             usual.seed if self.seed is None else self.seed,
             tuple(truth.items()),
             usual.at_s if self.at is None else self.at,
@@ -123,10 +124,15 @@ class ScenarioOptions:
             return kinds.one_a_seed(base, self.seeds), f"law {base.law}, {base.trajectory}, {self.seeds} seeds"
         if self.draws is None:
             return (base,), ""
-        given = ((kinds.LAW, self.law), (kinds.MOTION, self.trajectory), (SEED, self.seed), (kinds.ONSET, self.at))
-        fixed = {axis.name for axis, value in given if value is not None}
+        given = (
+            (kinds.LAW.name, self.law),
+            (kinds.MOTION, self.trajectory),
+            (SEED.name, self.seed),
+            (kinds.ONSET.name, self.at),
+        )
+        fixed = {name for name, value in given if value is not None}
         if not is_ours:
-            fixed |= {kinds.LAW.name, kinds.MOTION.name}
+            fixed |= {kinds.LAW.name, kinds.MOTION}
         number = self.draw_seed or 0
         drawn = kinds.drawn(base, nominal, self.draws, number, fixed)
         for scenario in drawn:

@@ -9,7 +9,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from canarm_controller.laws.loading import LAWS
-from canarm_controller.reference.trajectory import BUILT_IN
+from canarm_controller.reference.trajectory import built_in_motions
 from canarm_protocol.cell.model import Cell
 
 from ..draws import JOINT_BOX, PAYLOAD, SEED, Axis, Choice, Span, hypercube, truth_of
@@ -18,7 +18,7 @@ from .plan import INJECTED_S, OBSERVED_S, MatrixCell, Scenario
 ONSET = Span("onset", 2.0, 8.0, "s")
 """More than two periods of either joint of konkuk1's sine, after the motion has blended in."""
 LAW = Choice("law", tuple(LAWS))
-MOTION = Choice("motion", BUILT_IN)
+MOTION = "motion"
 OF_A_JOINT = ("wire", "wire_stiffness", "coulomb", "viscous")
 """The axes of a robot's box that are drawn for each joint. Whatever a sensor could be blamed for stays nominal."""
 
@@ -31,7 +31,7 @@ DEFINITION = (
 
 def campaign_box(cell: Cell) -> list[Axis]:
     """The box from which a campaign draws."""
-    axes: list[Axis] = [ONSET, SEED, LAW, MOTION, PAYLOAD]
+    axes: list[Axis] = [ONSET, SEED, LAW, Choice(MOTION, built_in_motions(cell)), PAYLOAD]
     for name in cell.joint_names:
         axes += [replace(axis, name=f"{name}.{axis.name}") for axis in JOINT_BOX if axis.name in OF_A_JOINT]
     return axes
@@ -52,9 +52,9 @@ def drawn(base: Scenario, cell: Cell, count: int, draw_seed: int, fixed: Collect
         changed: dict[str, object] = {}
         if ONSET.name not in fixed:
             changed["at_s"] = round(float(draw[ONSET.name]) / cell.bus.cycle_s) * cell.bus.cycle_us / 1e6
-        for axis, field in ((SEED, "seed"), (LAW, "law"), (MOTION, "trajectory")):
-            if axis.name not in fixed:
-                changed[field] = draw[axis.name]
+        for name, field in ((SEED.name, "seed"), (LAW.name, "law"), (MOTION, "trajectory")):
+            if name not in fixed:
+                changed[field] = draw[name]
         truth = truth_of(cell, draw) | dict(base.truth)
         scenarios.append(replace(base, truth=tuple(truth.items()), **changed))  # type: ignore[arg-type]
     return tuple(scenarios)

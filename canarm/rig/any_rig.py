@@ -13,7 +13,7 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.faults.fault_events import FaultEvent
 from canarm_protocol.runs.tentative import Tentative
 
-from ..session import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY
+from ..session import DEFAULT_CELL, DEFAULT_LAW
 from .arguments import Unused, as_text, checked_folder, checked_seed, checked_switch
 from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question
 from .rig_faults import FaultControl, FaultSource
@@ -30,7 +30,7 @@ class AnyRig(FaultControl):
         self,
         cell: str | Path | Cell = DEFAULT_CELL,
         law: object = DEFAULT_LAW,
-        trajectory: object = DEFAULT_TRAJECTORY,
+        trajectory: object = None,
         *,
         feedforward: str | None = None,
         seed: int = 0,

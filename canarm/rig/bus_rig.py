@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Any
 
 from canarm_controller.bus.assessment import JointFigures
+from canarm_controller.reference.trajectory import usual_motion
 from canarm_controller.run.state import State
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol.cell.cell_file import load_cell
@@ -62,12 +63,13 @@ class BusRig(AnyRig):
         return type(cls.__name__, (cls,), {"bus": bus})
 
     def _open(self, cell: str | Path | Cell, settings: Mapping[str, object] | None) -> None:
-        words = [_word("cell", cell), _word("law", self._law), _word("trajectory", self._trajectory)]
-        name, self._law_word, self._trajectory_word = words
+        name, self._law_word = _word("cell", cell), _word("law", self._law)
         if self._out is None:
             raise UsageError("out: over a bus there is always a run folder; name it")
         given = as_text(settings)
         self.cell = load_cell(name, given, option="settings")
+        motion = usual_motion(self.cell) if self._trajectory is None else self._trajectory
+        self._trajectory_word = _word("trajectory", motion)
         Truth.from_settings(self.cell, self._true_settings, "truth")
         self.folder = self._out
         self.reason: str | None = None

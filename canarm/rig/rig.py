@@ -12,13 +12,14 @@ from types import TracebackType
 
 from canarm_controller.errors import ControllerError
 from canarm_controller.laws.loading import law_name
-from canarm_controller.reference.trajectory import trajectory_name
+from canarm_controller.reference.trajectory import trajectory_name, usual_motion
 from canarm_controller.run.controller import Controller
 from canarm_controller.run.recording import ControllerRecorder
 from canarm_controller.run.state import State
 from canarm_emulator.bench.bench import CycleTruth, Record
 from canarm_emulator.bench_node.assessor import Assessor
 from canarm_emulator.faults.turns import SetStatus
+from canarm_emulator.robot.carried import GRIP_LOST
 from canarm_emulator.robot.truth import Truth
 from canarm_emulator.serving.recording import Recorder
 from canarm_protocol.canopen.frames import ERROR_FLAG
@@ -39,11 +40,12 @@ from .findings import Noticed
 from .rig_cell import rig_cell
 from .rig_history import Event, History, StampedFrame
 from .rig_joint import TRUE_SIGNALS, Joints, RigJoint
+from .rig_object import Carrying, RigObject
 
 FRAMES_KEPT = 10_000
 
 
-class Rig(AnyRig):
+class Rig(Carrying, AnyRig):
     """A cell with its controller, ready to run in virtual time; use it in a `with` statement.
 
     `cell` is a name, a file or a `Cell`. `law`, `trajectory` and `feedforward` are as on the command line; `law` may be
@@ -63,6 +65,8 @@ class Rig(AnyRig):
 
     def _open(self, cell: str | Path | Cell, settings: Mapping[str, object] | None) -> None:
         self.cell = rig_cell(cell, settings)
+        if self._trajectory is None:
+            self._trajectory = usual_motion(self.cell)
         self._bench = make_bench(self.cell, self._true_settings, Clock.SYNC, self._seed, self._wire, "truth")
         self._controller = make_controller(self.cell, self._law, self._trajectory, self._feedforward, Clock.SYNC)
         self._assessor: Assessor = self._bench.assessor
@@ -89,6 +93,8 @@ class Rig(AnyRig):
             (name, RigJoint(self._history, index, name, score.lsb_rad))
             for index, (name, score) in enumerate(zip(self.cell.joint_names, self._assessor.scores, strict=True))
         )
+        carried = self.cell.object
+        self._object = None if carried is None else RigObject(carried, size)
         self._state = State.IDLE
         self._folder: Path | None = None
         if self._out is not None:
@@ -228,6 +234,7 @@ class Rig(AnyRig):
             out=None if self._folder is None else str(self._folder),
             faults=len(self.begun),
             detections=detections_as_plain(self.detections),
+            object=self._bench.world.object_summary(),
         )
 
     def __exit__(
@@ -279,6 +286,9 @@ class Rig(AnyRig):
         if self._controller.state >= State.STOPPING:
             self._history.stopping(self._truth, truth)
         self._truth = truth
+        if self._object is not None and truth.object is not None:
+            for hand in self._object.keep(truth.time_ns * 1e-9, truth.object):
+                self.events.append(Event(truth.time_ns * 1e-9, GRIP_LOST, hand))
         if self._recorders is not None:
             self._recorders[0].cycle(truth)
 

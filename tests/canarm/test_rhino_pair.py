@@ -1,11 +1,18 @@
-"""The cell of two RHINO robots: published figures, its bus, and the paper's circle by both arms, not yet coupled."""
+"""The cell of two RHINO robots: published figures, its bus, and the paper's circle with the object in both hands."""
+
+import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from canarm import Rig, State
-from canarm.cooperation import RHINO_XR, CarriedObject, circle, pair_of, plan_cooperation
+from canarm.cooperation import RHINO_XR, CarriedObject, circle, forward, pair_of, plan_cooperation
+from canarm.usage import UsageError
 from canarm_controller.dynamics import nominal_arm
+from canarm_controller.errors import TrajectoryError
+from canarm_controller.reference.trajectory import make_trajectory
 from canarm_protocol.cell import load_cell
 from canarm_protocol.cell.schedulability import cell_messages, cell_verdict
 from canarm_protocol.cell.sensing import position_steps_rad
@@ -61,14 +68,112 @@ def test_what_ten_joints_say_every_cycle_fits_the_bus() -> None:
     assert verdict.load < 0.65
 
 
-def test_both_arms_follow_the_plan_on_the_bench() -> None:
-    """Free arms: the object couples them later. One step is 0.23 deg at a waist, 0.11 at a shoulder."""
-    plan = plan_cooperation(PAIR, circle(ease_s=1.0), START)
-    with Rig(CELL, law="mras", trajectory=plan.columns(NAMES)) as rig:
-        rig.run(seconds=4.0)
+def tip_errors_mm(rig: Rig) -> tuple[float, float]:
+    """RMS distance of the master's tip from its reference, and of the slave's, first second left out."""
+
+    def both(signal: str) -> tuple[np.ndarray, np.ndarray]:
+        angles = np.array([getattr(joint, signal)[400:] for joint in rig.joints.values()]).T
+        return forward(PAIR.master, angles[:, :5])[:, :3, 3], forward(PAIR.slave, angles[:, 5:])[:, :3, 3]
+
+    pairs = zip(both("true_angle_rad"), both("reference_rad"), strict=True)
+    master, slave = (float(np.sqrt(((true - meant) ** 2).sum(axis=1).mean())) * 1e3 for true, meant in pairs)
+    return master, slave
+
+
+@pytest.mark.parametrize(
+    ("law", "truth"),
+    [
+        ("mras", {}),
+        pytest.param("mras", {"object.mass": 0.6}, marks=pytest.mark.slow),
+        pytest.param("mras-lyapunov", {}, marks=pytest.mark.slow),
+        pytest.param("mras-lyapunov", {"object.mass": 0.6}, marks=pytest.mark.slow),
+        pytest.param("slotine-li", {}, marks=pytest.mark.slow),
+        pytest.param("slotine-li", {"object.mass": 0.6}, marks=pytest.mark.slow),
+    ],
+)
+def test_two_robots_carry_the_object_round_the_papers_circle(law: str, truth: dict[str, float]) -> None:
+    """One lap in 5 s, a count of the encoders is 0.4 mm and more at the tip; also with half as much weight again."""
+    with Rig("rhino-pair", law=law, truth=truth) as rig:
+        rig.run(seconds=6.0)
         assert rig.state is State.RUNNING
-        assert max(joint.rms_error_lsb for joint in rig.joints.values()) < 1.5
-        reached = np.array([rig.joints[name].true_angle_rad[-1] for name in NAMES])
-        meant = np.array([rig.joints[name].reference_rad[-1] for name in NAMES])
-    assert np.degrees(np.abs(meant - plan.joint_rad[0]).max()) > 1.0  # it has moved
-    assert np.degrees(np.abs(reached - meant).max()) < 0.6
+        assert not rig.detections
+        master, slave = tip_errors_mm(rig)
+        carried = rig.object
+        assert master < 0.5
+        assert slave < 0.5
+        assert carried.is_held
+        assert np.sqrt((carried.squeeze_n**2).mean()) < 1.0
+        assert np.abs(carried.squeeze_n).max() < 4.0
+        assert carried.grip_force_n.max() < carried.slip_force_n / 2
+        way = np.ptp(carried.position_m, axis=0)
+        assert way[1:] == pytest.approx([0.0254, 0.0254], abs=0.0015)  # twice the radius
+        assert set(rig.robots["slave"]) == {"waist", "shoulder", "elbow", "pitch", "roll"}
+        figures = rig.summary().object
+        assert figures is not None
+        assert figures["grip_peak_n"] < carried.slip_force_n / 2
+
+
+def test_a_lost_object_is_an_event_and_in_the_summary(tmp_path: Path) -> None:
+    with Rig("rhino-pair", truth={"object.slip_force": 3.0}, out=tmp_path / "run") as rig:
+        rig.run(seconds=0.2)
+        assert not rig.object.is_held
+        assert [event.detail for event in rig.events if event.event == "grip-lost"] == ["master", "slave"]
+        assert "lost by the master, lost by the slave" in rig.summary().as_text()
+    events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
+    assert [each["hand"] for each in events if each["event"] == "grip-lost"] == ["master", "slave"]
+    header = (tmp_path / "run" / "signals" / "robot.csv").read_text().partition("\n")[0].split(",")
+    assert {"object.position_x_m", "object.slave_force_z_n", "object.squeeze_n"} <= set(header)
+
+
+def test_a_cell_without_an_object_says_so() -> None:
+    with Rig("konkuk1") as rig:
+        rig.run(seconds=0.01)
+        with pytest.raises(UsageError, match="cell 'konkuk1' has no object"):
+            _ = rig.object
+        assert rig.summary().object is None
+        assert "object" not in rig.summary().as_json()
+
+
+def test_joints_that_would_tear_the_object_apart_are_refused() -> None:
+    plan = plan_cooperation(PAIR, circle(ease_s=1.0), START)
+    assert make_trajectory(plan.columns(NAMES), CELL).amplitude_rad[0] > 0.0
+    torn = plan.columns(NAMES)
+    torn["slave_waist"] = torn["slave_waist"] + np.linspace(0.0, 2.0, len(torn["slave_waist"]))
+    with pytest.raises(TrajectoryError, match=r"trajectory: row \d+: the slave's hand is .* mm from where it holds"):
+        make_trajectory(torn, CELL)
+    with pytest.raises(TrajectoryError, match="built in here: circle, line, arc"):
+        make_trajectory("sine", CELL)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("circle:radius=3", "no option 'radius'; there are laps, seconds, radius_mm, plane, start_deg"),
+        ("circle:radius_mm=much", "radius_mm=much: must be a number"),
+        ("circle:plane=yy", "plane 'yy'; must be one of"),
+        ("line:laps=0", "laps=0: must be positive"),
+        ("line:x_mm", "'x_mm': must be KEY=VALUE"),
+        ("line:x_mm=1,x_mm=2", "each key once"),
+        ("circle:radius_mm=300", "singular"),
+        ("circel", "did you mean 'circle'"),
+    ],
+)
+def test_a_path_that_cannot_be_followed_says_why(name: str, message: str) -> None:
+    with pytest.raises(TrajectoryError, match=re.escape(message)):
+        make_trajectory(name, CELL)
+
+
+def test_other_paths_and_a_file_of_the_tips_way(tmp_path: Path) -> None:
+    """An arc and a line end where they should; a file has positions in the master's base."""
+
+    def end(spec: str, seconds: float) -> np.ndarray:
+        reference = make_trajectory(spec, CELL).sample(0, round(seconds / 0.0025), 0.0025).position_rad
+        tip = forward(PAIR.master, reference[:, :5])[:, :3, 3]
+        return np.asarray(tip[-1] - tip[0]) * 1e3
+
+    np.testing.assert_allclose(end("arc:angle_deg=180,radius_mm=10,plane=yz", 6.0), [0.0, -20.0, 0.0], atol=1e-4)
+    np.testing.assert_allclose(end("line:y_mm=0,z_mm=8,laps=0.5,seconds=4", 3.0), [0.0, 0.0, 8.0], atol=1e-4)
+    x, y, z = forward(PAIR.master, START)[:3, 3].tolist()
+    rows = [f"{t},{x},{y + 0.002 * t},{z}" for t in range(6)]
+    (tmp_path / "way.csv").write_text("\n".join(["time_s,x_m,y_m,z_m", *rows]))
+    np.testing.assert_allclose(end(str(tmp_path / "way.csv"), 5.0025), [0.0, 10.0, 0.0], atol=1e-4)

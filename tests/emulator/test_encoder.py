@@ -39,7 +39,8 @@ def cell_with(encoder: str) -> Cell:
 def test_a_turn_of_the_joint_is_four_counts_a_line_and_the_gear(encoder: str, counts_per_turn: int) -> None:
     position = joint_sensors(cell_with(encoder))[1].position
     assert math.tau / position.scale.step == pytest.approx(counts_per_turn)
-    assert position.scale(0) == pytest.approx(0.0)  # joint 3 is parked at 0 degrees
+    # Joint 3 is parked at 0 degrees, on the edge where the count of 0 begins: it stands for the middle up to the next.
+    assert position.scale(0) == pytest.approx(0.5 * math.tau / counts_per_turn)
     assert position.skew_s == 0.0
 
 

@@ -5,11 +5,13 @@
   one state by `scalar` and for tables by `batch`);
 - `base_parameters`: the same, linear in the parameters that can be learned;
 - `several`: `SeveralArms`, the arms of several robots as one; `nominal` chooses the form for a cell;
+- `closed_chain`: what two arms can do that hold one object;
 - `lagrange_euler`: the paper's trace form, slow and plain, against which the others are tested.
 """
 
 from .arm import Arm
 from .chain import Chain, ChainLink, Floats, chain_of
+from .closed_chain import ClosedChain, HeldMotion
 from .nominal import cell_arm, nominal_arm
 from .planar_pair import COULOMB_SMOOTHING_RAD_S, NominalArm
 from .serial_arm import SerialArm
@@ -20,7 +22,9 @@ __all__ = [
     "Arm",
     "Chain",
     "ChainLink",
+    "ClosedChain",
     "Floats",
+    "HeldMotion",
     "NominalArm",
     "SerialArm",
     "SeveralArms",

@@ -123,7 +123,7 @@ def _link_by_denavit_hartenberg(joint: Joint) -> ChainLink:
         theta_offset_rad=radians(link.theta_offset_deg),
         mass_kg=link.mass_kg,
         centre_m=link.centre_of_mass_m,
-        inertia_kg_m2=(*link.inertia_kg_m2, 0.0, 0.0, 0.0),
+        inertia_kg_m2=link.tensor_kg_m2,
     )
 
 

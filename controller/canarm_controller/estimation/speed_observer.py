@@ -10,11 +10,14 @@ import numpy as np
 
 from canarm_protocol.cell.model import ObserverGains
 
-from ..dynamics import Arm
+from ..dynamics import Arm, ClosedChain, HeldMotion, SeveralArms
 from .observer import stationary_gain
 
 ACCELERATION_NOISE, ACCELERATION_BIAS_NOISE = 0.03, 3.0
 """rad/s²/√Hz and rad/s³/√Hz, for cells without `[control.observer]`; the values of konkuk1."""
+
+REFRESH = 4
+"""Cycles for which the grips' share of the accelerations is kept: the pose hardly changes."""
 
 
 class SpeedObserver:
@@ -33,8 +36,15 @@ class SpeedObserver:
         noise_rad: Sequence[float],
         gains: ObserverGains | None,
         period_s: float,
+        chain: ClosedChain | None = None,
     ) -> None:
-        """`joints` are those without a tachometer, `noise_rad` the deviation of a position sample of each joint."""
+        """`joints` are those without a tachometer, `noise_rad` the deviation of a position sample of each joint.
+
+        `chain` is that of the object that the arms carry.
+        """
+        self._held = None if chain is None else HeldMotion(chain)
+        self._parts = arm.parts if isinstance(arm, SeveralArms) else (arm,)
+        self._refresh_in = 0
         self._arm, self._period_s, self._joints = arm, period_s, tuple(joints)
         self._gains = {joint: _gains(noise_rad[joint], gains, period_s) for joint in joints}
         self._count = arm.joint_count
@@ -70,12 +80,30 @@ class SpeedObserver:
             found[joint] = v[joint]
         if not self._is_first:
             model_rad_s2 = self._arm.acceleration_rad_s2(position_rad, found, torque_nm)
+            if self._held is not None:
+                model_rad_s2 = self._carried(self._held, model_rad_s2, position_rad, found)
             for joint in self._joints:
                 step_rad_s = self._period_s * (model_rad_s2[joint] + b[joint])
                 x[joint] += self._period_s * (v[joint] + 0.5 * step_rad_s)
                 v[joint] += step_rad_s
         self._is_first = False
         return tuple(found)
+
+    def _carried(
+        self, held: HeldMotion, free_rad_s2: Sequence[float], position_rad: Sequence[float], speed_rad_s: list[float]
+    ) -> Sequence[float]:
+        """The accelerations that the grips allow."""
+        if not self._refresh_in:
+            self._refresh_in = REFRESH
+            blocks, first = [], 0
+            for part in self._parts:
+                own = slice(first, first + part.joint_count)
+                inertia = np.array(part.inertia(position_rad[own])) + np.diag(part.rotor_inertia)
+                blocks.append(np.linalg.inv(inertia).tolist())
+                first = own.stop
+            held.refresh(position_rad, speed_rad_s, blocks)
+        self._refresh_in -= 1
+        return held.accelerations(free_rad_s2)
 
 
 def _gains(noise_rad: float, gains: ObserverGains | None, period_s: float) -> tuple[float, float, float]:

@@ -55,7 +55,7 @@ def suggested_control(cell: Cell) -> dict[str, Table]:
 
     The gains in `cell` itself are ignored. Raises `ControllerError` for an arm without a model.
     """
-    arm, period_s = cell_arm(cell.robot, cell.joint_names), cell.bus.cycle_s
+    arm, period_s = cell_arm(cell.laden, cell.joint_names), cell.bus.cycle_s
     steps_rad = [each.position.scale.lsb for each in joint_sensors(cell)]
     omega = _natural_frequency(arm, steps_rad, period_s)
     amperes = [inertia / torque for inertia, torque in zip(arm.effective_inertia, arm.torque_per_ampere, strict=True)]

@@ -68,7 +68,7 @@ class Limits:
             is_stated=tuple(joint.allowed_rad_s < joint.fastest_rad_s for joint in cell.joints),
             period_s=cell.bus.cycle_s,
             current_a=tuple(joint.drive.max_current_a for joint in cell.joints),
-            arm=cell_arm(cell.robot, cell.joint_names),
+            arm=cell_arm(cell.laden, cell.joint_names),
             supply_v=tuple(joint.drive.supply_v for joint in cell.joints),
             winding_ohm=tuple(joint.motor.winding_ohm for joint in cell.joints),
             back_emf_v_s_rad=tuple(joint.motor.back_emf_v_s_rad for joint in cell.joints),

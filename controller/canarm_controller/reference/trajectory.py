@@ -17,6 +17,7 @@ from canarm_protocol.shown import quoted
 from ..errors import TrajectoryError
 from .base import Blended, Bools, Trajectory, blend_from
 from .built_in import swings as swings_of
+from .carried_motion import PATHS, check_grips, is_tip_path, plan_file, plan_motion
 from .file_trajectory import FileTrajectory, FunctionTrajectory, Interpolation
 from .limits import Floats, Limits, Reference
 from .trajectory_file import read_trajectory_columns, read_trajectory_csv
@@ -30,14 +31,18 @@ __all__ = [
     "Trajectory",
     "Trapezoid",
     "blend_from",
+    "built_in_motions",
     "make_trajectory",
     "trajectory_name",
+    "usual_motion",
 ]
 
 BUILT_IN = ("sine", "trapezoid")
 TRAPEZOID_PERIOD_S = 5.12
 LEAST_OF_SUPPLY = 0.2
 """Share of the supply for the back-EMF if the winding would take it all: full current is never needed at speed."""
+CARRIED_TICKS = 8192
+"""Of a motion of two robots with an object that is given in Python, so many cycles are checked."""
 CHECKED_S = 4 * TRAPEZOID_PERIOD_S
 """The built-in motions, whose joints have different periods, are checked for this long."""
 
@@ -102,8 +107,21 @@ class Trapezoid(Trajectory):
         return np.repeat(steady[:, None], len(self.amplitude_rad), axis=1)
 
 
+def built_in_motions(cell: Cell) -> tuple[str, ...]:
+    """The names of motions that a cell can do without a file: other ones where its robots carry an object."""
+    return BUILT_IN if cell.object is None else tuple(PATHS)
+
+
+def usual_motion(cell: Cell) -> str:
+    """The motion of a cell unless another is asked for."""
+    return built_in_motions(cell)[0]
+
+
 def make_trajectory(spec: object, cell: Cell) -> Trajectory:
     """The trajectory "sine", "trapezoid", of a CSV file (its path) or, in Python, of a table or a function.
+
+    Where two robots carry an object it is "circle", "line" or "arc", with options as in "circle:radius_mm=20,plane=xy",
+    or a file with the way of the master's tip. Joint angles are taken where they leave the object in both hands.
 
     `:monotone`, `:spline` or `:samples` after the path chooses the `Interpolation`. A DataFrame or a dict of columns is
     like the file; an array (n, joints) has the angles in rad, one row per cycle; a function returns them for a time in
@@ -112,19 +130,48 @@ def make_trajectory(spec: object, cell: Cell) -> Trajectory:
     Raises `TrajectoryError` if there is no such trajectory, the file is wrong, or a joint cannot follow.
     """
     limits = Limits.of(cell)
+    if cell.object is not None:
+        return _carried(spec, limits, cell)
     if not isinstance(spec, str | Path):
         return _given(spec, limits)
     if spec in BUILT_IN:
         trajectory = _built_in(str(spec), limits, cell)
         limits.check(trajectory, CHECKED_S, str(spec))
         return trajectory
-    path, interpolation = _path_of(str(spec))
-    if not path.exists():
-        close = difflib.get_close_matches(str(spec), BUILT_IN, n=1)
-        hint = f"; did you mean {quoted(close[0])}?" if close else ""
-        raise TrajectoryError(f"{spec}: no such trajectory or file; built in: {', '.join(BUILT_IN)}{hint}")
+    path, interpolation = _file_of(str(spec), BUILT_IN)
     time_s, position_rad = read_trajectory_csv(path, limits.joint_names)
     return FileTrajectory(limits, time_s, position_rad, interpolation, str(path))
+
+
+def _carried(spec: object, limits: Limits, cell: Cell) -> Trajectory:
+    """A motion of two robots that leaves their object in both hands."""
+    if not isinstance(spec, str | Path):
+        trajectory = _given(spec, limits)
+        check_grips(trajectory.sample(0, CARRIED_TICKS, limits.period_s).position_rad, cell, "trajectory")
+        return trajectory
+    name = str(spec)
+    if name.partition(":")[0] in PATHS:
+        return FileTrajectory(limits, *plan_motion(name, cell), Interpolation.SAMPLES, name)
+    if name in BUILT_IN:
+        raise TrajectoryError(
+            f"{name}: joints that swing by themselves would tear the object apart; built in here: {', '.join(PATHS)}"
+        )
+    path, interpolation = _file_of(name, tuple(PATHS))
+    if is_tip_path(path):
+        return FileTrajectory(limits, *plan_file(path, cell), Interpolation.SAMPLES, str(path))
+    time_s, position_rad = read_trajectory_csv(path, limits.joint_names)
+    check_grips(position_rad, cell, str(path))
+    return FileTrajectory(limits, time_s, position_rad, interpolation, str(path))
+
+
+def _file_of(spec: str, built_in: Sequence[str]) -> tuple[Path, Interpolation | None]:
+    """The file and how its rows are joined. Raises `TrajectoryError` if there is no such file."""
+    path, interpolation = _path_of(spec)
+    if not path.exists():
+        close = difflib.get_close_matches(spec, built_in, n=1)
+        hint = f"; did you mean {quoted(close[0])}?" if close else ""
+        raise TrajectoryError(f"{spec}: no such trajectory or file; built in: {', '.join(built_in)}{hint}")
+    return path, interpolation
 
 
 def trajectory_name(spec: object) -> str:

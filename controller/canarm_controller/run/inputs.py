@@ -13,7 +13,7 @@ from canarm_protocol.cell.sensors.base import AnalogueSensor
 from canarm_protocol.cell.wiring import InputSlot
 
 from ..cycle import Cycle
-from ..dynamics import Arm
+from ..dynamics import Arm, ClosedChain
 from ..estimation.speed_observer import SpeedObserver
 from ..supervision.nominal import sensor_nominal
 from ..supervision.thresholds import range_rad
@@ -45,7 +45,14 @@ class JointInputs:
         self._without_current = [joint for joint, each in enumerate(sensors) if each.current is None]
         self._torque_per_ampere = arm.torque_per_ampere
         self._observer = (
-            SpeedObserver(arm, self._without_speed, _noises_rad(sensors), cell.control.observer, cell.bus.cycle_s)
+            SpeedObserver(
+                arm,
+                self._without_speed,
+                _noises_rad(sensors),
+                cell.control.observer,
+                cell.bus.cycle_s,
+                ClosedChain.of(cell),
+            )
             if self._without_speed
             else None
         )

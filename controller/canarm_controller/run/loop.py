@@ -9,8 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.wiring import DirectionBits, InputSlot, bridge_directions, command_codec
 
-from ..dynamics import cell_arm
+from ..dynamics import Arm, ClosedChain, cell_arm
 from ..errors import ControllerError, LawError
+from ..estimation.shared_grip import SharedGrip
 from ..laws.base import ControlLaw, Cycle
 from ..laws.failure import law_failure, shown
 from ..laws.loading import LAWS
@@ -41,7 +42,7 @@ class ControlLoop:
         trajectory: Trajectory,
         feedforward: str | None = None,
     ) -> None:
-        self.arm = cell_arm(cell.robot, cell.joint_names)
+        self.arm = cell_arm(cell.laden, cell.joint_names)
         self.period_s = cell.bus.cycle_s
         try:
             self.law = law(self.arm, cell.control, self.period_s)
@@ -72,6 +73,7 @@ class ControlLoop:
         self.cycle = Cycle(len(cell.joints))
         """The cycle that is recorded, reported and judged; the law gets a copy."""
         self._law_cycle = Cycle(len(cell.joints))
+        self._shared = _shared_grip(cell, self.arm)
         self.saturated_cycles = [0] * len(cell.joints)
         """Cycles in which the law asked for more current than the amplifier has."""
         self.stopwatch: Callable[[], int] | None = None
@@ -130,6 +132,8 @@ class ControlLoop:
         cycle, law_cycle = self.cycle, self._law_cycle
         cycle.feedforward_nm = tuple(self._feedforward.torque_nm(cycle.tick))
         law_cycle.copy_from(cycle)
+        if self._shared is not None:
+            self._shared.show(law_cycle)
         stopwatch = self.stopwatch
         begun_ns = 0 if stopwatch is None else stopwatch()
         try:
@@ -197,6 +201,13 @@ class ControlLoop:
         rows = (map(tuple, part[sample : sample + CHUNK].tolist()) for part in parts)
         self._reference = list(zip(*rows, strict=True))
         self._chunk_tick = tick
+
+
+def _shared_grip(cell: Cell, arm: Arm) -> SharedGrip | None:
+    chain = ClosedChain.of(cell)
+    if chain is None or cell.object is None:
+        return None
+    return SharedGrip(chain, arm.effective_inertia, cell.object.grip_stiffness)
 
 
 def default_feedforward(cell: Cell, law: type[ControlLaw]) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 from canarm_protocol.cell.model import Cell
 
-from ..dynamics import Arm, SeveralArms
+from ..dynamics import Arm, ClosedChain, HeldMotion, SeveralArms
 from ..laws.base import Cycle
 from .currents import CurrentWatch
 from .detection import Reaction, named_for
@@ -63,6 +63,8 @@ class ArmWatch:
         self._is_surprised = False
         only = len(self._robots) == 1
         self._accelerate: Accelerate = self._robots[0].expected.accelerations if only else self._accelerate_all
+        chain = ClosedChain.of(cell)
+        self._held = None if chain is None else HeldMotion(chain)
         self._following = FollowingWatch(
             [cell.control.of_joint(name).natural_frequency_rad_s for name in cell.joint_names], following_lsb, limits,
             [nominal.position.step for nominal in self._nominals], timing, report,
@@ -238,7 +240,8 @@ class ArmWatch:
 
     def _accelerate_all(self, torque_nm: Sequence[float]) -> Sequence[float]:
         """Accelerations of several robots' models under the torques, rad/s²."""
-        return [each for robot in self._robots for each in robot.expected.accelerations(torque_nm[robot.joints])]
+        free = [each for robot in self._robots for each in robot.expected.accelerations(torque_nm[robot.joints])]
+        return free if self._held is None else self._held.accelerations(free)
 
     def _refresh(self, position_rad: Sequence[float], speed_rad_s: Sequence[float]) -> None:
         self._refresh_at = self._cycle + self._timing.refresh
@@ -246,6 +249,8 @@ class ArmWatch:
             speeds = speed_rad_s[robot.joints]
             robot.expected.refresh(position_rad[robot.joints], speeds)
             robot.twist(speeds, self._last_nm[robot.joints])
+        if self._held is not None:
+            self._held.refresh(position_rad, speed_rad_s, [robot.expected.mobility for robot in self._robots])
 
     def _own_mobility(self, index: int) -> float:
         robot = self._robot_of[index]

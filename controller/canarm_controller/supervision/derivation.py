@@ -41,7 +41,7 @@ class Row:
 def detector_lines(cell: Cell) -> Iterator[str]:
     """The output of `canarm check --detectors`. Raises `DynamicsError` for an arm without a model."""
     timing, limits = Timing.of(cell.bus.cycle_s), cell.supervision
-    arm = cell_arm(cell.robot, cell.joint_names)
+    arm = cell_arm(cell.laden, cell.joint_names)
     parts: tuple[Arm, ...] = tuple(arm.parts) if isinstance(arm, SeveralArms) else (arm,)
     nominals = joint_nominals(cell, parts)
     missing = limit.missing_cycles(limits, timing.period_s)

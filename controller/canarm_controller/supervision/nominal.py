@@ -78,7 +78,7 @@ def joint_nominals(cell: Cell, arms: Sequence[Arm]) -> tuple[JointNominal, ...]:
     """All joints of `cell`; `arms` are those of its robots, in order."""
     nominals: list[JointNominal] = []
     sensors = iter(joint_sensors(cell))
-    for robot, arm in zip(cell.robot, arms, strict=True):
+    for robot, arm in zip(cell.laden, arms, strict=True):
         loads = _loads(arm, heavier_arm(robot), [joint.limits_deg for joint in robot.joint])
         for joint, load in zip(robot.joint, loads, strict=True):
             nominals.append(_nominal(cell.joint_names[len(nominals)], joint, load, next(sensors)))

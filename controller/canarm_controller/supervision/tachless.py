@@ -3,6 +3,8 @@
 Owns what can be judged with two witnesses. With a tachometer there are three, see `witness`.
 """
 
+import math
+
 from .detection import Reaction
 from .joint_state import Mode
 from .limits import Report
@@ -10,6 +12,7 @@ from .nominal import JointNominal
 from .sensor_less import BLIND_FACTOR, PERSISTENT_CYCLES, SensorLess
 from .thresholds import Thresholds, unmodelled_rad_s2
 from .timing import Timing
+from .uncertainty import COULOMB
 
 STUCK_FACTOR, STUCK_CYCLES = 1.6, 6
 """Factor on the travel over which a code may stand still, and the least number of cycles of a stuck code."""
@@ -21,14 +24,20 @@ class TachlessWitness(SensorLess):
     """Residual of one joint: the angle off the observer's, which follows it at 12 rad/s.
 
     A code that does not change is judged by the model's travel meanwhile, from the speed and with the
-    acceleration bias estimated when it last changed.
+    acceleration bias estimated when it last changed. It travels as the stiffest joint of the box would: one that the
+    highest friction of the box stops, and holds, may well stand.
     """
 
-    __slots__ = ("_gone_bias", "_gone_rad", "_gone_rad_s", "_lasting_cycles", "_stood_cycles", "_unmodelled", "_x_code")
+    __slots__ = (
+        "_gone_bias", "_gone_rad", "_gone_rad_s", "_lasting_cycles", "_stiff_rad_s", "_stood_cycles", "_unmodelled",
+        "_x_code",
+    )  # fmt: skip
 
     def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
         super().__init__(nominal, thresholds, timing, report)
         self._unmodelled = UNLEARNED_SHARE * unmodelled_rad_s2(nominal)
+        _, mobility = nominal.mobility_per_kg_m2
+        self._stiff_rad_s = (COULOMB[1] - 1.0) * nominal.coulomb_nm * mobility * timing.period_s
         self.start(0.0)
 
     def start(self, position_rad: float) -> None:
@@ -101,7 +110,8 @@ class TachlessWitness(SensorLess):
             self._gone_rad, self._gone_rad_s, self._gone_bias = 0.0, self.speed, self.bias
             return
         self._stood_cycles += 1
-        self._gone_rad_s += self._period_s * (acceleration + self._gone_bias)
+        gone_rad_s = self._gone_rad_s + self._period_s * (acceleration + self._gone_bias)
+        self._gone_rad_s = math.copysign(max(abs(gone_rad_s) - self._stiff_rad_s, 0.0), gone_rad_s)
         self._gone_rad += self._period_s * self._gone_rad_s
         if self._stood_cycles < STUCK_CYCLES or self.cycles < self._calm_at or self.mode is Mode.BLIND:
             return

@@ -163,7 +163,7 @@ class Bench(BenchTime):
         self.device.cycle, self.device.truth = time.cycle, joints
         self.assessor.truth(time.cycle, joints, self.world.supply_limited_steps)
         if self.on_cycle is not None:
-            self.on_cycle(CycleTruth(time.cycle, now_ns, joints))
+            self.on_cycle(CycleTruth(time.cycle, now_ns, joints, self.world.object))
 
     def _nmt(self, data: bytes) -> None:
         try:

@@ -20,6 +20,7 @@ from ..bench_node.fault_objects import FaultObjects
 from ..bus_record import Record
 from ..cards.rack import Rack
 from ..node.slave import Slave
+from ..robot.carried import ObjectState
 from ..robot.timeline import Timeline
 from ..robot.truth import Truth
 from ..robot.world import JointState, World
@@ -41,11 +42,12 @@ SETTLE_NS = 100_000_000
 
 
 class CycleTruth(NamedTuple):
-    """The world at a SYNC: cycle since NMT start, its time, the true state of every joint."""
+    """The world at a SYNC: cycle since NMT start, its time, and the true state of every joint, and of an object."""
 
     cycle: int
     time_ns: int
     joints: Sequence[JointState]
+    object: ObjectState | None = None
 
 
 class BenchTime(ABC):
@@ -217,7 +219,7 @@ class BenchTime(ABC):
         limit_ns = self.cell.bus.heartbeat_timeout_ms * 1_000_000 + RUN_ON_NS
         is_told = SILENT_CYCLES * self.cell.bus.cycle_ns < silence_ns <= limit_ns
         if is_told and time.cycle >= 0 and self.on_cycle is not None:
-            self.on_cycle(CycleTruth(time.cycle, time.time_ns, joints))
+            self.on_cycle(CycleTruth(time.cycle, time.time_ns, joints, self.world.object))
 
     def _run_due(self, due_ns: int) -> None:
         wire = self.wire

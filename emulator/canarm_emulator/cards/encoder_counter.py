@@ -17,6 +17,7 @@ from canarm_protocol.cards.encoder_counter import (
     CounterSettings,
 )
 from canarm_protocol.cell.model import Card
+from canarm_protocol.cell.sensors.encoder import ON_EDGE
 
 from ..node.io_device import Getter, ReadObject, Refusal, Setter
 from ..signals import Distortion
@@ -42,7 +43,7 @@ class _Channel:
     def follow(self, angle_rad: float) -> None:
         """Count the edges since the last call, with the shaft at `angle_rad` now. The first call counts none."""
         per_turn = self._edges_per_turn
-        edge = floor(angle_rad / tau * per_turn) if per_turn else 0
+        edge = floor(angle_rad / tau * per_turn + ON_EDGE) if per_turn else 0
         before, self._edge = self._edge, edge
         if before is None or edge == before:
             return

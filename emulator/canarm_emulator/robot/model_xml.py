@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from canarm_protocol.cell.model import Cell, Joint, Robot
 
+from .carried import add_object, add_pin, hand
 from .poses import Point, Pose, from_rpy_deg, rotated
 from .segments import segments_of
 from .truth import JointTruth, Truth
@@ -65,12 +66,19 @@ def model_xml(cell: Cell, truth: Truth) -> str:
     _add(option, "flag", **dict.fromkeys(_DISABLED, "disable"))
     world = _add(root, "worldbody")
     first, names = 0, cell.joint_names
+    carriers = () if cell.object is None else (cell.object.master, cell.object.slave)
     for robot in cell.robot:
-        pose = Pose(robot.base_m, from_rpy_deg(robot.base_rpy_deg))
+        pose = Pose(_base_m(cell, robot, truth), from_rpy_deg(robot.base_rpy_deg))
         base = _add(world, "body", name=robot.name, pos=_text(*pose.position_m), quat=_text(*pose.quaternion))
         last = first + len(robot.joint)
-        _add_chain(base, robot, names[first:last], truth.joints[first:last])
+        tip = _add_chain(base, robot, names[first:last], truth.joints[first:last])
+        if robot.name in carriers:
+            tip.set("name", hand(robot.name))
+            if cell.object is not None and truth.object is not None and robot.name == cell.object.master:
+                add_object(tip, cell, truth.object)
         first = last
+    if cell.object is not None:
+        add_pin(root, cell.object)
     tendons = _add(root, "tendon")
     for name, joint, true in zip(names, cell.joints, truth.joints, strict=True):
         if true.has_elastic_wire:
@@ -78,7 +86,17 @@ def model_xml(cell: Cell, truth: Truth) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _add_chain(base: ElementTree.Element, robot: Robot, names: Sequence[str], truth: Sequence[JointTruth]) -> None:
+def _base_m(cell: Cell, robot: Robot, truth: Truth) -> Point:
+    if cell.object is None or truth.object is None or robot.name != cell.object.slave:
+        return robot.base_m
+    x, y, z = robot.base_m
+    return x + truth.object.base_x_m, y + truth.object.base_y_m, z + truth.object.base_z_m
+
+
+def _add_chain(
+    base: ElementTree.Element, robot: Robot, names: Sequence[str], truth: Sequence[JointTruth]
+) -> ElementTree.Element:
+    """Add a robot's bodies. Returns the last one."""
     parent, end = base, Pose()
     for name, joint, true, segment in zip(names, robot.joint, truth, segments_of(robot.joint), strict=True):
         pose = end.then(segment.origin)
@@ -100,6 +118,7 @@ def _add_chain(base: ElementTree.Element, robot: Robot, names: Sequence[str], tr
             payload = _add(body, "body", pos=_text(*segment.tip_m))
             _add(payload, "inertial", pos="0 0 0", mass=_text(true.payload_kg), diaginertia=_POINT_INERTIA)
         parent, end = body, segment.end
+    return parent
 
 
 def _add_wire(

@@ -1,4 +1,7 @@
-"""Which robots still rest on their supports: each does until the first of its own bridges is on while time passes."""
+"""Which robots still rest on their supports: each does until the first of its own bridges is on while time passes.
+
+Two robots that carry an object rest together.
+"""
 
 from collections.abc import Sequence
 
@@ -14,7 +17,13 @@ class Parking:
 
     def __init__(self, cell: Cell) -> None:
         ends = [sum(len(robot.joint) for robot in cell.robot[: number + 1]) for number in range(len(cell.robot))]
-        self._resting = [range(end - len(robot.joint), end) for robot, end in zip(cell.robot, ends, strict=True)]
+        resting = [list(range(end - len(robot.joint), end)) for robot, end in zip(cell.robot, ends, strict=True)]
+        if cell.object is not None:
+            names = [robot.name for robot in cell.robot]
+            master, slave = names.index(cell.object.master), names.index(cell.object.slave)
+            resting[master] += resting[slave]
+            del resting[slave]
+        self._resting = resting
 
     @property
     def joints(self) -> list[int]:

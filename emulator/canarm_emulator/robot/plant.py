@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import Self
+from typing import Any, Self
 
 import mujoco
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from canarm_protocol.cell.model import Cell
 
+from .carried import Grips, ObjectState
 from .model_xml import WIRE_LOSS_TIME_S, has_tendon, model_xml, own_gravity
 from .stiffness import fastest_wire_rad_s, inverse_inertia
 from .truth import JointTruth, Truth
@@ -74,6 +75,7 @@ class Plant:
         "angle",
         "compliance",
         "fastest_rad_s",
+        "grips",
         "motor_dof",
         "speed",
     )
@@ -108,6 +110,11 @@ class Plant:
         initial = [math.radians(joint.initial_deg) for joint in truth.joints]
         initial += [initial[index] for index, joint in enumerate(truth.joints) if joint.has_elastic_wire]
         self.set_state(initial, [0.0] * len(initial))
+        self.grips: Grips | None = None
+        if truth.object is not None:
+            self.grips = Grips(cell, truth.object, self._model, self._data)
+            self._data.qpos[:] = initial
+            self.grips.close(cell)
         inverse = inverse_inertia(self._model, initial)
         wires = [
             (motor, index, joint.wire_stiffness_nm_rad)
@@ -136,7 +143,9 @@ class Plant:
         and no wire gains tension by the change: when a broken wire is tied again, or slack or softness ends, the
         motor's end is tied accordingly.
         """
-        if list(map(_mechanics, truth.joints)) == list(map(_mechanics, self._truth.joints)):
+        if truth.object == self._truth.object and (
+            list(map(_mechanics, truth.joints)) == list(map(_mechanics, self._truth.joints))
+        ):
             return self
         plant = type(self)(self._cell, truth)
         plant._take_over(self)
@@ -172,6 +181,17 @@ class Plant:
         mujoco.mj_step(self._model, self._data)
         self.speed = speed = list(self._velocity)
         self.angle = [ahead - half_s * rate for ahead, rate in zip(position, speed, strict=True)]
+        if self.grips is not None:
+            self.grips.look()
+
+    @property
+    def object(self) -> ObjectState | None:
+        """The object that the arms carry; None if the cell has none."""
+        return None if self.grips is None else self.grips.state()
+
+    def object_summary(self) -> dict[str, Any] | None:
+        """Figures of the grips since power-on; None if there is no object."""
+        return None if self.grips is None else self.grips.summary()
 
     def brake(self, joint: int, friction_nm: float) -> None:
         """Dry friction of a brake at a joint's motor, from the next step on."""
@@ -202,6 +222,8 @@ class Plant:
                 inertia_kg_m2 = self._truth.joints[joint].rotor_inertia_kg_m2 * gear_ratio**2
                 impulse_nm_s[joint] = inertia_kg_m2 * (before.speed[old] - before.speed[joint])
         self.set_state(angle, speed)
+        if self.grips is not None and before.grips is not None:
+            self.grips.take_over(before.grips)
         for joint, friction_nm in enumerate(before._brake_nm):
             self.brake(joint, friction_nm)
         # The solver's starting point, the last accelerations, decides the last bits.

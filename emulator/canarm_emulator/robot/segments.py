@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from canarm_protocol.cell.arm import Tensor
 from canarm_protocol.cell.model import Body, Joint, Link
 
 from .poses import ORIGIN, Point, Pose, about_x, about_z, from_rpy_deg, quaternion_of
@@ -47,13 +48,16 @@ def _segment(solid: Link | Body, after: Body | None) -> Segment:
 def _of_link(link: Link) -> Segment:
     # The link's own frame lies at its far end: A = Rz(θ)·Tz(d)·Tx(a)·Rx(α), and Rz(θ) is the hinge.
     end = Pose((link.a_m, 0.0, link.d_m), about_x(math.radians(link.alpha_deg)))
+    moments, axes = _possible(link.inertia_kg_m2[:3]), Pose()
+    if any(link.tensor_kg_m2[3:]):
+        moments, axes = _principal(link.tensor_kg_m2)
     return Segment(
         origin=Pose(ORIGIN, about_z(math.radians(link.theta_offset_deg))),
         axis=(0.0, 0.0, float(link.sign)),
         end=end,
-        inertial=Pose(end.at(link.centre_of_mass_m), end.quaternion),
+        inertial=Pose(end.at(link.centre_of_mass_m), end.then(axes).quaternion),
         mass_kg=link.mass_kg,
-        moments_kg_m2=_possible(link.inertia_kg_m2),
+        moments_kg_m2=moments,
         tip_m=end.position_m,
     )
 
@@ -64,18 +68,24 @@ def _possible(moments: Sequence[float]) -> tuple[float, float, float]:
     return min(a, b + c), min(b, a + c), min(c, a + b)
 
 
-def _of_body(body: Body, after: Body | None) -> Segment:
-    xx, yy, zz, xy, xz, yz = body.inertia_kg_m2
+def _principal(tensor: Tensor) -> tuple[tuple[float, float, float], Pose]:
+    """The principal moments of a tensor, and the frame of its axes."""
+    xx, yy, zz, xy, xz, yz = tensor
     moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
     if np.linalg.det(axes) < 0.0:
         axes[:, 2] = -axes[:, 2]
+    return _possible(moments.tolist()), Pose(quaternion=quaternion_of(axes))
+
+
+def _of_body(body: Body, after: Body | None) -> Segment:
+    moments, axes = _principal(body.inertia_kg_m2)
     x, y, z = body.centre_of_mass_m
     return Segment(
         origin=Pose(body.origin_m, from_rpy_deg(body.origin_rpy_deg)),
         axis=body.axis,
         end=Pose(),
-        inertial=Pose(body.centre_of_mass_m, quaternion_of(axes)),
+        inertial=Pose(body.centre_of_mass_m, axes.quaternion),
         mass_kg=body.mass_kg,
-        moments_kg_m2=_possible(moments.tolist()),
+        moments_kg_m2=moments,
         tip_m=(2.0 * x, 2.0 * y, 2.0 * z) if after is None else after.origin_m,
     )

@@ -7,14 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
-from canarm_protocol.cell.model import Cell, Joint
+from canarm_protocol.cell.model import Carried, Cell, Joint
 
 from ..errors import TruthError
 from .joint_truth import JointTruth
 from .sensors.registry import SENSORS
 from .truth_keys import Parameter, TruthKey, parse_value
 
-__all__ = ["AdcTruth", "DacTruth", "JointTruth", "Truth", "TruthKey", "truth_keys"]
+__all__ = ["AdcTruth", "DacTruth", "JointTruth", "ObjectTruth", "Truth", "TruthKey", "truth_keys"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +31,19 @@ class DacTruth:
     """Error of every DAC, as a fraction of full scale; the card models apply it."""
 
     nonlinearity: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectTruth:
+    """The object that two robots carry, how well they hold it, and how far the slave's base stands from where the cell
+    has it, along the world's axes.
+    """
+
+    mass_kg: float
+    slip_force_n: float
+    base_x_m: float = 0.0
+    base_y_m: float = 0.0
+    base_z_m: float = 0.0
 
 
 _JOINT_PARAMETERS = (
@@ -54,15 +67,23 @@ _ADC_PARAMETERS = (
 _DAC_PARAMETERS = (
     Parameter("nonlinearity", "nonlinearity", "full scale", "largest bow of the DAC's curve", -0.1, 0.1),
 )
+_OBJECT_PARAMETERS = (
+    Parameter("mass", "mass_kg", "kg", "mass of the object; its inertia scales with it", 1e-3, 1e3),
+    Parameter("slip_force", "slip_force_n", "N", "force at which a hand loses the object", 0.1, 1e6),
+    Parameter("base_x", "base_x_m", "m", "how far the slave's base is off along x", -0.02, 0.02),
+    Parameter("base_y", "base_y_m", "m", "how far the slave's base is off along y", -0.02, 0.02),
+    Parameter("base_z", "base_z_m", "m", "how far the slave's base is off along z", -0.02, 0.02),
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """True parameters of a cell: `joints` in the order of `Cell.joints`, and the errors of the converters."""
+    """True parameters of a cell: `joints` in the order of `Cell.joints`, the errors of the converters, the object."""
 
     joints: tuple[JointTruth, ...]
     adc: AdcTruth = field(default_factory=AdcTruth)
     dac: DacTruth = field(default_factory=DacTruth)
+    object: ObjectTruth | None = None
 
     @classmethod
     def from_settings(cls, cell: Cell, settings: Mapping[str, str] | None = None, option: str = "--truth") -> Self:
@@ -96,6 +117,7 @@ class Truth:
             tuple(true_joint(name, joint) for name, joint in zip(cell.joint_names, cell.joints, strict=True)),
             AdcTruth(**given("adc", _ADC_PARAMETERS)),
             DacTruth(**given("dac", _DAC_PARAMETERS)),
+            None if cell.object is None else replace(_of_object(cell.object), **given("object", _OBJECT_PARAMETERS)),
         )
 
 
@@ -114,6 +136,9 @@ def truth_keys(cell: Cell) -> list[TruthKey]:
         keys += [row.key(name, nominal.sensors[row.field]) for row in rows]
     keys += [parameter.key("adc", getattr(AdcTruth(), parameter.field)) for parameter in _ADC_PARAMETERS]
     keys += [parameter.key("dac", getattr(DacTruth(), parameter.field)) for parameter in _DAC_PARAMETERS]
+    if cell.object is not None:
+        nominal_object = _of_object(cell.object)
+        keys += [row.key("object", getattr(nominal_object, row.field)) for row in _OBJECT_PARAMETERS]
     return keys
 
 
@@ -124,6 +149,10 @@ def _sensor_parameters(joint: Joint) -> tuple[Parameter, ...]:
 def _noise_fields(joint: Joint) -> list[str]:
     rows = (SENSORS[sensor.kind].noise for sensor in joint.sensors.fitted())
     return [row.field for row in rows if row is not None]
+
+
+def _of_object(carried: Carried) -> ObjectTruth:
+    return ObjectTruth(mass_kg=carried.mass_kg, slip_force_n=carried.slip_force_n)
 
 
 def _nominal(joint: Joint) -> JointTruth:

@@ -5,8 +5,9 @@ to the cards.
 """
 
 import functools
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from canarm_protocol.cards.sc300 import DirectionBits
 from canarm_protocol.cell.model import Cell, Command, Quantity
@@ -15,6 +16,7 @@ from canarm_protocol.cell.sensing import joint_sensors
 from ..errors import EmulatorError
 from ..signals import Distortion
 from .brakes import BrakeModel, make_brake
+from .carried import ObjectState
 from .drives import decay_over, make_drive
 from .parking import Parking
 from .plant import Plant
@@ -192,6 +194,15 @@ class World:
             if brake.current_a:
                 states[joint] = states[joint]._replace(current_a=states[joint].current_a + brake.current_a)
         return states
+
+    @property
+    def object(self) -> ObjectState | None:
+        """The object that two robots carry; None if the cell has none."""
+        return self._plant.object
+
+    def object_summary(self) -> Mapping[str, Any] | None:
+        """Figures of its grips since power-on: forces in N, and who has lost it; None if there is none."""
+        return self._plant.object_summary()
 
     def advance(self, until_ns: int) -> None:
         """Let time pass until `until_ns`, in equal steps of at most `physics.max_step_us`, or shorter ones if the true

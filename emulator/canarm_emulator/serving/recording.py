@@ -13,6 +13,7 @@ from canarm_protocol.faults.fault_events import FaultEvent, event_details, event
 from canarm_protocol.runs.run_folder import CAN_LOG_FILE, EVENTS_FILE, SIGNALS_FOLDER, CanLog, EventLog, SignalLog
 
 from ..bench.bench import CycleTruth, Record
+from ..robot.carried import GRIP_LOST, ObjectState
 from ..wire.bus_trouble import origin_of
 from ..wire.error_frames import ErrorClass
 from ..wire.wire_events import ErrorFrame, StateChange
@@ -27,6 +28,14 @@ _COLUMNS = (
     "motor_speed_rad_s",
 )
 """The columns are those of `world.JointState`."""
+_OBJECT_COLUMNS = (
+    *(f"position_{axis}_m" for axis in "xyz"),
+    *(f"quaternion_{part}" for part in "wxyz"),
+    *(f"master_force_{axis}_n" for axis in "xyz"),
+    *(f"slave_force_{axis}_n" for axis in "xyz"),
+    "squeeze_n",
+)
+"""The columns are those of `carried.ObjectState`, but for its grips: when one is lost is an event."""
 EMERGENCY_LENGTH = 8
 
 
@@ -36,6 +45,9 @@ class Recorder:
     def __init__(self, folder: Path, cell: Cell) -> None:
         self._log = CanLog(folder / CAN_LOG_FILE)
         columns = [f"{joint}.{column}" for joint in cell.joint_names for column in _COLUMNS]
+        if cell.object is not None:
+            columns += [f"object.{column}" for column in _OBJECT_COLUMNS]
+        self._lost: tuple[str, ...] = ()
         self._signals = SignalLog(folder / SIGNALS_FOLDER / SIGNALS_FILE, columns)
         self._events = EventLog(folder / EVENTS_FILE, "emulator")
         self._cycle = -1
@@ -69,7 +81,19 @@ class Recorder:
         """Append the true state at a SYNC."""
         self._cycle = truth.cycle
         values = [value for joint in truth.joints for value in joint]
+        if truth.object is not None:
+            values += self._object(truth.time_ns, truth.object)
         self._signals.write(truth.cycle, truth.time_ns, values)
+
+    def _object(self, time_ns: int, state: ObjectState) -> list[float]:
+        """The object's columns. A grip that has been lost since the last cycle is an event."""
+        lost = state.lost
+        for name in lost:
+            if name not in self._lost:
+                self.event(time_ns, GRIP_LOST, hand=name)
+        self._lost = lost
+        vectors = (state.position_m, state.quaternion, state.master_force_n, state.slave_force_n)
+        return [*(value for vector in vectors for value in vector), state.squeeze_n]
 
     def event(self, time_ns: int, event: str, **details: object) -> None:
         """Append an event; `cycle` is the last one begun, unless given: -1 before the first."""

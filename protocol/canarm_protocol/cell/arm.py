@@ -3,12 +3,13 @@
 Nominal values; what differs in the true robot never enters.
 """
 
-from typing import Annotated
+from typing import Annotated, Self
 
 from pydantic import Field
 
 from .brakes import FittedBrake
 from .drives import Drive
+from .rigid import Inertial
 from .sensors import Quantity, Sensor, Sensors
 from .table import LARGEST, Finite, Name, NonNegative, NonZero, Positive, Sign, Table, Vector, at_least
 
@@ -16,14 +17,15 @@ LEAST_MASS_KG = 1e-6
 """MuJoCo takes no moving body below 1e-15 kg, and raises moments of inertia to 1e-12 kg m2; those of a milligram of
 some centimetres are a thousand times that, so that its arm still is the one of the cell."""
 
+Tensor = tuple[float, float, float, float, float, float]
 Mass = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False), at_least(LEAST_MASS_KG)]
 
 
 class Link(Table):
     """Standard Denavit-Hartenberg parameters of one revolute joint and the inertia of its link.
 
-    `centre_of_mass_m` and `inertia_kg_m2` (principal moments about the centre of mass) are in the link's own frame.
-    `sign` = -1: the joint's angle counts the other way, theta = theta_offset - angle.
+    `centre_of_mass_m` and `inertia_kg_m2`, about the centre of mass, are in the link's own frame: principal moments, or
+    [ixx, iyy, izz, ixy, ixz, iyz]. `sign` = -1: the joint's angle counts the other way, theta = theta_offset - angle.
     """
 
     a_m: Finite
@@ -33,7 +35,17 @@ class Link(Table):
     sign: Sign = 1
     mass_kg: Mass
     centre_of_mass_m: Vector
-    inertia_kg_m2: tuple[NonNegative, NonNegative, NonNegative]
+    inertia_kg_m2: (
+        tuple[NonNegative, NonNegative, NonNegative]
+        | tuple[NonNegative, NonNegative, NonNegative, Finite, Finite, Finite]
+    )
+
+    @property
+    def tensor_kg_m2(self) -> Tensor:
+        """`inertia_kg_m2` as [ixx, iyy, izz, ixy, ixz, iyz]."""
+        if len(self.inertia_kg_m2) == 3:
+            return (*self.inertia_kg_m2, 0.0, 0.0, 0.0)
+        return self.inertia_kg_m2
 
 
 class Body(Table):
@@ -51,6 +63,11 @@ class Body(Table):
     mass_kg: Mass
     centre_of_mass_m: Vector
     inertia_kg_m2: tuple[NonNegative, NonNegative, NonNegative, Finite, Finite, Finite]
+
+    @property
+    def tensor_kg_m2(self) -> Tensor:
+        """`inertia_kg_m2`, as a `Link` has it too."""
+        return self.inertia_kg_m2
 
 
 class Motor(Table):
@@ -126,6 +143,20 @@ class Joint(Table):
         """Mass of what moves with the joint."""
         return self.solid.mass_kg
 
+    def carrying(self, load: Inertial) -> Self:
+        """The joint with `load`, given in its link's frame, as a part of its link."""
+        solid = self.solid
+        xx, yy, zz, xy, xz, yz = solid.tensor_kg_m2
+        own = Inertial(solid.mass_kg, solid.centre_of_mass_m, ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+        both = own.joined(load)
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = both.tensor_kg_m2
+        inertia = {
+            "mass_kg": both.mass_kg,
+            "centre_of_mass_m": both.centre_m,
+            "inertia_kg_m2": (xx, yy, zz, xy, xz, yz),
+        }
+        return self.model_copy(update={"body" if self.body else "link": solid.model_copy(update=inertia)})
+
     def sensor(self, quantity: Quantity) -> Sensor | None:
         """The sensor that measures `quantity`; None without one."""
         return self.sensors.measuring(quantity)
@@ -159,3 +190,8 @@ class Robot(Table):
     base_m: Vector = (0.0, 0.0, 0.0)
     base_rpy_deg: Vector = (0.0, 0.0, 0.0)
     joint: Annotated[tuple[Joint, ...], Field(min_length=1, max_length=7)]
+
+    def carrying(self, load: Inertial) -> Self:
+        """The robot with `load`, given in its tool frame, as a part of its last link."""
+        *others, last = self.joint
+        return self.model_copy(update={"joint": (*others, last.carrying(load))})

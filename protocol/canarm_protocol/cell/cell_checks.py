@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from ..canopen.frames import HIGHEST_NODE_ID
 from ..cards import KINDS, Wire
+from .carried import carried_problems
 from .model import Bus, Card, Cell, Channel, leaves
 from .robot_checks import joint_problems, robot_problems
 from .sensing import channel_scale, fitted_sensor
@@ -45,6 +46,8 @@ def problems(cell: Cell) -> Iterator[str]:
         yield from robot_problems(robot)
     for name, joint in zip(cell.joint_names, cell.joints, strict=True):
         yield from joint_problems(name, joint)
+    if cell.object is not None:
+        yield from carried_problems(cell.object, cell.robot)
     yield from _card_problems(cell)
     robots = {robot.name for robot in cell.robot}
     wiring = list(_wiring_problems(cell))

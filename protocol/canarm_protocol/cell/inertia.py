@@ -45,12 +45,12 @@ def own_inertia_kg_m2(solid: Link | Body) -> float:
     """
     if isinstance(solid, Link):
         angle = math.radians(solid.alpha_deg)
-        axis, moments = (0.0, math.sin(angle), math.cos(angle)), (*solid.inertia_kg_m2, 0.0, 0.0, 0.0)
+        axis = (0.0, math.sin(angle), math.cos(angle))
         x, y, z = solid.centre_of_mass_m
         arm = (x + solid.a_m, y, z)
     else:
-        axis, moments, arm = solid.axis, solid.inertia_kg_m2, solid.centre_of_mass_m
-    xx, yy, zz, xy, xz, yz = moments
+        axis, arm = solid.axis, solid.centre_of_mass_m
+    xx, yy, zz, xy, xz, yz = solid.tensor_kg_m2
     x, y, z = axis
     about_centre = xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
     along = sum(a * b for a, b in zip(axis, arm, strict=True))

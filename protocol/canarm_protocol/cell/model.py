@@ -15,13 +15,14 @@ from pydantic_core import PydanticCustomError
 from ..canopen.frames import HIGHEST_NODE_ID
 from ..cards import KINDS, CardKind, Codec, Settings, Wire
 from .arm import Body, Joint, Link, Motor, Robot
+from .carried import Carried
 from .control import Control, JointControl, MrasGains, MrasLyapunovGains, ObserverGains, SlotineLiGains
 from .drives import D669, Command, Drive
 from .sensors import SENSOR_KINDS, Quantity, Sensor, Sensors
 from .table import Finite, Name, NonNegative, Positive, Table, Vector
 
 __all__ = [
-    "CARD_TYPES", "D669", "SENSOR_KINDS", "Body", "Bus", "Card", "Cell", "Channel",
+    "CARD_TYPES", "D669", "SENSOR_KINDS", "Body", "Bus", "Card", "Carried", "Cell", "Channel",
     "Command", "Control", "Drive", "Finite", "Joint", "JointControl", "Link", "Motor", "MrasGains", "MrasLyapunovGains",
     "Name", "NodeId", "NonNegative", "ObserverGains", "Physics", "Positive", "Quantity", "Robot", "Sensor", "Sensors",
     "SlotineLiGains", "Supervision", "Table", "Vector", "leaves",
@@ -179,8 +180,15 @@ class Cell(Table):
     card: Annotated[
         tuple[Annotated[SerializeAsAny[Card], WrapValidator(_of_its_kind)], ...], Field(min_length=1, max_length=49)
     ]
+    object: Carried | None = None
     control: Control
     supervision: Supervision = Supervision()
+
+    @property
+    def laden(self) -> tuple[Robot, ...]:
+        """The robots with what each carries of the object as a part of its last link."""
+        loads = {} if self.object is None else self.object.loads()
+        return tuple(robot.carrying(loads[robot.name]) if robot.name in loads else robot for robot in self.robot)
 
     @property
     def joints(self) -> tuple[Joint, ...]:

@@ -1,0 +1,231 @@
+"""The object that two robots carry: its grips, their forces, and how it is lost.
+
+Gives MJCF its body and its pin. `Plant` steps; here is only what hangs between the hands.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Self
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+from canarm_protocol.cell.model import Carried, Cell, Vector
+
+from ..errors import EmulatorError
+from .poses import Pose, Quaternion
+from .segments import segments_of
+from .truth import ObjectTruth
+
+BODY, PIN = "object", "slave grip"
+GRIP_LOST = "grip-lost"
+"""The event of a hand that has lost the object."""
+_PIN = {
+    # Two thirds of a millisecond a step: as stiff as MuJoCo lets it be, and critically damped.
+    "solref": "0.002 1",
+    "solimp": "0.99 0.999 0.001 0.5 2",
+}
+_NOTHING = 1e-9  # kg and kg m2: an object that is no longer there
+
+
+class ObjectState(NamedTuple):
+    """The object now, in the world's frame; forces are those of the hands on the object.
+
+    `position_m` is the master's grip, x of `quaternion` points along the object. `squeeze_n` is the slave's force along
+    it: positive where the hands press it together. A grip that is lost has no force.
+    """
+
+    position_m: Vector
+    quaternion: Quaternion
+    master_force_n: Vector
+    slave_force_n: Vector
+    squeeze_n: float
+    is_in_master: bool
+    is_in_slave: bool
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """The hands that hold it no longer: "master", "slave"."""
+        held = (("master", self.is_in_master), ("slave", self.is_in_slave))
+        return tuple(name for name, is_held in held if not is_held)
+
+
+@dataclass(slots=True)
+class GripFigures:
+    """The hands' forces since power-on, taken in every step of the integration."""
+
+    master_peak_n: float = 0.0
+    slave_peak_n: float = 0.0
+    squeeze_peak_n: float = 0.0
+    squeeze_squares: float = 0.0
+    steps: int = 0
+
+    def as_plain(self, slip_force_n: float, lost: tuple[str, ...]) -> dict[str, Any]:
+        """For a summary: peaks and RMS in N, and the hands that have lost the object."""
+        return {
+            "grip_peak_n": max(self.master_peak_n, self.slave_peak_n),
+            "slip_force_n": slip_force_n,
+            "squeeze_rms_n": math.sqrt(self.squeeze_squares / self.steps) if self.steps else 0.0,
+            "squeeze_peak_n": self.squeeze_peak_n,
+            "lost_by": list(lost),
+        }
+
+
+def hand(robot: str) -> str:
+    """Name of the body at the end of a robot that carries."""
+    return f"{robot}.hand"
+
+
+def add_object(hand_element: ElementTree.Element, cell: Cell, truth: ObjectTruth) -> None:
+    """Add the object to the master's last body: it moves with the hand, and stays a body of its own."""
+    carried = cell.object
+    assert carried is not None
+    tool = _tool(cell, carried.master)
+    along = Pose(quaternion=_along(carried.direction))
+    pose = tool.then(along)
+    body = ElementTree.SubElement(
+        hand_element, "body", name=BODY, pos=_text(*pose.position_m), quat=_text(*pose.quaternion)
+    )
+    axial, across = (moment * truth.mass_kg / carried.mass_kg for moment in carried.moments_kg_m2)
+    centre = _text(carried.length_m / 2, 0.0, 0.0)
+    ElementTree.SubElement(
+        body, "inertial", pos=centre, mass=_text(truth.mass_kg), diaginertia=_text(axial, across, across)
+    )
+
+
+def add_pin(root: ElementTree.Element, carried: Carried) -> None:
+    """Add the slave's grip: one point of the object and one of the hand coincide."""
+    equality = ElementTree.SubElement(root, "equality")
+    anchor = _text(carried.grasp_distance_m, 0.0, 0.0)
+    bodies = {"body1": BODY, "body2": hand(carried.slave)}
+    ElementTree.SubElement(equality, "connect", {"name": PIN, **bodies, "anchor": anchor, **_PIN})
+
+
+class Grips:
+    """Both hands on the object, in the model and state of a `Plant`."""
+
+    __slots__ = ("_body", "_carried", "_data", "_hand", "_model", "_slip_n", "figures", "is_in_master")
+
+    def __init__(self, cell: Cell, truth: ObjectTruth, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        assert cell.object is not None
+        self._carried, self._model, self._data = cell.object, model, data
+        self._body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, BODY)
+        self._hand = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, hand(cell.object.slave))
+        self._slip_n = truth.slip_force_n
+        self.is_in_master = True
+        self.figures = GripFigures()
+
+    def close(self, cell: Cell) -> None:
+        """The slave's hand closes where it is: there it holds the object. The hand must be at it.
+
+        Raises `EmulatorError` if it is not.
+        """
+        carried = self._carried
+        mujoco.mj_kinematics(self._model, self._data)
+        point = self._point()
+        turn = self._data.xmat[self._hand].reshape(3, 3)
+        anchor = turn.T @ (point - self._data.xpos[self._hand])
+        away_m = math.dist(anchor, _tool(cell, carried.slave).position_m)
+        if away_m > carried.diameter_m:
+            raise EmulatorError(
+                f"object: the hand of {carried.slave!r} is {away_m * 1e3:.3g} mm from where it is to hold it, "
+                f"{carried.grasp_distance_m:g} m from the hand of {carried.master!r}; at most its diameter, "
+                f"{carried.diameter_m * 1e3:g} mm: park the robots otherwise"
+            )
+        self._model.eq_data[0, 3:6] = anchor
+
+    def look(self) -> None:
+        """After a step: the forces in it, and whether a grip slips."""
+        figures = self.figures
+        figures.steps += 1
+        if self.is_in_slave:
+            x, y, z = force = self._pin_force()
+            strength_n = math.hypot(*force)
+            figures.slave_peak_n = max(figures.slave_peak_n, strength_n)
+            a, _, _, b, _, _, c, _, _ = self._data.xmat[self._body].tolist()
+            squeeze_n = abs(a * x + b * y + c * z)
+            figures.squeeze_peak_n = max(figures.squeeze_peak_n, squeeze_n)
+            figures.squeeze_squares += squeeze_n * squeeze_n
+            if strength_n > self._slip_n:
+                self._data.eq_active[0] = 0
+        if self.is_in_master:
+            mujoco.mj_rnePostConstraint(self._model, self._data)
+            strength_n = math.hypot(*self._data.cfrc_int[self._body, 3:].tolist())
+            figures.master_peak_n = max(figures.master_peak_n, strength_n)
+            if strength_n > self._slip_n:
+                self._drop()
+
+    def summary(self) -> dict[str, Any]:
+        """The figures so far; see `GripFigures`."""
+        return self.figures.as_plain(self._slip_n, self.state().lost)
+
+    @property
+    def is_in_slave(self) -> bool:
+        """Whether the slave holds the object."""
+        return bool(self._data.eq_active[0])
+
+    def state(self) -> ObjectState:
+        """The object after the last step."""
+        data, body = self._data, self._body
+        x, y, z = data.xpos[body].tolist()
+        quaternion = data.xquat[body].tolist()
+        slave = self._pin_force() if self.is_in_slave else (0.0, 0.0, 0.0)
+        master = (0.0, 0.0, 0.0)
+        if self.is_in_master:
+            master = _vector(data.cfrc_int[body, 3:].tolist())
+        along = data.xmat[body].reshape(3, 3)[:, 0].tolist()
+        squeeze_n = -sum(a * b for a, b in zip(slave, along, strict=True))
+        return ObjectState((x, y, z), quaternion, master, slave, squeeze_n, self.is_in_master, self.is_in_slave)
+
+    def take_over(self, before: Self) -> None:
+        """Hold the object as it was held."""
+        self._model.eq_data[0] = before._model.eq_data[0]
+        self._data.eq_active[0] = before._data.eq_active[0]
+        self.figures = before.figures
+        if not before.is_in_master:
+            self._drop()
+
+    def _drop(self) -> None:
+        """The master has lost the object: it falls, and no hand holds it any more."""
+        self.is_in_master = False
+        self._data.eq_active[0] = 0
+        self._model.body_mass[self._body] = _NOTHING
+        self._model.body_inertia[self._body] = _NOTHING
+        angles = self._data.qpos.copy()
+        mujoco.mj_setConst(self._model, self._data)
+        self._data.qpos[:] = angles
+
+    def _point(self) -> np.ndarray:
+        turn = self._data.xmat[self._body].reshape(3, 3)
+        return np.asarray(self._data.xpos[self._body] + turn[:, 0] * self._carried.grasp_distance_m)
+
+    def _pin_force(self) -> Vector:
+        """Of the slave's hand on the object; an equality's rows come first. None while both robots are parked."""
+        if not self._data.nefc:
+            return 0.0, 0.0, 0.0
+        return _vector(self._data.efc_force[:3].tolist())
+
+
+def _tool(cell: Cell, robot: str) -> Pose:
+    """The tool frame of a robot in its last body."""
+    (joints,) = (each.joint for each in cell.robot if each.name == robot)
+    return segments_of(joints)[-1].end
+
+
+def _along(direction: Vector) -> Quaternion:
+    """A turn that takes x to `direction`."""
+    x, y, z = direction
+    if x < -1.0 + 1e-12:
+        return 0.0, 0.0, 0.0, 1.0
+    w = math.sqrt((1.0 + x) / 2)
+    return w, 0.0, -z / (2 * w), y / (2 * w)
+
+
+def _vector(values: list[float]) -> Vector:
+    x, y, z = values
+    return x, y, z
+
+
+def _text(*numbers: float) -> str:
+    return " ".join(map(repr, numbers))
