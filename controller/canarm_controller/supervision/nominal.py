@@ -90,12 +90,8 @@ def heavier_arm(robot: Robot) -> Arm:
     *others, last = robot.joint
     factor = 1.0 + PAYLOAD[1]
     solid = last.solid
-    heavier = solid.model_copy(
-        update={
-            "mass_kg": factor * solid.mass_kg,
-            "inertia_kg_m2": tuple(factor * moment for moment in solid.inertia_kg_m2),
-        }
-    )
+    xx, yy, zz, xy, xz, yz = (factor * each for each in solid.tensor_kg_m2)
+    heavier = solid.with_inertial(factor * solid.mass_kg, solid.centre_of_mass_m, (xx, yy, zz, xy, xz, yz))
     last = last.model_copy(update={"body" if last.body else "link": heavier})
     return nominal_arm(robot.model_copy(update={"joint": (*others, last)}))
 

@@ -19,25 +19,30 @@ STUCK_FACTOR, STUCK_CYCLES = 1.6, 6
 UNLEARNED_SHARE = 0.2
 """Share of a right model's error that the observer has not yet learned when the code last changed."""
 
+LEARNS_LONGER = 2.5
+"""The observer of 12 rad/s takes so many times as long as that of 30 rad/s, for which `Timing.turning` is."""
+
 
 class TachlessWitness(SensorLess):
     """Residual of one joint: the angle off the observer's, which follows it at 12 rad/s.
 
     A code that does not change is judged by the model's travel meanwhile, from the speed and with the
-    acceleration bias estimated when it last changed. It travels as the stiffest joint of the box would: one that the
-    highest friction of the box stops, and holds, may well stand.
+    acceleration bias estimated when it last changed, and as far as the highest friction of the box would let it: of a
+    joint so slow that this stops it within a step, and for a while after, until the bias has learned the friction.
     """
 
     __slots__ = (
-        "_gone_bias", "_gone_rad", "_gone_rad_s", "_lasting_cycles", "_stiff_rad_s", "_stood_cycles", "_unmodelled",
-        "_x_code",
+        "_gone_bias", "_gone_rad", "_gone_rad_s", "_lasting_cycles", "_learning", "_rubbed_rad_s", "_rubs_rad_s2",
+        "_slow_at", "_slow_rad_s", "_stood_cycles", "_unmodelled", "_x_code",
     )  # fmt: skip
 
     def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
         super().__init__(nominal, thresholds, timing, report)
         self._unmodelled = UNLEARNED_SHARE * unmodelled_rad_s2(nominal)
         _, mobility = nominal.mobility_per_kg_m2
-        self._stiff_rad_s = (COULOMB[1] - 1.0) * nominal.coulomb_nm * mobility * timing.period_s
+        self._learning = round(LEARNS_LONGER * timing.turning)
+        self._rubs_rad_s2 = (COULOMB[1] - 1.0) * nominal.coulomb_nm * mobility
+        self._slow_rad_s = math.sqrt(2.0 * self._rubs_rad_s2 * self._position_lsb)
         self.start(0.0)
 
     def start(self, position_rad: float) -> None:
@@ -45,8 +50,9 @@ class TachlessWitness(SensorLess):
         super().start(position_rad)
         self.mode = Mode.NO_TACHOMETER
         self._blind.start(position_rad, 0.0, 0.0)
-        self._gone_rad = self._gone_rad_s = self._gone_bias = 0.0
+        self._gone_rad = self._gone_rad_s = self._gone_bias = self._rubbed_rad_s = 0.0
         self._x_code, self._stood_cycles, self._lasting_cycles = -1, 0, 0
+        self._slow_at = 0
 
     def step(self, x: float, v: float, acceleration: float, x_code: int, v_code: int) -> bool:
         """Take one cycle: angle, the speed that the loop's observer gives, the model's acceleration since the last.
@@ -61,6 +67,8 @@ class TachlessWitness(SensorLess):
         if not is_astray:
             blind.correct(x)
         self.speed, self.bias = blind.velocity_rad_s, blind.bias
+        if abs(self.speed) < self._slow_rad_s:
+            self._slow_at = self.cycles
         self._judge_code(x_code, acceleration)
         self._judge_bias()
         return is_astray and self._substitute(blind.position_rad, self.speed)
@@ -108,10 +116,12 @@ class TachlessWitness(SensorLess):
         if x_code != self._x_code or self._stood_cycles > self._timing.agree:
             self._x_code, self._stood_cycles = x_code, 0
             self._gone_rad, self._gone_rad_s, self._gone_bias = 0.0, self.speed, self.bias
+            unlearned = max(self._slow_at + self._learning - self.cycles, 0) / self._learning
+            self._rubbed_rad_s = unlearned * self._rubs_rad_s2 * self._period_s
             return
         self._stood_cycles += 1
         gone_rad_s = self._gone_rad_s + self._period_s * (acceleration + self._gone_bias)
-        self._gone_rad_s = math.copysign(max(abs(gone_rad_s) - self._stiff_rad_s, 0.0), gone_rad_s)
+        self._gone_rad_s = math.copysign(max(abs(gone_rad_s) - self._rubbed_rad_s, 0.0), gone_rad_s)
         self._gone_rad += self._period_s * self._gone_rad_s
         if self._stood_cycles < STUCK_CYCLES or self.cycles < self._calm_at or self.mode is Mode.BLIND:
             return

@@ -48,8 +48,8 @@ def _segment(solid: Link | Body, after: Body | None) -> Segment:
 def _of_link(link: Link) -> Segment:
     # The link's own frame lies at its far end: A = Rz(θ)·Tz(d)·Tx(a)·Rx(α), and Rz(θ) is the hinge.
     end = Pose((link.a_m, 0.0, link.d_m), about_x(math.radians(link.alpha_deg)))
-    moments, axes = _possible(link.inertia_kg_m2[:3]), Pose()
-    if any(link.tensor_kg_m2[3:]):
+    moments, axes = _possible(link.inertia_kg_m2), Pose()
+    if any(link.products_kg_m2):
         moments, axes = _principal(link.tensor_kg_m2)
     return Segment(
         origin=Pose(ORIGIN, about_z(math.radians(link.theta_offset_deg))),

@@ -24,8 +24,8 @@ Mass = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False), at_least(L
 class Link(Table):
     """Standard Denavit-Hartenberg parameters of one revolute joint and the inertia of its link.
 
-    `centre_of_mass_m` and `inertia_kg_m2`, about the centre of mass, are in the link's own frame: principal moments, or
-    [ixx, iyy, izz, ixy, ixz, iyz]. `sign` = -1: the joint's angle counts the other way, theta = theta_offset - angle.
+    `centre_of_mass_m`, `inertia_kg_m2` = [ixx, iyy, izz] and `products_kg_m2` = [ixy, ixz, iyz] about the centre of mass
+    are in the link's own frame. `sign` = -1: the joint's angle counts the other way, theta = theta_offset - angle.
     """
 
     a_m: Finite
@@ -35,17 +35,18 @@ class Link(Table):
     sign: Sign = 1
     mass_kg: Mass
     centre_of_mass_m: Vector
-    inertia_kg_m2: (
-        tuple[NonNegative, NonNegative, NonNegative]
-        | tuple[NonNegative, NonNegative, NonNegative, Finite, Finite, Finite]
-    )
+    inertia_kg_m2: tuple[NonNegative, NonNegative, NonNegative]
+    products_kg_m2: Vector = (0.0, 0.0, 0.0)
 
     @property
     def tensor_kg_m2(self) -> Tensor:
-        """`inertia_kg_m2` as [ixx, iyy, izz, ixy, ixz, iyz]."""
-        if len(self.inertia_kg_m2) == 3:
-            return (*self.inertia_kg_m2, 0.0, 0.0, 0.0)
-        return self.inertia_kg_m2
+        """[ixx, iyy, izz, ixy, ixz, iyz]."""
+        return (*self.inertia_kg_m2, *self.products_kg_m2)
+
+    def with_inertial(self, mass_kg: float, centre_m: Vector, tensor: Tensor) -> Self:
+        """The link with other masses."""
+        moments = {"inertia_kg_m2": tensor[:3], "products_kg_m2": tensor[3:]}
+        return self.model_copy(update={"mass_kg": mass_kg, "centre_of_mass_m": centre_m, **moments})
 
 
 class Body(Table):
@@ -68,6 +69,10 @@ class Body(Table):
     def tensor_kg_m2(self) -> Tensor:
         """`inertia_kg_m2`, as a `Link` has it too."""
         return self.inertia_kg_m2
+
+    def with_inertial(self, mass_kg: float, centre_m: Vector, tensor: Tensor) -> Self:
+        """The body with other masses."""
+        return self.model_copy(update={"mass_kg": mass_kg, "centre_of_mass_m": centre_m, "inertia_kg_m2": tensor})
 
 
 class Motor(Table):
@@ -150,12 +155,8 @@ class Joint(Table):
         own = Inertial(solid.mass_kg, solid.centre_of_mass_m, ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
         both = own.joined(load)
         (xx, xy, xz), (_, yy, yz), (_, _, zz) = both.tensor_kg_m2
-        inertia = {
-            "mass_kg": both.mass_kg,
-            "centre_of_mass_m": both.centre_m,
-            "inertia_kg_m2": (xx, yy, zz, xy, xz, yz),
-        }
-        return self.model_copy(update={"body" if self.body else "link": solid.model_copy(update=inertia)})
+        laden = solid.with_inertial(both.mass_kg, both.centre_m, (xx, yy, zz, xy, xz, yz))
+        return self.model_copy(update={"body" if self.body else "link": laden})
 
     def sensor(self, quantity: Quantity) -> Sensor | None:
         """The sensor that measures `quantity`; None without one."""

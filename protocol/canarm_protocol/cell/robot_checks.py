@@ -36,7 +36,7 @@ def joint_problems(name: str, joint: Joint) -> Iterator[str]:
     if joint.body is not None:
         yield from _body_problems(f"{where}.body", joint.body)
     for key, solid in (("link", joint.link), ("body", joint.body)):
-        if solid is not None and not is_possible(solid.inertia_kg_m2[:3], solid.inertia_kg_m2[3:] or (0.0, 0.0, 0.0)):
+        if solid is not None and not is_possible(solid.tensor_kg_m2[:3], solid.tensor_kg_m2[3:]):
             listed = ", ".join(f"{each:g}" for each in solid.inertia_kg_m2)
             yield (
                 f"{where}.{key}.inertia_kg_m2 = [{listed}]: no body has it; any two of its principal moments must be "
