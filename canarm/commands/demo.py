@@ -225,7 +225,7 @@ def _result(child: Child | None) -> dict[str, Any] | None:
 
 def _unbegun(cell: Cell, control: ControlOptions, known: Mapping[str, Any]) -> dict[str, Any]:
     """The summary of a run that was interrupted before a controller could give one."""
-    options = {"cell": cell.name, "law": control.law, "trajectory": control.trajectory, "state": "interrupted"}
+    options = {"cell": cell.name, "law": control.law, "trajectory": control.motion(cell), "state": "interrupted"}
     figures: dict[str, Any] = {
         "ticks": 0,
         "missed": 0,

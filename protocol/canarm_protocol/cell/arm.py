@@ -24,8 +24,8 @@ Mass = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False), at_least(L
 class Link(Table):
     """Standard Denavit-Hartenberg parameters of one revolute joint and the inertia of its link.
 
-    `centre_of_mass_m`, `inertia_kg_m2` = [ixx, iyy, izz] and `products_kg_m2` = [ixy, ixz, iyz] about the centre of mass
-    are in the link's own frame. `sign` = -1: the joint's angle counts the other way, theta = theta_offset - angle.
+    `centre_of_mass_m` and about it `inertia_kg_m2` = [ixx, iyy, izz], `products_kg_m2` = [ixy, ixz, iyz] are in the
+    link's own frame. `sign` = -1: the joint's angle counts the other way, theta = theta_offset - angle.
     """
 
     a_m: Finite

@@ -17,7 +17,8 @@ class Carried(Table):
     In the tool frame of the master, the frame of its last link, the rod begins at the origin. With both angles 0 it
     lies along x; `theta_x_deg` turns it about z, then `theta_z_deg` lifts it out of x and y (Lee, Suh, Suh and Kim,
     equation (2)). The master's grip lets it neither move nor turn, the slave's only holds the point. A grip slips when
-    its force passes `slip_force_n`. The controller lets the slave carry `slave_share` of the mass.
+    its force passes `slip_force_n`. The controller lets the slave carry `slave_share` of the mass, and shows its law
+    `grip_stiffness` of the errors that the grips do not allow.
     """
 
     master: Name
