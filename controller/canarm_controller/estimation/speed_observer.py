@@ -16,7 +16,7 @@ from .observer import stationary_gain
 ACCELERATION_NOISE, ACCELERATION_BIAS_NOISE = 0.03, 3.0
 """rad/s²/√Hz and rad/s³/√Hz, for cells without `[control.observer]`; the values of konkuk1."""
 
-REFRESH = 4
+REFRESH = 8
 """Cycles for which the grips' share of the accelerations is kept: the pose hardly changes."""
 
 
