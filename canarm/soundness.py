@@ -6,7 +6,8 @@ It needs the arm's model, so that it is no part of the schema. What only a run c
 import math
 from collections.abc import Iterator
 
-from canarm_controller.dynamics import Arm, SeveralArms, cell_arm
+from canarm_controller.dynamics import Arm, ClosedChain, SeveralArms, cell_arm
+from canarm_controller.reference.carried_motion import LOOSE_M
 from canarm_controller.supervision import thresholds as limit
 from canarm_controller.supervision.nominal import JointNominal, joint_nominals, sensor_nominal
 from canarm_controller.supervision.timing import Timing
@@ -47,6 +48,19 @@ def unsound(cell: Cell) -> Iterator[str]:
         yield from _sense_problems(where, nominal, joint)
     yield from _gain_problems(cell, arm, nominals, timing)
     yield from _override_problems(cell, nominals, timing)
+    yield from _grip_problems(cell)
+
+
+def _grip_problems(cell: Cell) -> Iterator[str]:
+    chain = ClosedChain.of(cell)
+    if chain is None or cell.object is None:
+        return
+    away_m = math.hypot(*chain.gap([math.radians(joint.home_deg) for joint in cell.joints]))
+    if away_m > LOOSE_M:
+        yield (
+            f"object.slave = {cell.object.slave!r}: at home, its hand is {away_m * 1e3:.3g} mm from where it holds the "
+            f"object; must be at most {LOOSE_M * 1e3:g} mm: `canarm.cooperation` plans home_deg of both robots"
+        )
 
 
 def _drive_problems(where: str, nominal: JointNominal, joint: Joint) -> Iterator[str]:
@@ -71,7 +85,7 @@ def weak_brakes(cell: Cell) -> Iterator[str]:
 
     Raises `DynamicsError` for an arm that has no model.
     """
-    arm = cell_arm(cell.robot, cell.joint_names)
+    arm = cell_arm(cell.laden, cell.joint_names)
     parts: tuple[Arm, ...] = tuple(arm.parts) if isinstance(arm, SeveralArms) else (arm,)
     for nominal, joint in zip(joint_nominals(cell, parts), cell.joints, strict=True):
         brake = joint.brake

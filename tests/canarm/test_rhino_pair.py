@@ -9,10 +9,12 @@ import pytest
 
 from canarm import Rig, State
 from canarm.cooperation import RHINO_XR, CarriedObject, circle, forward, pair_of, plan_cooperation
+from canarm.soundness import unsound
 from canarm.usage import UsageError
 from canarm_controller.dynamics import nominal_arm
 from canarm_controller.errors import TrajectoryError
 from canarm_controller.reference.trajectory import make_trajectory
+from canarm_emulator.errors import TruthError
 from canarm_protocol.cell import load_cell
 from canarm_protocol.cell.schedulability import cell_messages, cell_verdict
 from canarm_protocol.cell.sensing import position_steps_rad
@@ -177,3 +179,12 @@ def test_other_paths_and_a_file_of_the_tips_way(tmp_path: Path) -> None:
     rows = [f"{t},{x},{y + 0.002 * t},{z}" for t in range(6)]
     (tmp_path / "way.csv").write_text("\n".join(["time_s,x_m,y_m,z_m", *rows]))
     np.testing.assert_allclose(end(str(tmp_path / "way.csv"), 5.0025), [0.0, 10.0, 0.0], atol=1e-4)
+
+
+def test_a_slave_parked_beside_the_object_is_refused_by_check_and_before_anything_moves() -> None:
+    assert CELL.object is not None
+    nearer = CELL.model_copy(update={"object": CELL.object.model_copy(update={"grasp_distance_m": 0.25})})
+    (line,) = [each for each in unsound(nearer) if each.startswith("object.slave")]
+    assert "at home, its hand is 50 mm from where it holds the object" in line
+    with pytest.raises(TruthError, match=r"the hand of 'slave' is .* mm from where it is to hold it"):
+        Rig("rhino-pair", truth={"slave_waist.initial_deg": 15})

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from canarm_controller.dynamics import ClosedChain, HeldMotion, cell_arm
-from canarm_emulator.errors import EmulatorError
+from canarm_emulator.errors import TruthError
 from canarm_emulator.robot.carried import BODY
 from canarm_emulator.robot.model_xml import model_xml
 from canarm_emulator.robot.truth import Truth
@@ -73,7 +73,7 @@ def test_a_grip_slips_beyond_its_force_and_the_other_hand_goes_on() -> None:
 
 def test_a_robot_parked_too_far_off_cannot_hold_it() -> None:
     truth = Truth.from_settings(CELL, {"slave_waist.initial_deg": "15"})
-    with pytest.raises(EmulatorError, match=r"the hand of 'slave' is .* mm from where it is to hold it"):
+    with pytest.raises(TruthError, match=r"the hand of 'slave' is .* mm from where it is to hold it"):
         World(CELL, truth, 0)
 
 

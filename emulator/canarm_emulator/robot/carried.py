@@ -13,7 +13,7 @@ import numpy as np
 
 from canarm_protocol.cell.model import Carried, Cell, Vector
 
-from ..errors import EmulatorError
+from ..errors import TruthError
 from .poses import Pose, Quaternion
 from .segments import segments_of
 from .truth import ObjectTruth
@@ -119,7 +119,7 @@ class Grips:
     def close(self, cell: Cell) -> None:
         """The slave's hand closes where it is: there it holds the object. The hand must be at it.
 
-        Raises `EmulatorError` if it is not.
+        Raises `TruthError` if it is not.
         """
         carried = self._carried
         mujoco.mj_kinematics(self._model, self._data)
@@ -128,7 +128,7 @@ class Grips:
         anchor = turn.T @ (point - self._data.xpos[self._hand])
         away_m = math.dist(anchor, _tool(cell, carried.slave).position_m)
         if away_m > carried.diameter_m:
-            raise EmulatorError(
+            raise TruthError(
                 f"object: the hand of {carried.slave!r} is {away_m * 1e3:.3g} mm from where it is to hold it, "
                 f"{carried.grasp_distance_m:g} m from the hand of {carried.master!r}; at most its diameter, "
                 f"{carried.diameter_m * 1e3:g} mm: park the robots otherwise"
