@@ -7,6 +7,7 @@ import contextlib
 import gc
 import importlib
 import importlib.metadata
+import itertools
 import logging
 import os
 import shutil
@@ -39,7 +40,8 @@ app = App(
     version=version,
     help="Hardware-in-the-loop bench for robot servo controllers on a virtual CAN bus.",
     help_epilogue=(
-        "Every option can be given in the environment as well: --sync-timeout as CANARM_SYNC_TIMEOUT, and so on. "
+        "Every option can be given in the environment as well: --sync-timeout as CANARM_SYNC_TIMEOUT, and so on; an "
+        "empty variable counts as none. "
         "Exit status: 0 done; 1 the run failed or was stopped; 2 the command line or a file is wrong."
     ),
     config=Env(ENVIRONMENT_PREFIX, command=False, show=False),
@@ -90,6 +92,8 @@ def run(arguments: Sequence[str]) -> int:
         if list(arguments) == ["--version"]:
             print(version())  # the parser would load the formatting of help pages
             return 0
+        _drop_empty_variables()
+        _refuse_empty_values(arguments)
         _fit_narrow_terminals()
         _import_command(arguments)
         _set_up_logging()
@@ -112,6 +116,21 @@ def run(arguments: Sequence[str]) -> int:
         where = f"; {LOG_LEVEL}=debug shows where"
         return _complain(f"this should not happen: {named_error(error)}{where}", FAILED)
     return result if isinstance(result, int) else 0
+
+
+def _drop_empty_variables() -> None:
+    """A variable that a script has set to nothing is not given, for us and for the processes that we start."""
+    for name in [name for name, value in os.environ.items() if name.startswith(ENVIRONMENT_PREFIX) and not value]:
+        del os.environ[name]
+
+
+def _refuse_empty_values(arguments: Sequence[str]) -> None:
+    """Raise `UsageError` for an option with an empty value: a path would be the current folder."""
+    for option, value in itertools.pairwise([*arguments, "-"]):
+        is_given = option.startswith("--") and (not value or (option.endswith("=") and option.count("=") == 1))
+        if is_given:
+            name = option.rstrip("=")
+            raise UsageError(f"{printable(name)}: its value is empty; give one, or leave {printable(name)} out")
 
 
 def _fit_narrow_terminals() -> None:

@@ -7,6 +7,7 @@ from typing import Any
 from canarm_controller.bus.assessment import JointFigures
 from canarm_controller.supervision.detection import Detection
 from canarm_protocol.cell.bench_objects import SETTLING_CYCLES
+from canarm_protocol.shown import printable
 
 MOST_DETECTIONS = 8
 """A summary for people shows this many detections, the first ones."""
@@ -93,7 +94,7 @@ class Summary:
         if len(self.detections) > MOST_DETECTIONS:
             lines.append(f"and {len(self.detections) - MOST_DETECTIONS} detections more")
         if self.out:
-            lines.append(f"recorded in {self.out}")
+            lines.append(f"recorded in {printable(self.out)}")
         return "\n".join(lines)
 
 

@@ -1,5 +1,6 @@
 """Defaults, and the error for impossible requests. Imports little: `canarm --help` needs it."""
 
+import contextlib
 from collections.abc import Iterable, Sequence
 
 from canarm_protocol.errors import CanarmError
@@ -32,5 +33,8 @@ def key_values(words: Iterable[str], before: str, hint: str) -> dict[str, str]:
 
 def value_text(value: object) -> str:
     """One value as text: bools as true or false, numpy's numbers as plain numbers."""
-    plain = value.item() if hasattr(value, "item") else value
+    plain = value
+    if hasattr(value, "item"):
+        with contextlib.suppress(TypeError, ValueError):  # an array of several
+            plain = value.item()
     return str(plain).lower() if isinstance(plain, bool) else str(plain)

@@ -373,3 +373,18 @@ def test_what_nobody_foresaw_is_a_line_and_status_1(monkeypatch, in_process, err
     _, complaint = in_process.printed()
     assert complaint.startswith(f"canarm: {said}")
     assert len(complaint.splitlines()) == 1
+
+
+def test_an_option_without_a_value_is_no_current_folder(tmp_path, monkeypatch, capsys):
+    """A script's `--out "$OUT"` with OUT unset."""
+    monkeypatch.chdir(tmp_path)
+    for words in (["--out", ""], ["--out="]):
+        assert cli.run(["emulator", *words]) == 2
+        assert "--out: its value is empty; give one, or leave --out out" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_empty_variable_counts_as_none(monkeypatch, capsys):
+    monkeypatch.setenv("CANARM_CELL", "")
+    assert cli.run(["check", "--keys"]) == 0
+    assert "joint2" in capsys.readouterr().out

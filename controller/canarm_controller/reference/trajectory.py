@@ -12,7 +12,7 @@ import numpy as np
 
 from canarm_protocol.cell.arm import Joint
 from canarm_protocol.cell.model import Cell
-from canarm_protocol.shown import quoted
+from canarm_protocol.shown import first_line, printable, quoted
 
 from ..errors import TrajectoryError
 from .base import Blended, Bools, Trajectory, blend_from
@@ -166,8 +166,12 @@ def _carried(spec: object, limits: Limits, cell: Cell) -> Trajectory:
 
 def _file_of(spec: str, built_in: Sequence[str]) -> tuple[Path, Interpolation | None]:
     """The file and how its rows are joined. Raises `TrajectoryError` if there is no such file."""
-    path, interpolation = _path_of(spec)
-    if not path.exists():
+    try:
+        path, interpolation = _path_of(spec)
+        exists = path.exists()
+    except (OSError, ValueError) as error:  # too long a name, a null byte
+        raise TrajectoryError(f"{printable(spec)}: no trajectory, and no name of a file: {first_line(error)}") from None
+    if not exists or not spec:
         close = difflib.get_close_matches(spec, built_in, n=1)
         hint = f"; did you mean {quoted(close[0])}?" if close else ""
         raise TrajectoryError(f"{spec}: no such trajectory or file; built in: {', '.join(built_in)}{hint}")

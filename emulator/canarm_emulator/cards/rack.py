@@ -37,12 +37,12 @@ class _InputCard:
     sound: dict[int, Source]
 
     def measured(self, mapped: Mapped) -> list[int]:
-        """Its channels among these objects, in their order."""
-        return [
+        """Its channels among these objects, from the lowest up, whatever PDO each of them leaves in."""
+        return sorted(
             each.subindex - 1
             for node_id, each in mapped
             if node_id == self.node_id and each.index in self.indices and each.subindex - 1 in self.sources
-        ]
+        )
 
 
 @dataclass(frozen=True, slots=True)

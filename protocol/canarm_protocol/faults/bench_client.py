@@ -48,11 +48,16 @@ class BenchClient:
         self.channel = self._claim(objects.CLIENT_CHANNELS[self._token % len(objects.CLIENT_CHANNELS)])
         """The number of its SDO channel."""
 
-    def inject(self, text: str) -> str:
+    def inject(self, text: str | bytes) -> str:
         """Send the fault set `text` (TOML), which is carried out as a whole or refused; returns what was done.
 
-        Raises `FaultError` if it is refused.
+        Bytes are text in UTF-8. Raises `FaultError` if it is refused.
         """
+        if isinstance(text, bytes):
+            try:
+                text = text.decode()
+            except UnicodeDecodeError as error:
+                raise FaultError(f"fault set: is no text in UTF-8, from byte {error.start} on") from None
         if len(text) > LARGEST_TEXT:
             raise FaultError(f"fault set: {len(text)} characters; must have at most {LARGEST_TEXT}")
         try:
