@@ -8,12 +8,13 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import IO, Self
 
 from canarm_protocol.errors import BusError, ExitStatus
 
 from .cli import ENVIRONMENT_PREFIX, LOG_LEVEL
+from .stopping import signals_held_back
 from .usage import UsageError
 
 START_S = 300.0
@@ -101,6 +102,19 @@ class Child:
 
     def __exit__(self, *exception: object) -> None:
         self.end()
+
+
+@contextlib.contextmanager
+def running(command: str, arguments: Sequence[str], quiet: bool = False) -> Iterator[Child]:
+    """A `Child` that is ended on exit, also if a signal comes while it is started."""
+    child: Child | None = None
+    try:
+        with signals_held_back():
+            child = Child(command, arguments, quiet)
+        yield child
+    finally:
+        if child is not None:
+            child.end()
 
 
 def offered_port(emulator: Child) -> int:

@@ -93,7 +93,7 @@ def run(arguments: Sequence[str]) -> int:
             print(version())  # the parser would load the formatting of help pages
             return 0
         _drop_empty_variables()
-        _refuse_empty_values(arguments)
+        _refuse_empty_folder(arguments)
         _fit_narrow_terminals()
         _import_command(arguments)
         _set_up_logging()
@@ -124,13 +124,10 @@ def _drop_empty_variables() -> None:
         del os.environ[name]
 
 
-def _refuse_empty_values(arguments: Sequence[str]) -> None:
-    """Raise `UsageError` for an option with an empty value: a path would be the current folder."""
-    for option, value in itertools.pairwise([*arguments, "-"]):
-        is_given = option.startswith("--") and (not value or (option.endswith("=") and option.count("=") == 1))
-        if is_given:
-            name = option.rstrip("=")
-            raise UsageError(f"{printable(name)}: its value is empty; give one, or leave {printable(name)} out")
+def _refuse_empty_folder(arguments: Sequence[str]) -> None:
+    """Raise `UsageError` for an empty `--out`, which as a path would be the current folder."""
+    if "--out=" in arguments or ("--out", "") in itertools.pairwise(arguments):
+        raise UsageError("--out: its value is empty; name a folder, or leave --out out")
 
 
 def _fit_narrow_terminals() -> None:

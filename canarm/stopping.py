@@ -15,6 +15,7 @@ STUCK_S = 6
 """Seconds after which a loop that does not ask counts as stuck: less than a parent waits for the end."""
 HANGUP: signal.Signals | None = getattr(signal, "SIGHUP", None)
 """Sent by a closing terminal; None if the system has no such signal."""
+_HELD_BACK = (signal.SIGINT, signal.SIGTERM, *(() if HANGUP is None else (HANGUP,)))
 MOST_WORDS = 200
 """Bytes of what a parent says about the end that it asks for."""
 AGAIN_S = 0.5
@@ -131,6 +132,30 @@ class StopRequest:
             else:
                 silent_s += 1
         _end_now(f"{place()} (does the law loop for ever?)")
+
+
+@contextlib.contextmanager
+def signals_held_back() -> Iterator[None]:
+    """SIGINT, SIGTERM and SIGHUP are handled afterwards: nothing that is begun in here is left half done.
+
+    A mask does not do that: they reach other threads, and Python's handlers run in this one all the same, within what
+    libraries do around a fork.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held: list[int] = []
+    before = {number: signal.getsignal(number) for number in _HELD_BACK}
+    before = {number: handler for number, handler in before.items() if callable(handler)}
+    for number in before:
+        signal.signal(number, lambda number, frame: held.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for each in held:
+            signal.raise_signal(each)
 
 
 def parents_words(with_parent: bool) -> int | None:

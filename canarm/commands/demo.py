@@ -20,7 +20,7 @@ from canarm_protocol.errors import ExitStatus
 from canarm_protocol.runs.run_folder import create_run_folder, new_run_folder, update_run_file
 from canarm_protocol.runs.tentative import Tentative
 
-from ..child import START_S, Child, ended_too_early, offered_port
+from ..child import START_S, Child, ended_too_early, offered_port, running
 from ..fault_file import load_faults
 from ..options import (
     BENCH_BUS,
@@ -120,7 +120,7 @@ def demo(
     cause: str | None = None
     with contextlib.ExitStack() as stack:
         try:
-            emulator = stack.enter_context(Child("emulator", [*common, *robot], quiet=with_dashboard))
+            emulator = stack.enter_context(running("emulator", [*common, *robot], quiet=with_dashboard))
             with made:
                 port = offered_port(emulator)
             arguments = [*common, *_controller_arguments(nominal, control, f"{host}:{port}", seconds)]
@@ -130,7 +130,7 @@ def demo(
                 arguments.append("--progress")
             for bus in (ROBOT_BUS, BENCH_BUS):
                 _tell(f"to attach to {bus}: {attach_flags(bus, host, port)}")
-            controller = stack.enter_context(Child("controller", arguments, quiet=with_dashboard))
+            controller = stack.enter_context(running("controller", arguments, quiet=with_dashboard))
             # With no time-out, a debugger may hold it for ever.
             limit_s = START_S + SLOWEST * seconds / min(pace or 1.0, 1.0) if math.isfinite(sync_timeout) else math.inf
             deadline_s = time.monotonic() + limit_s

@@ -25,8 +25,9 @@ from canarm_protocol.faults.script import FaultScript, FaultSet, FaultSpec, Trig
 from canarm_protocol.runs.run_folder import CAN_LOG_FILE, LOG_START_S, SIGNALS_FOLDER
 from canarm_protocol.shown import first_line
 
-from ..child import END_S, Child, offered_port
+from ..child import END_S, offered_port, running
 from ..options import DEFAULT_HOST
+from ..stopping import signals_held_back
 from ..usage import UsageError
 from .bus_reactions import END_OF_DRIVING, ENDED, SILENT, cycle_at, reactions
 from .evidence import Evidence, Motion, Notice, Received, motion_of, seen_by_controller
@@ -57,7 +58,7 @@ def run_foreign(
             file = Path(name) / "faults.toml"
             file.write_text(as_toml(_script(fault, injected_cycle)), encoding="utf-8")
             arguments += ["--faults", str(file)]
-        with Child("emulator", arguments, quiet=True) as emulator:
+        with running("emulator", arguments, quiet=True) as emulator:
             port = offered_port(emulator)
             truth = folder / SIGNALS_FOLDER / SIGNALS_FILE
             with _started(command, str(port), Path(name) / "said") as process:
@@ -126,8 +127,9 @@ def _started(command: str, port: str, said: Path) -> Iterator[subprocess.Popen[b
     """The controller in its own process group, which is killed on exit."""
     words = [word.replace("{host}", DEFAULT_HOST).replace("{port}", port) for word in words_of(command)]
     environment = {**os.environ, "CANARM_CONNECT": f"{DEFAULT_HOST}:{port}"}
-    with said.open("wb") as output:
-        try:
+    process: subprocess.Popen[bytes] | None = None
+    try:
+        with said.open("wb") as output, signals_held_back():
             process = subprocess.Popen(
                 words,
                 stdin=subprocess.DEVNULL,
@@ -136,20 +138,28 @@ def _started(command: str, port: str, said: Path) -> Iterator[subprocess.Popen[b
                 start_new_session=True,
                 env=environment,
             )
-        except OSError as error:
-            raise UsageError(f"--controller {command}: cannot be started: {first_line(error)}") from None
+    except OSError as error:
+        raise UsageError(f"--controller {command}: cannot be started: {first_line(error)}") from None
+    except BaseException:
+        if process is not None:
+            _end_group(process)
+        raise
     try:
         yield process
     finally:
-        try:
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGTERM)
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(END_S)
-        finally:  # what is left of the group, also if the wait is interrupted
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+        _end_group(process)
+
+
+def _end_group(process: subprocess.Popen[bytes]) -> None:
+    try:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGTERM)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(END_S)
+    finally:  # what is left of the group, also if the wait is interrupted
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
 
 
 def _watch(process: subprocess.Popen[bytes], truth: Path, last_cycle: int) -> str:

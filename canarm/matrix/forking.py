@@ -6,12 +6,12 @@ import os
 import pickle
 import signal
 import sys
-import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from multiprocessing.connection import wait
 from typing import BinaryIO, TypeVar, cast
 
+from ..stopping import signals_held_back
 from .pool import LostWorkerError
 
 _Result = TypeVar("_Result")
@@ -20,7 +20,6 @@ CAN_FORK = sys.platform == "linux"
 TRIES = 2
 LOOK_UP_S = 0.2
 """How long an interrupt may wait."""
-_KEPT_BACK = (signal.SIGINT, signal.SIGTERM) if sys.platform != "win32" else ()
 
 
 def in_copy(run: Callable[[], _Result]) -> _Result:
@@ -40,7 +39,7 @@ def _said_by_copy(run: Callable[[], object]) -> bytes:
     """The pickled result; empty if the copy ended before."""
     read_end, write_end = os.pipe()
     with os.fdopen(read_end, "rb") as pipe, contextlib.ExitStack() as holding:
-        holding.enter_context(_held_back())  # until an interrupt of either side ends the copy
+        holding.enter_context(signals_held_back())  # until an interrupt of either side ends the copy
         gc.freeze()  # a collection in the copy would otherwise write into every object, and so copy each page
         try:
             pid = _fork()
@@ -84,28 +83,6 @@ def _fork() -> int:
         # Other threads hold no lock that the copy wants: it computes, writes into its pipe, and is gone.
         warnings.simplefilter("ignore", DeprecationWarning)
         return os.fork()
-
-
-@contextlib.contextmanager
-def _held_back() -> Iterator[None]:
-    """Signals are handled afterwards. A mask does not do that: they reach other threads, and Python's handlers run in
-    this one all the same, within what libraries do around a fork.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    held: list[int] = []
-    before = {number: signal.getsignal(number) for number in _KEPT_BACK}
-    before = {number: handler for number, handler in before.items() if callable(handler)}
-    for number in before:
-        signal.signal(number, lambda number, frame: held.append(number))
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        for each in held:
-            signal.raise_signal(each)
 
 
 def _be_copy(run: Callable[[], object], write_end: int) -> None:

@@ -26,8 +26,9 @@ from canarm_protocol.shown import quoted
 from canarm_protocol.transport.port import open_port
 
 from ..bus_choice import VIRTUAL_BUSES, BusChoice
-from ..child import START_S, Child, ended_too_early, offered_port
+from ..child import START_S, Child, ended_too_early, offered_port, running
 from ..session import tick_count
+from ..stopping import signals_held_back
 from ..summary import Summary
 from ..usage import UsageError
 from .any_rig import AnyRig
@@ -83,9 +84,10 @@ class BusRig(AnyRig):
             self._made.folder(self.folder / SIGNALS_FOLDER)
         for file in EMULATOR_FILES:
             self._made.file(self.folder / file)
-        self._emulator = Child(
-            "emulator", [*self._common, *robot, *self.bus.flags, *(["--wire"] * self._wire)], quiet=True
-        )
+        with signals_held_back():
+            self._emulator = Child(
+                "emulator", [*self._common, *robot, *self.bus.flags, *(["--wire"] * self._wire)], quiet=True
+            )
         self._port = offered_port(self._emulator)
         self.joints = self._read({})
 
@@ -118,7 +120,7 @@ class BusRig(AnyRig):
         words = ["--connect", f"{HOST}:{self._port}"] if self.bus.channels is None else self.bus.flags
         words += ["--law", self._law_word, "--trajectory", self._trajectory_word, "--seconds", repr(float(seconds))]
         words += ["--feedforward", self._feedforward] if self._feedforward is not None else []
-        with Child("controller", [*self._common, *words], quiet=True) as controller:
+        with running("controller", [*self._common, *words], quiet=True) as controller:
             if not controller.wait(START_S + SLOWEST * seconds):
                 raise BusError(f"the controller has not ended within {START_S + SLOWEST * seconds:g} s")
             self._result = _last_object(controller)

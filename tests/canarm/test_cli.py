@@ -380,7 +380,7 @@ def test_an_option_without_a_value_is_no_current_folder(tmp_path, monkeypatch, c
     monkeypatch.chdir(tmp_path)
     for words in (["--out", ""], ["--out="]):
         assert cli.run(["emulator", *words]) == 2
-        assert "--out: its value is empty; give one, or leave --out out" in capsys.readouterr().err
+        assert "--out: its value is empty; name a folder, or leave --out out" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 

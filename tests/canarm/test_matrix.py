@@ -557,7 +557,7 @@ def test_an_interrupt_ends_a_strange_controller_too(canarm, until) -> None:
     assert matrix.wait() == 1
     assert matrix.stderr[-1] == "canarm: interrupted after 0 of 1 runs"
     assert canarm.remaining() == []
-    assert list((canarm.folder / "m").iterdir()) == []
+    assert not (canarm.folder / "m").exists()  # it was made for this, and nothing is in it
 
 
 @pytest.mark.slow
