@@ -137,8 +137,6 @@ class FiveAxisArm(DhChain):
                 )
             if joint.link.sign < 0:
                 raise CooperationError(f"robot {robot.name!r}, joint {joint.name!r}.link.sign = -1: must be 1")
-            if joint.link.sign < 0:
-                raise CooperationError(f"robot {robot.name!r}, joint {joint.name!r}.link.sign = -1; must be 1 here")
         links = [joint.dh_link for joint in robot.joint]
         try:
             return cls(
