@@ -11,7 +11,7 @@ from canarm_protocol.clock import Clock
 
 from ..draws import SEED
 from ..options import CellOptions, Truth, not_negative, whole_number
-from ..usage import DEFAULT_LAW, DEFAULT_TRAJECTORY, UsageError, parse_settings
+from ..usage import DEFAULT_LAW, UsageError, parse_settings
 
 if TYPE_CHECKING:
     from ..matrix.plan import Scenario
@@ -46,7 +46,7 @@ class ScenarioOptions:
     trajectory: Annotated[
         str | None,
         Parameter(
-            metavar="NAME|FILE", help=f"Trajectory, as of canarm demo; {DEFAULT_TRAJECTORY} unless given or drawn."
+            metavar="NAME|FILE", help="Trajectory, as of canarm demo; the usual one of the cell unless given or drawn."
         ),
     ] = None
     seed: Annotated[

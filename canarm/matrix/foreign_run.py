@@ -129,25 +129,22 @@ def _started(command: str, port: str, said: Path) -> Iterator[subprocess.Popen[b
     environment = {**os.environ, "CANARM_CONNECT": f"{DEFAULT_HOST}:{port}"}
     process: subprocess.Popen[bytes] | None = None
     try:
-        with said.open("wb") as output, signals_held_back():
-            process = subprocess.Popen(
-                words,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-                env=environment,
-            )
-    except OSError as error:
-        raise UsageError(f"--controller {command}: cannot be started: {first_line(error)}") from None
-    except BaseException:
-        if process is not None:
-            _end_group(process)
-        raise
-    try:
+        try:
+            with said.open("wb") as output, signals_held_back():
+                process = subprocess.Popen(
+                    words,
+                    stdin=subprocess.DEVNULL,
+                    stdout=output,
+                    stderr=subprocess.STDOUT,
+                    start_new_session=True,
+                    env=environment,
+                )
+        except OSError as error:
+            raise UsageError(f"--controller {command}: cannot be started: {first_line(error)}") from None
         yield process
     finally:
-        _end_group(process)
+        if process is not None:
+            _end_group(process)
 
 
 def _end_group(process: subprocess.Popen[bytes]) -> None:

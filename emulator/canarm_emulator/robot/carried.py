@@ -85,19 +85,19 @@ def add_object(hand_element: ElementTree.Element, cell: Cell, truth: ObjectTruth
     along = Pose(quaternion=_along(carried.direction))
     pose = tool.then(along)
     body = ElementTree.SubElement(
-        hand_element, "body", name=BODY, pos=_text(*pose.position_m), quat=_text(*pose.quaternion)
+        hand_element, "body", name=BODY, pos=text_of(*pose.position_m), quat=text_of(*pose.quaternion)
     )
     axial, across = (moment * truth.mass_kg / carried.mass_kg for moment in carried.moments_kg_m2)
-    centre = _text(carried.length_m / 2, 0.0, 0.0)
+    centre = text_of(carried.length_m / 2, 0.0, 0.0)
     ElementTree.SubElement(
-        body, "inertial", pos=centre, mass=_text(truth.mass_kg), diaginertia=_text(axial, across, across)
+        body, "inertial", pos=centre, mass=text_of(truth.mass_kg), diaginertia=text_of(axial, across, across)
     )
 
 
 def add_pin(root: ElementTree.Element, carried: Carried) -> None:
     """Add the slave's grip: one point of the object and one of the hand coincide."""
     equality = ElementTree.SubElement(root, "equality")
-    anchor = _text(carried.grasp_distance_m, 0.0, 0.0)
+    anchor = text_of(carried.grasp_distance_m, 0.0, 0.0)
     bodies = {"body1": BODY, "body2": hand(carried.slave)}
     ElementTree.SubElement(equality, "connect", {"name": PIN, **bodies, "anchor": anchor, **_PIN})
 
@@ -227,5 +227,6 @@ def _vector(values: list[float]) -> Vector:
     return x, y, z
 
 
-def _text(*numbers: float) -> str:
+def text_of(*numbers: float) -> str:
+    """Numbers as an attribute of MJCF, to the last bit."""
     return " ".join(map(repr, numbers))

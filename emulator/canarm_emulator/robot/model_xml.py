@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from canarm_protocol.cell.model import Cell, Joint, Robot
 
-from .carried import add_object, add_pin, hand
+from .carried import add_object, add_pin, hand, text_of
 from .poses import Point, Pose, from_rpy_deg, rotated
 from .segments import segments_of
 from .truth import JointTruth, Truth
@@ -62,14 +62,14 @@ def model_xml(cell: Cell, truth: Truth) -> str:
     root = ElementTree.Element("mujoco", model=cell.name)
     # konkuk1's rods have no inertia about their own axis; MuJoCo wants a positive one.
     _add(root, "compiler", angle="radian", autolimits="true", boundinertia="1e-12")
-    option = _add(root, "option", gravity=_text(*world_gravity(cell)), **_OPTION)
+    option = _add(root, "option", gravity=text_of(*world_gravity(cell)), **_OPTION)
     _add(option, "flag", **dict.fromkeys(_DISABLED, "disable"))
     world = _add(root, "worldbody")
     first, names = 0, cell.joint_names
     carriers = () if cell.object is None else (cell.object.master, cell.object.slave)
     for robot in cell.robot:
         pose = Pose(_base_m(cell, robot, truth), from_rpy_deg(robot.base_rpy_deg))
-        base = _add(world, "body", name=robot.name, pos=_text(*pose.position_m), quat=_text(*pose.quaternion))
+        base = _add(world, "body", name=robot.name, pos=text_of(*pose.position_m), quat=text_of(*pose.quaternion))
         last = first + len(robot.joint)
         tip = _add_chain(base, robot, names[first:last], truth.joints[first:last])
         if robot.name in carriers:
@@ -100,23 +100,23 @@ def _add_chain(
     parent, end = base, Pose()
     for name, joint, true, segment in zip(names, robot.joint, truth, segments_of(robot.joint), strict=True):
         pose = end.then(segment.origin)
-        body = _add(parent, "body", pos=_text(*pose.position_m), quat=_text(*pose.quaternion))
+        body = _add(parent, "body", pos=text_of(*pose.position_m), quat=text_of(*pose.quaternion))
         lower, upper = map(math.radians, joint.limits_deg)
         drive = _bearing_attributes(true) if true.has_elastic_wire else _drive_attributes(joint, true)
-        axis = _text(*segment.axis)
-        _add(body, "joint", name=name, axis=axis, range=_text(lower, upper), **_STOP, **drive)
+        axis = text_of(*segment.axis)
+        _add(body, "joint", name=name, axis=axis, range=text_of(lower, upper), **_STOP, **drive)
         inertia = (moment * true.mass_kg / segment.mass_kg for moment in segment.moments_kg_m2)
         _add(
             body,
             "inertial",
-            pos=_text(*segment.inertial.position_m),
-            quat=_text(*segment.inertial.quaternion),
-            mass=_text(true.mass_kg),
-            diaginertia=_text(*inertia),
+            pos=text_of(*segment.inertial.position_m),
+            quat=text_of(*segment.inertial.quaternion),
+            mass=text_of(true.mass_kg),
+            diaginertia=text_of(*inertia),
         )
         if true.payload_kg > 0.0:
-            payload = _add(body, "body", pos=_text(*segment.tip_m))
-            _add(payload, "inertial", pos="0 0 0", mass=_text(true.payload_kg), diaginertia=_POINT_INERTIA)
+            payload = _add(body, "body", pos=text_of(*segment.tip_m))
+            _add(payload, "inertial", pos="0 0 0", mass=text_of(true.payload_kg), diaginertia=_POINT_INERTIA)
         parent, end = body, segment.end
     return parent
 
@@ -132,8 +132,8 @@ def _add_wire(
         return
     stiffness = truth.wire_stiffness_nm_rad
     damping = stiffness * WIRE_LOSS_TIME_S
-    dead_band = _text(-truth.wire_dead_band_rad, truth.wire_dead_band_rad)
-    wire = _add(tendons, "fixed", stiffness=_text(stiffness), damping=_text(damping), springlength=dead_band)
+    dead_band = text_of(-truth.wire_dead_band_rad, truth.wire_dead_band_rad)
+    wire = _add(tendons, "fixed", stiffness=text_of(stiffness), damping=text_of(damping), springlength=dead_band)
     _add(wire, "joint", joint=rotor, coef="1")
     _add(wire, "joint", joint=name, coef="-1")
 
@@ -145,9 +145,9 @@ def _drive_attributes(joint: Joint, truth: JointTruth) -> dict[str, str]:
     if truth.is_jammed and not truth.has_elastic_wire:
         friction_nm += _JAM_FRICTION_NM
     return {
-        "armature": _text(truth.rotor_inertia_kg_m2 * joint.motor.gear_ratio**2),
-        "damping": _text(truth.viscous_friction_nm_s * share),
-        "frictionloss": _text(friction_nm),
+        "armature": text_of(truth.rotor_inertia_kg_m2 * joint.motor.gear_ratio**2),
+        "damping": text_of(truth.viscous_friction_nm_s * share),
+        "frictionloss": text_of(friction_nm),
         **_FRICTION,
     }
 
@@ -159,8 +159,8 @@ def _bearing_attributes(truth: JointTruth) -> dict[str, str]:
     share = BEARING_SHARE if truth.wire_is_broken else 0.0
     friction_nm = truth.coulomb_friction_nm * share + (_JAM_FRICTION_NM if truth.is_jammed else 0.0)
     return {
-        "damping": _text(truth.viscous_friction_nm_s * share),
-        "frictionloss": _text(friction_nm),
+        "damping": text_of(truth.viscous_friction_nm_s * share),
+        "frictionloss": text_of(friction_nm),
         **_FRICTION,
     }
 
@@ -195,7 +195,3 @@ def _gravity_in_world(robot: Robot) -> Point:
 
 def _add(parent: ElementTree.Element, tag: str, **attributes: str) -> ElementTree.Element:
     return ElementTree.SubElement(parent, tag, attributes)
-
-
-def _text(*numbers: float) -> str:
-    return " ".join(map(repr, numbers))
