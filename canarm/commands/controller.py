@@ -4,6 +4,7 @@ import contextlib
 import json
 import math
 import sys
+import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,6 +22,7 @@ from canarm_protocol.errors import BusError, BusOptionsError
 from canarm_protocol.runs.run_folder import (
     CONTROLLER_FILES,
     SIGNALS_FOLDER,
+    SUMMARY,
     RunFolderError,
     create_run_folder,
     update_run_file,
@@ -172,10 +174,7 @@ class _Follower:
     def on_state(self, state: State) -> None:
         """Take a change of state."""
         if self.recorder is not None:
-            try:
-                self.recorder.state(state)
-            except OSError as error:
-                self.stop.ask(f"recording failed: {error}")
+            self.recorder.state(state)
         if state in (State.DONE, State.FAILED):
             self.stop.is_over()
         if self._progress:
@@ -238,7 +237,7 @@ def _start_recording(
     """A recorder. A run that found no bus leaves no files: an emulator may record into the folder later."""
     for name in CONTROLLER_FILES:
         made.file(folder / name)
-    recorder = ControllerRecorder(folder, controller)
+    recorder = ControllerRecorder(folder, controller, _tell, time.perf_counter_ns)
     update_run_file(folder, "controller", {**provenance(), **given})
     controller.on_tick = recorder.tick
     return recorder
@@ -247,8 +246,7 @@ def _start_recording(
 def _forget_recording(folder: Path | None, follower: "_Follower", made: Tentative) -> None:
     """A run that has found no bus, or is refused by the cards, leaves nothing; an emulator's files stay."""
     if follower.recorder is not None and folder is not None:
-        with contextlib.suppress(OSError):
-            follower.recorder.close()
+        follower.recorder.close()
         follower.recorder = None
         with contextlib.suppress(OSError, RunFolderError):
             update_run_file(folder, "controller", None)
@@ -257,15 +255,16 @@ def _forget_recording(folder: Path | None, follower: "_Follower", made: Tentativ
 
 def _end_recording(folder: Path, recorder: ControllerRecorder | None, summary: Summary, result: RunResult) -> bool:
     """Close the files and add the summary; False, and a line on stderr, if they cannot be written."""
-    steps = [] if recorder is None else [recorder.close]
-    steps.append(lambda: update_run_file(folder, "summary", summary.as_json()))
+    steps = [lambda: update_run_file(folder, SUMMARY, summary.as_json())]
     if result.pacing is not None:
         pacing = result.pacing.summary()
         steps.append(lambda: update_run_file(folder, "pacing", pacing))
+    if recorder is not None:
+        recorder.close()
     failures = dict.fromkeys(filter(None, [recording_failure(folder, step) for step in steps]))
     for text in failures:
         _tell(text)
-    return not failures
+    return not failures and (recorder is None or recorder.failure is None)
 
 
 def _tell(text: str) -> None:

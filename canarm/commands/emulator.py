@@ -17,6 +17,7 @@ from canarm_emulator.faults.fault_bench import FaultBench
 from canarm_emulator.serving.hub import Hub
 from canarm_emulator.serving.recording import Recorder
 from canarm_emulator.serving.runner import EmulatorRunner
+from canarm_emulator.serving.session_recording import SessionRecorder
 from canarm_emulator.serving.slcan_port import SOCKET_URL, SlcanPort, SlcanSocket
 from canarm_emulator.serving.slcan_terminal import SlcanTerminal
 from canarm_emulator.wire.bus_trouble import BusTrouble
@@ -133,6 +134,7 @@ def emulator(
                 "clock": world.clock,
                 "seed": world.seed,
                 "truth": settings,
+                "wire": world.wire,
                 "sync_timeout_s": world.sync_timeout if math.isfinite(world.sync_timeout) else None,
                 "faults": None if script is None else as_toml(script),
             }
@@ -149,7 +151,7 @@ def emulator(
             _announce(hub, ports)
 
         runner = EmulatorRunner(bench, hub, ports, recorder, world.sync_timeout, stop.is_due, _tell, script, announce)
-        failure = _run(runner, recorder, output.out)
+        failure = _run(runner, recorder)
         summary = {
             "cell": nominal.name,
             "clock": world.clock,
@@ -177,14 +179,13 @@ def emulator(
     return 0 if failure is None else 1
 
 
-def _run(runner: EmulatorRunner, recorder: Recorder | None, folder: Path | None) -> str | None:
-    """Serve until the end; if recording failed (a full disk, for example) and ended the run, returns why."""
-    if recorder is None or folder is None:
-        runner.run()
+def _run(runner: EmulatorRunner, recorder: Recorder | None) -> str | None:
+    """Serve until the end. If the run is not recorded whole (a full disk, for example), returns why."""
+    runner.run()
+    if recorder is None:
         return None
-    failure = recording_failure(folder, runner.run)
-    unwritten = recording_failure(folder, recorder.close)
-    return failure or unwritten
+    recorder.close()
+    return recorder.failure
 
 
 def _serve(host: str, port: int, allow_remote: bool) -> Hub:
@@ -208,9 +209,13 @@ def _offer_slcan(where: bool | str, allow_remote: bool) -> SlcanPort:
 
 def _start_recording(folder: Path, cell: Cell, given: Mapping[str, Any], made: Tentative) -> Recorder:
     claim_run_folder(folder, made)
-    recorder = Recorder(folder, cell)
-    update_run_file(folder, "cell", cell.model_dump(mode="json"))
-    update_run_file(folder, "emulator", {**provenance(), **given})
+
+    def describe(folder: Path) -> None:
+        update_run_file(folder, "cell", cell.model_dump(mode="json"))
+        update_run_file(folder, "emulator", {**provenance(), **given})
+
+    recorder = SessionRecorder(folder, cell, _tell, describe)
+    describe(folder)
     return recorder
 
 

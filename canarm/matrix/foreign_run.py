@@ -220,8 +220,8 @@ def _motion(truth: Path, joints: int, last_cycle: int) -> Motion | None:
     reached = np.flatnonzero(rows[:, 0] >= last_cycle)
     if reached.size:
         rows = rows[: reached[0] + 1]
-    true = rows[:, 2:].reshape(len(rows), joints, _TRUE_COLUMNS)
-    return motion_of(rows[:, 0].astype(np.int64), rows[:, 1], true, np.full((len(rows), joints), np.nan))
+    true = rows[:, 3:].reshape(len(rows), joints, _TRUE_COLUMNS)
+    return motion_of(rows[:, 0].astype(np.int64), rows[:, 2], true, np.full((len(rows), joints), np.nan))
 
 
 def _frames(log: Path) -> Iterator[Received]:

@@ -130,7 +130,7 @@ class BusRig(AnyRig):
         self.joints = self._read(figures)
         events = read_events(self.folder)
         self.fault_events = fault_events(events)
-        self.noticed = noticed(events, self.cell.bus.cycle_ns)
+        self.noticed = noticed(events)
         for event in self.fault_events:
             if event.failure:
                 raise FaultError(f"{event.tap} {event.fault} {event.failure}")

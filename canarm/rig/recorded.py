@@ -3,7 +3,6 @@
 Reads the files of the emulator's and the controller's recorders; nothing is run or written here.
 """
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,12 @@ import numpy as np
 from canarm_controller.bus.assessment import JointFigures
 from canarm_controller.run.recording import SIGNALS_FILE as CONTROLLER_FILE
 from canarm_controller.supervision.detection import Detection, Reaction
+from canarm_emulator.serving.recording import POWER_ON_S
 from canarm_emulator.serving.recording import SIGNALS_FILE as ROBOT_FILE
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.sensing import position_steps_rad
 from canarm_protocol.faults.fault_events import FAULT_BEGINS, FAULT_ENDS, FaultEvent, event_from_plain
+from canarm_protocol.runs.run_events import event_lines, runs_of
 from canarm_protocol.runs.run_folder import EVENTS_FILE, SIGNALS_FOLDER
 
 from .findings import Noticed
@@ -35,8 +36,8 @@ class RecordedHistory:
         self._names, self._figures = cell.joint_names, figures
         self._robot = _table(folder / SIGNALS_FOLDER / ROBOT_FILE)
         self._controller = _table(folder / SIGNALS_FOLDER / CONTROLLER_FILE)
-        ticks = self._controller.get("tick", np.empty(0))
-        self.controlled = int(min(len(ticks), len(self._robot.get("tick", ()))))
+        ticks = self._controller.get("cycle", np.empty(0))
+        self.controlled = int(min(len(ticks), len(self._robot.get("cycle", ()))))
         """Number of controlled cycles."""
 
     def column(self, joint: int, signal: str) -> Floats:
@@ -49,7 +50,7 @@ class RecordedHistory:
         if SIGNALS.index(signal) >= TRUE_SIGNALS:
             values = values[: self.controlled]
         size = len(values)
-        return Span(self._robot["tick"][:size].astype(np.int64), self._robot["time_s"][:size], values)
+        return Span(self._robot["cycle"][:size].astype(np.int64), self._robot[POWER_ON_S][:size], values)
 
     def figures(self, joint: int) -> JointFigures:
         """The run's figures, as the controller read them from the bench at the end."""
@@ -57,7 +58,7 @@ class RecordedHistory:
 
     def _whole(self, joint: int, signal: str) -> Floats:
         if signal == "time_s":
-            return self._robot["time_s"]
+            return self._robot[POWER_ON_S]
         is_true = SIGNALS.index(signal) < TRUE_SIGNALS
         name = f"{self._names[joint]}.{_COLUMNS.get(signal, signal)}"
         return (self._robot if is_true else self._controller).get(name, np.empty(0))
@@ -72,30 +73,25 @@ def recorded_joints(cell: Cell, history: RecordedHistory) -> Joints:
 
 
 def read_events(folder: Path) -> list[dict[str, Any]]:
-    """The events of a run, in the order of their virtual times. The run may still be going on."""
-    path = folder / EVENTS_FILE
-    text = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
-    lines = text[: text.rfind("\n") + 1].splitlines()  # the rest is still being written
-    return sorted((json.loads(line) for line in lines), key=lambda event: int(event["time_ns"]))
+    """The events of an emulator's runs, run by run in the order of their times. A run may still be going on."""
+    return [event for run in runs_of(folder) for event in event_lines(run / EVENTS_FILE)]
 
 
 def fault_events(events: list[dict[str, Any]]) -> list[FaultEvent]:
-    """Beginnings and ends of faults among `events`."""
-    return [event_from_plain(event) for event in events if event["event"] in (FAULT_BEGINS, FAULT_ENDS)]
+    """Beginnings and ends of faults among `events`; their times count from power-on."""
+    return [
+        event_from_plain({**event, "time_ns": round(event[POWER_ON_S] * 1e9)})
+        for event in events
+        if event["event"] in (FAULT_BEGINS, FAULT_ENDS)
+    ]
 
 
-def noticed(events: list[dict[str, Any]], cycle_ns: int) -> list[Noticed]:
+def noticed(events: list[dict[str, Any]]) -> list[Noticed]:
     """Detections among `events`."""
     return [
         Noticed(
-            event["time_ns"] * 1e-9,
-            Detection(
-                event["detector"],
-                event.get("at"),
-                event["time_ns"] // cycle_ns,
-                event["detail"],
-                Reaction(event["reaction"]),
-            ),
+            event["time_s"],
+            Detection(event["detector"], event.get("at"), event["cycle"], event["detail"], Reaction(event["reaction"])),
         )
         for event in events
         if event["event"] == DETECTION
@@ -105,7 +101,7 @@ def noticed(events: list[dict[str, Any]], cycle_ns: int) -> list[Noticed]:
 def _table(path: Path) -> dict[str, Floats]:
     """A CSV file by its columns; empty where there is none."""
     if not path.exists():
-        return {"tick": np.empty(0), "time_s": np.empty(0)}
+        return {"cycle": np.empty(0), POWER_ON_S: np.empty(0)}
     header, *rows = path.read_text(encoding="ascii").splitlines()
     names = header.split(",")
     values = np.array([row.split(",") for row in rows], dtype=np.float64).reshape(-1, len(names))

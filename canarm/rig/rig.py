@@ -3,10 +3,10 @@
 The same two objects as in `canarm emulator` and `canarm controller`, joined by a list of frames.
 """
 
-import contextlib
 import warnings
 from collections import deque
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 
@@ -28,9 +28,16 @@ from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.fault_events import FaultEvent, event_details, event_name
 from canarm_protocol.faults.script import FaultScript
-from canarm_protocol.runs.run_folder import CONTROLLER_FILES, EMULATOR_FILES, create_run_folder, update_run_file
+from canarm_protocol.runs.run_folder import (
+    CONTROLLER_FILES,
+    EMULATOR_FILES,
+    SUMMARY,
+    create_run_folder,
+    update_run_file,
+)
 from canarm_protocol.shown import named_error, quoted
 
+from ..recording import recording_failure
 from ..session import make_bench, make_controller, provenance, tick_count
 from ..summary import Summary, detections_as_plain
 from ..usage import UsageError, value_text
@@ -207,10 +214,11 @@ class Rig(Carrying, AnyRig):
         summary = self.summary()
         if self._recorders is not None and self._folder is not None:
             recorders, self._recorders = self._recorders, None
-            with contextlib.ExitStack() as stack:
-                stack.callback(update_run_file, self._folder, "summary", summary.as_json())
-                for recorder in recorders:
-                    stack.callback(recorder.close)
+            for recorder in recorders:
+                recorder.close()
+            write = partial(update_run_file, self._folder, SUMMARY, summary.as_json())
+            if failure := recording_failure(self._folder, write):
+                self._warn_unwritten(failure)
         return summary
 
     def summary(self) -> Summary:
@@ -358,15 +366,20 @@ class Rig(Carrying, AnyRig):
     def _close_files(self) -> None:
         recorders, self._recorders = self._recorders, None
         for recorder in recorders or ():
-            with contextlib.suppress(OSError):
-                recorder.close()
+            recorder.close()
+
+    def _warn_unwritten(self, text: str) -> None:
+        warnings.warn(text, RigWarning, 2)
 
     def _record(self, folder: Path) -> None:
         self._folder = create_run_folder(folder, made=self._made)
         for name in (*EMULATOR_FILES, *CONTROLLER_FILES):
             self._made.file(folder / name)
-        self._recorders = (Recorder(folder, self.cell), ControllerRecorder(folder, self._controller))
+        self._recorders = (
+            Recorder(folder, self.cell, self._warn_unwritten),
+            ControllerRecorder(folder, self._controller, self._warn_unwritten),
+        )
         self._controller.on_detection = self._recorders[1].detection
         update_run_file(folder, "cell", self.cell.model_dump(mode="json"))
         names = {"law": law_name(self._law), "trajectory": trajectory_name(self._trajectory), "seed": self._seed}
-        update_run_file(folder, "rig", {**provenance(), **names, "truth": self._true_settings})
+        update_run_file(folder, "rig", {**provenance(), **names, "truth": self._true_settings, "wire": self._wire})

@@ -294,7 +294,7 @@ def canarm_of_module(tmp_path_factory, starter) -> Iterator[Commands]:
     commands.close()
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def run_folder() -> type[RunFolder]:
     return RunFolder
 

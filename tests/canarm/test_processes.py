@@ -48,7 +48,7 @@ def test_a_run_leaves_a_folder_that_everybodys_tools_read(canarm, run_folder, cl
     assert folder.run["controller"]["law"] == "mras"
     assert folder.run["controller"]["cell"]["control"]["damping_ratio"] == 1.0
     assert folder.run["emulator"]["clock"] == clock
-    assert len(folder.signals("controller")["tick"]) == 400
+    assert len(folder.signals("controller")["cycle"]) == 400
     states = [event["state"] for event in folder.events() if event["event"] == "state"]
     assert states == ["BRINGING_UP", "RUNNING", "STOPPING", "DONE"]
 
@@ -79,9 +79,9 @@ def test_the_cards_protect_the_robot_when_the_controller_is_killed(canarm, run_f
         assert int.from_bytes(frame.data[:2], "little") == 0x8130
         assert frame.timestamp == pytest.approx(lost_s, abs=2e-6)
     signals = folder.signals("robot")
-    before = signals["time_s"] < lost_s
+    before = signals["power_on_s"] < lost_s
     # Five electrical time constants L/R = 1.25 mH / 2.5 ohm, and the emulator's idle step: well within 50 ms.
-    after = signals["time_s"] > lost_s + 0.05
+    after = signals["power_on_s"] > lost_s + 0.05
     assert after.sum() > 5
     for joint in ("joint2", "joint3"):
         assert abs(signals[f"{joint}.motor_current_a"][before][-1]) > 0.02
@@ -117,7 +117,7 @@ def test_a_controller_whose_emulator_is_killed_says_so(canarm, run_folder, clock
     assert controller.json["reason"] in controller.complaint
     folder = run_folder(canarm.folder / "run").check()
     assert folder.run["summary"]["state"] == "failed"
-    assert len(folder.signals("controller")["tick"]) == controller.json["ticks"]
+    assert len(folder.signals("controller")["cycle"]) == controller.json["ticks"]
 
 
 @pytest.mark.parametrize(("clock", "number"), [("sync", signal.SIGINT), ("wall", signal.SIGTERM)])
@@ -131,7 +131,7 @@ def test_an_emulator_that_is_asked_to_end_does_so_in_order(canarm, run_folder, c
     assert emulator.json["cycles"] >= 400
     assert controller.wait() == 1, controller
     folder = run_folder(canarm.folder / "run").check()
-    assert len(set(folder.signals("robot")["tick"])) == emulator.json["cycles"]
+    assert len(set(folder.signals("robot")["cycle"])) == emulator.json["cycles"]
 
 
 @pytest.mark.parametrize(

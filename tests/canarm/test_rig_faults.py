@@ -402,7 +402,7 @@ def test_the_run_folder_tells_the_same_story_as_the_rig(tmp_path: Path) -> None:
         rig.run(3.0)
     events = read_events(tmp_path / "run")
     assert fault_events(events) == rig.fault_events
-    assert noticed(events, rig.cell.bus.cycle_ns) == rig.noticed
+    assert noticed(events) == rig.noticed
     figures = {name: rig.summary().joints[name] for name in rig.joints}
     joints = recorded_joints(rig.cell, RecordedHistory(rig.cell, tmp_path / "run", figures))
     for name, joint in rig.joints.items():

@@ -444,9 +444,7 @@ def test_python_canopen_injects_by_its_stock_client_on_the_default_channel(bench
 # The record
 
 
-def test_a_run_folder_has_beginnings_and_ends_with_time_since_power_on_and_cycle(
-    bench: FaultBench, tmp_path: Any
-) -> None:
+def test_a_run_folder_has_beginnings_and_ends_with_their_times_and_cycle(bench: FaultBench, tmp_path: Any) -> None:
     recorder = Recorder(create_run_folder(tmp_path / "run"), CELL)
     bench.device.faults.on_event = recorder.fault
     bench.on_cycle = recorder.cycle
@@ -462,5 +460,5 @@ def test_a_run_folder_has_beginnings_and_ends_with_time_since_power_on_and_cycle
         ("fault-ends", 6),
         ("something", 7),
     ]
-    assert events[0]["time_ns"] == 6_000_000
+    assert (events[0]["time_s"], events[0]["power_on_s"]) == (0.005, 0.006)
     assert events[0]["tap"] == "joint2.tachometer"

@@ -59,6 +59,9 @@ class Controller(SupervisedRun):
         self.cycle_is_open = False
         """Whether inputs of the cycle are still to come."""
         self.on_tick: Callable[[], None] | None = None
+        self.begun_ns: int | None = None
+        """On the wall clock: when cycle 0 was opened, once it has been."""
+        self._opened_ns = 0
         self._ticks = ticks
         self._nodes = nodes
         self._supervisor = Supervisor(cell, nodes)
@@ -73,6 +76,13 @@ class Controller(SupervisedRun):
     def is_finished(self) -> bool:
         """Whether the run is over, well or badly."""
         return self.state in ENDED
+
+    @property
+    def run_ns(self) -> int:
+        """Time of the present cycle's SYNC since that of cycle 0; 0 before."""
+        if self.begun_ns is not None:
+            return self._opened_ns - self.begun_ns
+        return max(self.tick, 0) * self.cell.bus.cycle_ns if self.clock is Clock.SYNC else 0
 
     @property
     def deadline_ns(self) -> int | None:
@@ -154,6 +164,10 @@ class Controller(SupervisedRun):
         if self.is_finished or self.state is State.BRINGING_UP:
             return
         self.tick += 1
+        if now_ns is not None:
+            if self.tick == 0:
+                self.begun_ns = now_ns
+            self._opened_ns = now_ns
         self._times.open_cycle(now_ns)
         self._arrivals.open_cycle(self._inputs.awaited if self.tick else ())
         self.outbox += self._frames.opening(self.tick)

@@ -1,10 +1,12 @@
 """A controller's files in a run folder: reference, measurement, command and the law's internals; events."""
 
-import contextlib
+from collections.abc import Callable
 from pathlib import Path
 
+from canarm_protocol.clock import Clock
 from canarm_protocol.runs.own_file import replace_file
 from canarm_protocol.runs.run_folder import EVENTS_FILE, SIGNALS_FOLDER, EventLog, SignalLog
+from canarm_protocol.runs.unwritten import Unwritten
 
 from ..supervision.detection import Detection
 from .controller import Controller
@@ -23,23 +25,44 @@ _COLUMNS = (
 
 
 class ControllerRecorder:
-    """Writes the files of one run; `tick` and `state` are given to the controller and its runner to call."""
+    """Writes the files of one run; `tick` and `state` are given to the controller and its runner to call.
 
-    def __init__(self, folder: Path, controller: Controller) -> None:
-        self._controller, self._folder = controller, folder
+    `now_ns` is the clock of the times that the controller is handed on the wall clock. `on_failure` is told, once, why
+    nothing more is written: the run goes on.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        controller: Controller,
+        on_failure: Callable[[str], None] = lambda text: None,
+        now_ns: Callable[[], int] = lambda: 0,
+    ) -> None:
+        self._controller, self._folder, self._now_ns = controller, folder, now_ns
+        self._unwritten = Unwritten(folder, on_failure)
         names = controller.cell.joint_names
         columns = [f"{name}.{column}" for name in names for column in (*_COLUMNS, *controller.loop.internal_names)]
         self._signals = SignalLog(folder / SIGNALS_FOLDER / SIGNALS_FILE, columns)
         self._events = EventLog(folder / EVENTS_FILE, "controller")
         self._joints = range(len(names))
-        self._period_ns = controller.cell.bus.cycle_ns
+        self._begun_ns: int | None = None
         self._tell_others = controller.on_detection
         controller.on_detection = self.detection
+        self._is_lockstep, self._period_ns = controller.clock is Clock.SYNC, controller.cell.bus.cycle_ns
+        if self._is_lockstep:
+            self._begin(0)
+
+    @property
+    def failure(self) -> str | None:
+        """Why the record ends before the run, if it does."""
+        return self._unwritten.why
 
     def tick(self) -> None:
-        """Append the tick that has just been controlled. Raises `LawError`; `OSError` when it cannot be written."""
+        """Append the tick that has just been controlled. Raises `LawError`."""
         loop = self._controller.loop
         cycle, internals = loop.cycle, list(loop.internals().values())
+        if self._unwritten.why is not None:
+            return
         values: list[float] = []
         for joint in self._joints:
             values += (
@@ -52,23 +75,25 @@ class ControllerRecorder:
                 cycle.feedforward_nm[joint],
                 *[values_of[joint] for values_of in internals],
             )
-        self._signals.write(cycle.tick, cycle.tick * self._period_ns, values)
+        # In lockstep the record comes after the next SYNC has been opened.
+        time_ns = cycle.tick * self._period_ns if self._is_lockstep else self._controller.run_ns
+        with self._unwritten:
+            self._signals.write(cycle.tick, time_ns, values)
 
     def state(self, state: State) -> None:
-        """Append a change of state, with its reason when there is one. Its time counts from cycle 0."""
+        """Append a change of state, with its reason when there is one."""
         controller = self._controller
         reason = {} if controller.reason is None else {"reason": controller.reason}
         verdict = {} if controller.verdict is None else {"detector": controller.verdict.detector}
-        cycle = max(controller.tick, 0)
-        self._events.write(cycle * self._period_ns, "state", cycle=cycle, state=state.name, **reason, **verdict)
+        self._event("state", cycle=controller.tick, state=state.name, **reason, **verdict)
         if state is State.RUNNING:
-            self._write_memory()
+            with self._unwritten:
+                self._write_memory()
 
     def detection(self, detection: Detection) -> None:
         """Append a detection."""
         at = {} if detection.where is None else {"at": detection.where}
-        self._events.write(
-            detection.tick * self._period_ns,
+        self._event(
             "detection",
             cycle=detection.tick,
             detector=detection.detector,
@@ -82,12 +107,26 @@ class ControllerRecorder:
     def close(self) -> None:
         """Write out what is left, and the memory image: table and log as the Apple II would hold them.
 
-        Raises `OSError` once all that can be written is.
+        As far as possible: `failure` says why not.
         """
-        with contextlib.ExitStack() as stack:  # close all files even if one cannot be written
-            stack.callback(self._write_memory)
-            stack.callback(self._events.close)
-            stack.callback(self._signals.close)
+        for write in (self._begin_events, self._signals.close, self._events.close, self._write_memory):
+            with self._unwritten:
+                write()
+
+    def _event(self, event: str, **details: object) -> None:
+        if self._unwritten.why is None:
+            with self._unwritten:
+                self._begin_events()
+                time_ns = self._now_ns() if self._begun_ns is None else self._begun_ns + self._controller.run_ns
+                self._events.write(time_ns, event, **details)
+
+    def _begin_events(self) -> None:
+        if self._begun_ns is None and self._controller.begun_ns is not None:
+            self._begin(self._controller.begun_ns)
+
+    def _begin(self, time_ns: int) -> None:
+        self._begun_ns = time_ns
+        self._events.begin(time_ns)
 
     def _write_memory(self) -> None:
         """The image from $2000 on: the table before a run, with the measurements after it."""

@@ -1,16 +1,17 @@
 """An emulator's files in a run folder: every frame of the robot's bus in order, the true signals, events.
 
-Times are virtual, since power-on; cycles count from the first SYNC after NMT start.
+Times count from cycle 0, the first SYNC after NMT start, but for the stamps of the frames, which count from power-on.
+A record that cannot be written ends with what has been written; the run goes on.
 """
 
-import contextlib
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from pathlib import Path
 
 from canarm_protocol.canopen.frames import ERROR_FLAG, HIGHEST_NODE_ID, Cob, Emergency
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.faults.fault_events import FaultEvent, event_details, event_name
 from canarm_protocol.runs.run_folder import CAN_LOG_FILE, EVENTS_FILE, SIGNALS_FOLDER, CanLog, EventLog, SignalLog
+from canarm_protocol.runs.unwritten import Unwritten
 
 from ..bench.bench import CycleTruth, Record
 from ..robot.carried import GRIP_LOST, ObjectState
@@ -19,6 +20,8 @@ from ..wire.error_frames import ErrorClass
 from ..wire.wire_events import ErrorFrame, StateChange
 
 SIGNALS_FILE = "robot.csv"
+POWER_ON_S = "power_on_s"
+"""Virtual time since power-on: a column of the signals, and a key of the events."""
 _COLUMNS = (
     "true_angle_rad",
     "true_speed_rad_s",
@@ -40,17 +43,33 @@ EMERGENCY_LENGTH = 8
 
 
 class Recorder:
-    """Writes the files of one run. `frame` takes the robot's bus, `cycle` the truth at each SYNC."""
+    """Writes the files of one run. `frame` takes the robot's bus, `cycle` the truth at each SYNC.
 
-    def __init__(self, folder: Path, cell: Cell) -> None:
+    `on_failure` is told, once, why nothing more is written.
+    """
+
+    def __init__(self, folder: Path, cell: Cell, on_failure: Callable[[str], None] = lambda text: None) -> None:
+        self._cell, self._unwritten = cell, Unwritten(folder, on_failure)
+        self._open(folder)
+
+    def _open(self, folder: Path) -> None:
+        cell = self._cell
         self._log = CanLog(folder / CAN_LOG_FILE)
         columns = [f"{joint}.{column}" for joint in cell.joint_names for column in _COLUMNS]
         if cell.object is not None:
             columns += [f"object.{column}" for column in _OBJECT_COLUMNS]
         self._lost: tuple[str, ...] = ()
-        self._signals = SignalLog(folder / SIGNALS_FOLDER / SIGNALS_FILE, columns)
+        self._signals = SignalLog(folder / SIGNALS_FOLDER / SIGNALS_FILE, (POWER_ON_S, *columns))
         self._events = EventLog(folder / EVENTS_FILE, "emulator")
-        self._cycle = -1
+        self._cycle, self._begin_ns = -1, 0
+
+    @property
+    def failure(self) -> str | None:
+        """Why the record ends before the run, if it does."""
+        return self._unwritten.why
+
+    def begin_run(self) -> None:
+        """The truth of the next `cycle` is that of cycle 0."""
 
     def frame(self, record: Record) -> None:
         """Append a frame of the robot's bus; EMCY messages and error frames are also events.
@@ -58,6 +77,34 @@ class Recorder:
         The log has only error frames that are caused by an error on the bus (BUSERROR): python-can's reader takes the
         others, which report a better state, for data frames.
         """
+        if self._unwritten.why is None:
+            with self._unwritten:
+                self._frame(record)
+
+    def cycle(self, truth: CycleTruth) -> None:
+        """Append the true state at a SYNC."""
+        if self._unwritten.why is None:
+            with self._unwritten:
+                self._row(truth)
+
+    def event(self, time_ns: int, event: str, **details: object) -> None:
+        """Append an event; `cycle` is the last one begun, unless given: -1 before the first."""
+        if self._unwritten.why is None:
+            with self._unwritten:
+                details = {"cycle": self._cycle, **details, POWER_ON_S: round(time_ns * 1e-9, 9)}
+                self._events.write(time_ns, event, **details)
+
+    def fault(self, event: FaultEvent) -> None:
+        """Append the beginning or end of a fault."""
+        self.event(event.time_ns, event_name(event), **event_details(event))
+
+    def close(self) -> None:
+        """Write out what is left, as far as possible. May be called again."""
+        for file in (self._events, self._signals, self._log):
+            with self._unwritten:
+                file.close()
+
+    def _frame(self, record: Record) -> None:
         if record.frame.can_id >= ERROR_FLAG:
             if record.frame.can_id & ErrorClass.BUSERROR:
                 self._log.write(record.time_ns, record.frame)
@@ -77,13 +124,15 @@ class Recorder:
         elif isinstance(event, StateChange):
             self.event(record.time_ns, "error-state", state=event.state.value, **_party(event.node))
 
-    def cycle(self, truth: CycleTruth) -> None:
-        """Append the true state at a SYNC."""
+    def _row(self, truth: CycleTruth) -> None:
+        if self._cycle < 0:
+            self._begin_ns = truth.time_ns
+            self._events.begin(truth.time_ns)
         self._cycle = truth.cycle
-        values = [value for joint in truth.joints for value in joint]
+        values = [truth.time_ns * 1e-9, *(value for joint in truth.joints for value in joint)]
         if truth.object is not None:
             values += self._object(truth.time_ns, truth.object)
-        self._signals.write(truth.cycle, truth.time_ns, values)
+        self._signals.write(truth.cycle, truth.time_ns - self._begin_ns, values)
 
     def _object(self, time_ns: int, state: ObjectState) -> list[float]:
         """The object's columns. A grip that has been lost since the last cycle is an event."""
@@ -94,20 +143,6 @@ class Recorder:
         self._lost = lost
         vectors = (state.position_m, state.quaternion, state.master_force_n, state.slave_force_n)
         return [*(value for vector in vectors for value in vector), state.squeeze_n]
-
-    def event(self, time_ns: int, event: str, **details: object) -> None:
-        """Append an event; `cycle` is the last one begun, unless given: -1 before the first."""
-        self._events.write(time_ns, event, **{"cycle": self._cycle, **details})
-
-    def fault(self, event: FaultEvent) -> None:
-        """Append the beginning or end of a fault."""
-        self.event(event.time_ns, event_name(event), **event_details(event))
-
-    def close(self) -> None:
-        """Write out what is left. Raises `OSError` once all that can be written is. May be called again."""
-        with contextlib.ExitStack() as stack:
-            for file in (self._events, self._signals, self._log):
-                stack.callback(file.close)
 
 
 def _party(name: Hashable) -> dict[str, object]:

@@ -85,6 +85,7 @@ class EmulatorRunner:
         self._listener_until_ns = 0
         self._next_idle_telemetry_ns = 0
         self._sent_cycle = -1
+        self._recorded_run = 0
         self._last_look_ns = time.monotonic_ns()
         self._start_ns = self._last_look_ns
         self.sync_intervals = SyncIntervals(bench.cell.bus.cycle_ns)
@@ -319,6 +320,9 @@ class EmulatorRunner:
 
     def _record_cycle(self, truth: CycleTruth) -> None:
         assert self._recorder is not None
+        if truth.cycle == 0 and self._bench.run != self._recorded_run:
+            self._recorded_run = self._bench.run
+            self._recorder.begin_run()
         self._recorder.cycle(truth)
 
     def _note(self, event: str, **details: object) -> None:

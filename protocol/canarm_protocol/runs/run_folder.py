@@ -26,6 +26,10 @@ CONTROLLER_FILES = (CONTROLLER_SIGNALS, "memory.bin", EVENTS_FILE, RUN_FILE)
 """What each of the two writes; two files are shared."""
 FLUSH_EVERY = 200
 """Lines between two flushes of a log: half a second of a run at most is lost with the process."""
+SUMMARY = "summary"
+"""The section that `run.json` begins with."""
+TIME_WIDTH = 15
+"""Characters of the time of an event: one that is not known yet is put in its place later."""
 LOCK_S = 5.0
 LARGEST_RUN_FILE = 16 << 20
 """Bytes; a cell with seven joints has thirty thousand."""
@@ -77,6 +81,24 @@ def claim_run_folder(path: Path, made: Tentative | None = None) -> Path:
     return path
 
 
+def later_run(folder: Path, number: int) -> Path:
+    """Where run `number`, from 2 on, of the emulator that records into `folder` is recorded."""
+    return folder / f"run-{number}"
+
+
+def claim_later_run(path: Path) -> Path:
+    """Make the folder of a later run for the emulator; the run's controller may have made it already.
+
+    Raises `RunFolderError`.
+    """
+    create_run_folder(path, reuse=True)
+    try:
+        os.close(os.open(path / CAN_LOG_FILE, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    except FileExistsError:
+        raise _taken(path) from None
+    return path
+
+
 def new_run_folder(base: Path = Path("runs"), made: Tentative | None = None) -> Path:
     """A folder below `base` that no run has used, named by date and time, and noted in `made`."""
     made = made or Tentative()
@@ -97,7 +119,7 @@ def new_run_folder(base: Path = Path("runs"), made: Tentative | None = None) -> 
 def update_run_file(folder: Path, section: str, content: Any) -> None:
     """Set one section of `run.json`, in one piece: a reader sees the file before or after, never half of it.
 
-    With `None` the section goes.
+    The file begins with the summary. With `None` the section goes.
     Raises `RunFolderError` for a file that cannot be read, `OSError` with its name for one that cannot be written.
     """
     with _locked(folder / f".{RUN_FILE}.lock"):
@@ -107,7 +129,8 @@ def update_run_file(folder: Path, section: str, content: Any) -> None:
             document.pop(section, None)
         else:
             document[section] = content
-        replace_file(path, (json.dumps(document, indent=2, sort_keys=True) + "\n").encode())
+        ordered = {name: document[name] for name in sorted(document, key=lambda name: (name != SUMMARY, name))}
+        replace_file(path, (json.dumps(ordered, indent=2) + "\n").encode())
 
 
 def read_run_file(folder: Path) -> dict[str, Any]:
@@ -202,32 +225,73 @@ class CanLog(_LineFile):
         """Append one frame."""
         self._write(candump_line(LOG_START_S * 1_000_000_000 + time_ns, self._channel, frame))
 
+    def size(self) -> int:
+        """Bytes written so far; what has gathered is written out. Raises `OSError`."""
+        if self._lines:
+            self._flush()
+        return os.fstat(self._file.fileno()).st_size
+
+    def append_from(self, other: Path, place: int) -> None:
+        """Append what stands in another log from `place` on. Raises `OSError`."""
+        with other.open("rb") as file:
+            file.seek(place)
+            while block := file.readlines(1 << 20):
+                append_lines(self._file.fileno(), b"".join(block))
+
 
 class SignalLog(_LineFile):
-    """Signals of a run as CSV, one row per cycle; the first columns are `tick` and `time_s`, and names have units."""
+    """Signals of a run as CSV, one row per cycle; the first columns are `cycle` and `time_s`, and names have units."""
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         super().__init__(path)
-        self._write(",".join(("tick", "time_s", *columns)) + "\n")
+        self._write(",".join(("cycle", "time_s", *columns)) + "\n")
         self._flush()
         self._row = "%d,%.6f" + ",%.9g" * len(columns) + "\n"
 
-    def write(self, tick: int, time_ns: int, values: Sequence[float]) -> None:
-        """Append one row."""
-        self._write(self._row % (tick, time_ns * 1e-9, *values))
+    def write(self, cycle: int, time_ns: int, values: Sequence[float]) -> None:
+        """Append one row; `time_ns` counts from cycle 0."""
+        self._write(self._row % (cycle, time_ns * 1e-9, *values))
 
 
 class EventLog(_LineFile):
-    """Events as JSON lines, appended whole, so that several processes can share the file."""
+    """Events as JSON lines, appended whole, so that several processes can share the file.
+
+    Times are handed in on any clock, and written from cycle 0 on: `begin` says when that is. The time of an event
+    before it is null until then, and negative afterwards.
+    """
 
     def __init__(self, path: Path, source: str) -> None:
         super().__init__(path, append=True)
-        self._source = source
+        self._path, self._source = path, source
+        self._begin_ns: int | None = None
+        self._timeless: list[tuple[int, int]] = []
+        """Place in the file, and time, of events that came before cycle 0."""
+
+    def begin(self, time_ns: int) -> None:
+        """Cycle 0 is at `time_ns`. Raises `OSError`."""
+        self._begin_ns = time_ns
+        timeless, self._timeless = self._timeless, []
+        if timeless:
+            descriptor = os.open(self._path, os.O_WRONLY | getattr(os, "O_NOFOLLOW", 0))
+            try:
+                for place, early_ns in timeless:
+                    os.lseek(descriptor, place, os.SEEK_SET)
+                    os.write(descriptor, self._time(early_ns).encode("ascii"))
+            finally:
+                os.close(descriptor)
 
     def write(self, time_ns: int, event: str, **details: Any) -> None:
-        """Append one event at once. Keys: `time_ns` (virtual time in lockstep), `source`, `event`, and the details.
+        """Append one event at once. Keys: `time_s`, `source`, `event`, and the details.
 
         Raises `OSError`; the file then ends with a whole line.
         """
-        record = {"time_ns": time_ns, "source": self._source, "event": event, **details}
-        append_lines(self._file.fileno(), json.dumps(record).encode("ascii") + b"\n")
+        head = '{"time_s":'
+        rest = json.dumps({"source": self._source, "event": event, **details})
+        line = f"{head}{self._time(time_ns)}, {rest[1:]}\n".encode("ascii")
+        append_lines(self._file.fileno(), line)
+        if self._begin_ns is None:
+            self._timeless.append((self._file.tell() - len(line) + len(head), time_ns))
+
+    def _time(self, time_ns: int) -> str:
+        text = "null" if self._begin_ns is None else f"{(time_ns - self._begin_ns) * 1e-9:.6f}"
+        return text.rjust(TIME_WIDTH)

@@ -1,0 +1,55 @@
+"""The record of an emulator that several runs use, one after the other: each has a folder of its own.
+
+The first is recorded in the folder that was named, the second in `run-2` below it, and so on.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from canarm_protocol.canopen.frames import Cob, NmtCommand
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.runs.run_folder import CAN_LOG_FILE, claim_later_run, later_run
+
+from ..bench.bench import Record
+from .recording import Recorder
+
+_START = bytes((NmtCommand.START,))
+
+
+class SessionRecorder(Recorder):
+    """As `Recorder`. `describe` completes the folder of each run after the first.
+
+    What was said on the bus between two runs stands in the logs of both: the second needs its cards' configuration.
+    """
+
+    def __init__(
+        self, folder: Path, cell: Cell, on_failure: Callable[[str], None], describe: Callable[[Path], None]
+    ) -> None:
+        super().__init__(folder, cell, on_failure)
+        self._session, self._describe = folder, describe
+        self._log_file, self._runs = folder / CAN_LOG_FILE, 1
+        self._left: int | None = None
+        """Where, in the log of this run, the NMT command stands that has ended it."""
+
+    def frame(self, record: Record) -> None:
+        """As `Recorder.frame`."""
+        can_id, data, *_ = record.frame
+        if can_id == Cob.NMT and self._left is None and self._cycle >= 0 and data[:1] != _START:
+            with self._unwritten:
+                self._left = self._log.size()
+        super().frame(record)
+
+    def begin_run(self) -> None:
+        """As `Recorder.begin_run`; if there has been a run before, in a new folder."""
+        if self._cycle < 0 or self._unwritten.why is not None:
+            return
+        with self._unwritten:
+            self.close()
+            self._runs += 1
+            folder = claim_later_run(later_run(self._session, self._runs))
+            before, left = self._log_file, self._left
+            self._log_file, self._left = folder / CAN_LOG_FILE, None
+            self._open(folder)
+            if left is not None:
+                self._log.append_from(before, left)
+            self._describe(folder)

@@ -1,0 +1,67 @@
+"""Reading the events of a run, also of one that goes on, was cut off or was damaged: what can be read is read.
+
+What the events mean is not known here.
+"""
+
+import itertools
+import json
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from ..text_file import read_text
+from .run_folder import later_run
+
+LARGEST_EVENTS = 256 << 20
+"""Bytes; a run of an hour with a fault a second has two million."""
+
+
+def runs_of(folder: Path) -> Iterator[Path]:
+    """The folders of the runs that an emulator has recorded into `folder`, which is the first."""
+    yield folder
+    for number in itertools.count(2):
+        later = later_run(folder, number)
+        if later.is_symlink() or not later.is_dir():
+            return
+        yield later
+
+
+def event_lines(path: Path, complain: Callable[[str], None] = lambda text: None) -> list[dict[str, Any]]:
+    """The events in a file, in the order of their times; none if there is no file.
+
+    Every event has `time_s` (a number; minus infinity where it is not known), `event` (a text) and `cycle`.
+    `complain` is told of lines that are no events. A last line without an end is still being written.
+    """
+    try:
+        text = read_text(path, LARGEST_EVENTS, "a list of events", "JSON lines")
+    except FileNotFoundError:
+        return []
+    except (OSError, ValueError) as error:
+        complain(f"{path.name}: cannot be read: {getattr(error, 'strerror', None) or error}")
+        return []
+    events, bad = [], 0
+    for line in text[: text.rfind("\n") + 1].splitlines():
+        event = _event(line)
+        if event is None:
+            bad += 1
+        else:
+            events.append(event)
+    if bad:
+        complain(f"{path.name}: {bad} {'line is' if bad == 1 else 'lines are'} no event and left out")
+    return sorted(events, key=lambda event: float(event["time_s"]))
+
+
+def _event(line: str) -> dict[str, Any] | None:
+    try:
+        event = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(event, dict) or not isinstance(event.get("event"), str):
+        return None
+    time_s, cycle = event.get("time_s"), event.get("cycle", -1)
+    if time_s is None:
+        time_s = -math.inf
+    if not isinstance(time_s, int | float) or not isinstance(cycle, int) or math.isnan(time_s):
+        return None
+    return {**event, "time_s": float(time_s), "cycle": cycle}
