@@ -10,15 +10,22 @@ if TYPE_CHECKING:
 
     from .rig.bus_rig import BusRig
     from .rig.rig import Rig
+    from .runs.run import Run, open_run
 
     __version__: str
 
-__all__ = ["BenchClient", "BusRig", "Rig", "State", "__version__"]
+__all__ = ["BenchClient", "BusRig", "Rig", "Run", "State", "__version__", "open_run"]
 
 SCAFFOLDING = ("__annotations__", "__builtins__", "__dir__", "__getattr__")
 """Names of every module that tell nobody anything."""
 _load = loader(
-    __name__, __all__, "canarm_controller.run.state", "canarm_protocol.faults.bench_client", ".rig.bus_rig", ".rig.rig"
+    __name__,
+    __all__,
+    "canarm_controller.run.state",
+    "canarm_protocol.faults.bench_client",
+    ".rig.bus_rig",
+    ".rig.rig",
+    ".runs.run",
 )
 
 

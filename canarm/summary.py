@@ -1,5 +1,6 @@
 """The end of a run, for people and for programs."""
 
+import html
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -49,6 +50,9 @@ class Summary:
         if self.object is None:
             del plain["object"]
         return plain
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self.as_text())}</pre>"
 
     def as_text(self) -> str:
         """A few lines for a terminal."""

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 from ablation_findings import Finding, Reader, findings, percent
 from ablation_runs import GAMMAS_ALPHA, HEAVY, NOMINAL, TRAJECTORIES, Rest, Results, Sweep, Tracking
 
-from canarm.reports.line_plot import Axis, Curve, Panel, draw
+from canarm.line_plot import Axis, Curve, Panel, draw
 
 PACKAGES = ("canarm", "mujoco", "numpy")
 PAYLOAD_PICTURE, SWEEP_PICTURE = "ablation-payload.svg", "ablation-divergence.svg"

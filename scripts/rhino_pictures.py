@@ -7,7 +7,7 @@ import numpy as np
 from rhino_figures import PAIR, START, Results
 
 from canarm.cooperation import CooperationPlan, ReachabilityMap, Reason, forward
-from canarm.reports.line_plot import COLOURS, STYLE, Curve, Panel, draw, fitting
+from canarm.line_plot import COLOURS, STYLE, Curve, Panel, draw, fitting
 
 JOINTS_PICTURE, MAP_PICTURE = "rhino-joints.svg", "rhino-map.svg"
 EVERY = 10

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from canarm import Rig
-from canarm.reports.run_plot import plot_run
+from canarm.rig.run_plot import plot_run
 
 PICTURES = Path(__file__).parent.parent / "docs" / "pictures"
 RUNS = {

@@ -25,12 +25,12 @@ from canarm_protocol.transport.port import BusPort, open_port
 from canarm_protocol.transport.sdo_session import SdoSession
 
 from ..child import Child, offered_port
-from ..reports.run_plot import plot_run
 from ..rig.bus_rig import BENCH_BUS, HOST
 from ..rig.findings import begun_of
 from ..rig.recorded import RecordedHistory, fault_events, read_events, recorded_joints
 from ..rig.rig_faults import FaultControl, FaultSource, plainly
 from ..rig.rig_joint import UnknownJoint
+from ..rig.run_plot import plot_run
 from ..session import DEFAULT_CELL
 from ..usage import UsageError
 from .keeping import fault_complaints, fault_lines

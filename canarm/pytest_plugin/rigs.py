@@ -7,11 +7,11 @@ from typing import Any, Self
 import pytest
 
 from ..bus_choice import BusChoice
-from ..reports.run_plot import plot_run
 from ..rig.bus_rig import BusRig
 from ..rig.recorded import RecordedHistory, recorded_joints
 from ..rig.rig import Rig
 from ..rig.rig_faults import plainly
+from ..rig.run_plot import plot_run
 from ..session import DEFAULT_CELL
 from .keeping import Keeper, fault_complaints, fault_lines
 

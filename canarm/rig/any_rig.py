@@ -6,23 +6,31 @@ How a run is carried out is not known here.
 from abc import abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
+from canarm_controller.laws.loading import law_name
+from canarm_controller.reference.trajectory import trajectory_name
+from canarm_controller.run.state import State
 from canarm_controller.supervision.detection import Detection
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.faults.fault_events import FaultEvent
 from canarm_protocol.runs.tentative import Tentative
+from canarm_protocol.shown import printable
 
+from ..libraries import data_frame
 from ..session import DEFAULT_CELL, DEFAULT_LAW
 from .arguments import Unused, as_text, checked_folder, checked_seed, checked_switch
 from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question
 from .rig_faults import FaultControl, FaultSource
+from .rig_joint import SIGNALS, Joints
+from .run_plot import Picture, plot_run
 
 
 class AnyRig(FaultControl):
     """The arguments of every rig, kept for `_open`."""
 
     cell: Cell
+    joints: Joints
     unused: Unused | None = None
     """What warns of a rig that is never run."""
 
@@ -75,6 +83,11 @@ class AnyRig(FaultControl):
         """Let go of the run folder, of which nothing stays: the arguments were wrong."""
 
     @property
+    @abstractmethod
+    def state(self) -> State:
+        """The controller's state."""
+
+    @property
     def begun(self) -> list[Begun]:
         """Beginnings of faults; oldest first."""
         return begun_of(self.fault_events)
@@ -94,6 +107,34 @@ class AnyRig(FaultControl):
         __tracebackhide__ = True
         check_question(self.cell, name, joint)
         return ask_detected(self.noticed, self.begun, name, joint, since)
+
+    def to_dataframe(self, library: str = "pandas") -> Any:
+        """The histories as a DataFrame of pandas or polars: `cycle`, `time_s`, `joint2.true_angle_rad`, …
+
+        A row per controlled cycle that is kept. Raises `MissingLibraryError` where the library is not installed.
+        """
+        __tracebackhide__ = True
+        columns: dict[str, Any] = {}
+        for name, joint in self.joints.items():
+            for signal in SIGNALS:
+                span = joint.span(signal)
+                size = len(joint.reference_rad)
+                columns.setdefault("cycle", span.cycle[:size])
+                columns.setdefault("time_s", span.time_s[:size])
+                columns[f"{name}.{signal}"] = span.value[:size]
+        return data_frame(columns, library)
+
+    def plot(self, title: str = "") -> Picture:
+        """The figure of the pytest plugin, as SVG text, which notebooks show: angles, speeds, currents of every joint.
+
+        Around faults and detections if there are any, else the whole run.
+        """
+        return plot_run(title or repr(self).strip("<>"), self.joints, self.begun, self.noticed)
+
+    def __repr__(self) -> str:
+        what = f"{self.cell.name}, {law_name(self._law)} on {trajectory_name(self._trajectory)}, seed {self._seed}"
+        cycles = next((len(joint.reference_rad) for joint in self.joints.values()), 0)
+        return printable(f"<{type(self).__name__} {what}: {self.state.name.lower()}, {cycles} cycles kept>")
 
     def __enter__(self) -> Self:
         return self

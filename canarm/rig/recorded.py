@@ -3,7 +3,7 @@
 Reads the files of the emulator's and the controller's recorders; nothing is run or written here.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from canarm_protocol.faults.fault_events import FAULT_BEGINS, FAULT_ENDS, FaultE
 from canarm_protocol.runs.run_events import event_lines, runs_of
 from canarm_protocol.runs.run_folder import EVENTS_FILE, SIGNALS_FOLDER
 
+from ..signal_table import read_table
 from .findings import Noticed
 from .rig_joint import SIGNALS, TRUE_SIGNALS, Floats, Joints, RigJoint, Span
 
@@ -32,12 +33,18 @@ _COLUMNS = {"current_a": "motor_current_a"}
 class RecordedHistory:
     """The course of a run; see `canarm.rig.rig_joint.Source`. Without a controller's file there is only the truth."""
 
-    def __init__(self, cell: Cell, folder: Path, figures: Mapping[str, JointFigures]) -> None:
+    def __init__(
+        self,
+        cell: Cell,
+        folder: Path,
+        figures: Mapping[str, JointFigures],
+        complain: Callable[[str], None] = lambda text: None,
+    ) -> None:
         self._names, self._figures = cell.joint_names, figures
-        self._robot = _table(folder / SIGNALS_FOLDER / ROBOT_FILE)
-        self._controller = _table(folder / SIGNALS_FOLDER / CONTROLLER_FILE)
-        ticks = self._controller.get("cycle", np.empty(0))
-        self.controlled = int(min(len(ticks), len(self._robot.get("cycle", ()))))
+        none = {"cycle": np.empty(0), POWER_ON_S: np.empty(0)}
+        self._robot = read_table(folder / SIGNALS_FOLDER / ROBOT_FILE, complain) or none
+        self._controller = read_table(folder / SIGNALS_FOLDER / CONTROLLER_FILE, complain) or none
+        self.controlled = min(len(self._controller["cycle"]), len(self._robot["cycle"]))
         """Number of controlled cycles."""
 
     def column(self, joint: int, signal: str) -> Floats:
@@ -96,13 +103,3 @@ def noticed(events: list[dict[str, Any]]) -> list[Noticed]:
         for event in events
         if event["event"] == DETECTION
     ]
-
-
-def _table(path: Path) -> dict[str, Floats]:
-    """A CSV file by its columns; empty where there is none."""
-    if not path.exists():
-        return {"cycle": np.empty(0), POWER_ON_S: np.empty(0)}
-    header, *rows = path.read_text(encoding="ascii").splitlines()
-    names = header.split(",")
-    values = np.array([row.split(",") for row in rows], dtype=np.float64).reshape(-1, len(names))
-    return dict(zip(names, values.T, strict=True))

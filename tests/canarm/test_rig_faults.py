@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from canarm import Rig
-from canarm.reports.run_plot import plot_run
 from canarm.rig.findings import Noticed
 from canarm.rig.recorded import RecordedHistory, fault_events, noticed, read_events, recorded_joints
 from canarm.rig.rig import State
 from canarm.rig.rig_faults import FaultControl, read_script
 from canarm.rig.rig_joint import SIGNALS, TRUE_SIGNALS, RigJoint, Span
+from canarm.rig.run_plot import plot_run
 from canarm.usage import UsageError
 from canarm_controller.supervision.detection import Detection, Reaction
 from canarm_emulator.faults import declaration

@@ -127,3 +127,28 @@ def _source(line: str, source: str, settings: Mapping[str, str], option: str) ->
 def _is_echo(problem: Any) -> bool:
     """Whether a problem only repeats one that is reported for an element of the array."""
     return problem["type"] == "too_short" and len(problem["input"]) > 0
+
+
+def recorded_cell(table: object, source: str) -> Cell:
+    """The cell that a run was recorded with, from its JSON object. No file that it names is read.
+
+    `source` names the record. Raises `CellError`.
+    """
+    try:
+        cell = Cell.model_validate(_frozen(_without_nulls(table), source))
+    except ValidationError as error:
+        problem = error.errors(include_url=False)[0]
+        where = ".".join(str(part) for part in problem["loc"])
+        raise CellError(f"{source}: {printable(f'{where}: ' if where else '')}{printable(problem['msg'])}") from None
+    for text in problems(cell):
+        raise CellError(f"{source}: {printable(text, LONGEST_PROBLEM)}")
+    return cell
+
+
+def _without_nulls(value: object, depth: int = 0) -> object:
+    """Without the keys that JSON says are null: in TOML they are absent."""
+    if isinstance(value, dict) and depth <= DEEPEST:
+        return {key: _without_nulls(item, depth + 1) for key, item in value.items() if item is not None}
+    if isinstance(value, list) and depth <= DEEPEST:
+        return [_without_nulls(item, depth + 1) for item in value]
+    return value

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..rig.findings import HALF_NS, Begun, Noticed
-from ..rig.rig_joint import Floats, RigJoint
-from .line_plot import Curve, Mark, Panel, draw, fitting
+from ..line_plot import Curve, Mark, Panel, draw, fitting
+from .findings import HALF_NS, Begun, Noticed
+from .rig_joint import Floats, RigJoint
 
 COLUMNS = 600
 """A longer curve is drawn as this many pairs of minimum and maximum, more than the picture has pixels."""
@@ -35,9 +35,18 @@ _PANELS: tuple[tuple[str, tuple[tuple[Any, ...], ...]], ...] = (
 """Title of each panel; label, signal, colour, factor and dashes of each curve."""
 
 
+class Picture(str):
+    """An SVG picture as text, which notebooks show."""
+
+    __slots__ = ()
+
+    def _repr_svg_(self) -> str:
+        return str(self)
+
+
 def plot_run(
     title: str, joints: Mapping[str, RigJoint], begun: Sequence[Begun] = (), noticed: Sequence[Noticed] = ()
-) -> str:
+) -> Picture:
     """The picture as SVG text: the time around faults and detections, or the whole run if there are none.
 
     A detection at a joint is marked in its panels, any other in all. Without cycles there are only axes.
@@ -55,7 +64,7 @@ def plot_run(
             axis = fitting(_values(curves, 1))
             panels.append(Panel(f"{name}: {what}", axis, PANEL_HEIGHT, tuple(curves), shown))
             times_s += _values(curves, 0)
-    return draw(title, "time, s", fitting(times_s), panels)
+    return Picture(draw(title, "time, s", fitting(times_s), panels))
 
 
 def _window(begun: Sequence[Begun], noticed: Sequence[Noticed]) -> tuple[float, float]:

@@ -1,0 +1,103 @@
+"""`canarm runs`: the run folders that there are: list, show, prune."""
+
+import json
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, Parameter
+
+from canarm_protocol.errors import ExitStatus
+from canarm_protocol.shown import printable, printable_values
+
+from ..options import Flag, named_file, not_negative, whole_number
+from ..runs.listing import Listed, list_lines, remove_run, runs_below, size_text, to_prune
+from ..runs.run import Run
+from ..runs.showing import show_lines
+from ..usage import UsageError
+
+RUNS = Path("runs")
+
+runs = App(name="runs", help="The run folders that there are: list, show, prune.")
+
+Base = Annotated[Path, Parameter(name="DIR", converter=named_file, help="Folder with run folders in it.")]
+AsJson = Annotated[Flag, Parameter(name="--json", help="As JSON.")]
+
+
+@runs.command(name="list")
+def list_(base: Base = RUNS, /, *, json_: AsJson = False) -> int:
+    """One line for each run below a folder, oldest first: when, how large, what ran, how it ended."""
+    found = runs_below(base)
+    if json_:
+        print(json.dumps(printable_values([each.as_plain() for each in found])))
+    elif found:
+        print("\n".join(list_lines(found, base)))
+    else:
+        print(f"{printable(str(base))}: no runs")
+    return ExitStatus.DONE
+
+
+@runs.command
+def show(
+    run: Annotated[Path, Parameter(name="RUN", converter=named_file, help="A run folder.")], /, *, json_: AsJson = False
+) -> int:
+    """Summary, origin, files, faults and detections of a run, and the command that repeats it.
+
+    What cannot be read is said, with status 1.
+    """
+    opened = Run(run)
+    if json_:
+        print(json.dumps(printable_values(_plain(opened))))
+    else:
+        print("\n".join(show_lines(opened)))
+    return ExitStatus.FAILED if opened.complaints else ExitStatus.DONE
+
+
+@runs.command
+def prune(
+    base: Base = RUNS,
+    /,
+    *,
+    keep: Annotated[
+        int | None,
+        Parameter(
+            metavar="NUMBER", converter=whole_number, validator=not_negative, help="Keep so many, the newest ones."
+        ),
+    ] = None,
+    older_than: Annotated[
+        int | None,
+        Parameter(
+            metavar="DAYS",
+            converter=whole_number,
+            validator=not_negative,
+            help="Remove only what was written longer ago.",
+        ),
+    ] = None,
+    yes: Annotated[Flag, Parameter(name="--yes", help="Remove them; else it is only said which.")] = False,
+) -> int:
+    """Remove old runs. Only files that a run leaves are removed; a folder with others in it stays."""
+    if keep is None and older_than is None:
+        raise UsageError("runs prune: which? give --keep NUMBER, --older-than DAYS, or both")
+    limit = None if older_than is None else datetime.now(UTC) - timedelta(days=min(older_than, 1_000_000))
+    chosen = to_prune(runs_below(base), keep, limit)
+    for each in reversed(chosen):  # later runs of a session before the folder that they are in
+        print(_pruned(each) if yes else f"would remove {printable(str(each.path))}")
+    freed = size_text(sum(each.size_bytes for each in chosen))
+    print(f"{len(chosen)} runs, {freed}{'' if yes or not chosen else '; --yes removes them'}")
+    return ExitStatus.DONE
+
+
+def _pruned(each: Listed) -> str:
+    others = remove_run(each.path)
+    left = f"; left: {', '.join(printable(name, 60) for name in others)}" if others else ""
+    return f"removed {printable(str(each.path))}{left}"
+
+
+def _plain(run: Run) -> dict[str, Any]:
+    return {
+        "path": str(run.path),
+        "summary": run.summary,
+        "made_by": run.made_by,
+        "events": run.event_list,
+        "complaints": run.complaints,
+    }

@@ -1,0 +1,46 @@
+"""Libraries that are not part of an installed canarm: loaded when asked for, or named in an error."""
+
+import importlib
+from typing import Any
+
+from canarm_protocol.errors import CanarmError
+from canarm_protocol.shown import first_line, quoted
+
+from .usage import UsageError
+
+EXTRAS = {"pandas": "pandas", "polars": "polars", "pyarrow": "parquet", "mcap": "mcap", "asammdf": "mf4"}
+"""Which extra of the distribution brings each."""
+TABLES = ("pandas", "polars")
+
+
+class MissingLibraryError(CanarmError):
+    """An optional library is not installed, or does not load."""
+
+
+def load_library(name: str, what: str) -> Any:
+    """The module `name`, for `what`. Raises `MissingLibraryError`."""
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] != name.split(".")[0]:
+            raise _broken(name, what, error) from None
+        extra = EXTRAS[name.split(".")[0]]
+        raise MissingLibraryError(
+            f"{what} needs {name}, which is not installed: pip install 'canarm[{extra}]'"
+        ) from None
+    except Exception as error:  # a binary module for another processor, for example
+        raise _broken(name, what, error) from None
+
+
+def data_frame(columns: dict[str, Any], library: object) -> Any:
+    """`columns` as a DataFrame of `library`, "pandas" or "polars".
+
+    Raises `MissingLibraryError`, and `UsageError` for another library.
+    """
+    if library not in TABLES:
+        raise UsageError(f"library {quoted(library)}: must be {' or '.join(TABLES)}")
+    return load_library(str(library), "a DataFrame").DataFrame(columns)
+
+
+def _broken(name: str, what: str, error: Exception) -> MissingLibraryError:
+    return MissingLibraryError(f"{what} needs {name}, which does not load: {first_line(error)}")

@@ -1,0 +1,227 @@
+"""A run as its folder tells of it: configuration, summary, signals, frames and events, as far as they can be read.
+
+Nothing is written here, and nothing that a folder names is loaded or run.
+"""
+
+import html
+import math
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from canarm_controller.bus.assessment import JointFigures
+from canarm_controller.run.recording import SIGNALS_FILE as CONTROLLER_FILE
+from canarm_emulator.serving.recording import POWER_ON_S
+from canarm_emulator.serving.recording import SIGNALS_FILE as ROBOT_FILE
+from canarm_protocol.canopen.frames import ERROR_FLAG
+from canarm_protocol.cell.cell_file import recorded_cell
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.errors import CanarmError
+from canarm_protocol.faults.fault_events import FaultEvent
+from canarm_protocol.runs.can_log import log_frames
+from canarm_protocol.runs.run_events import event_lines
+from canarm_protocol.runs.run_folder import (
+    CAN_LOG_FILE,
+    EVENTS_FILE,
+    RUN_FILE,
+    SIGNALS_FOLDER,
+    SUMMARY,
+    RunFolderError,
+    read_run_file,
+)
+from canarm_protocol.shown import printable
+
+from ..libraries import data_frame
+from ..rig.findings import Noticed, begun_of
+from ..rig.recorded import RecordedHistory, fault_events, noticed, recorded_joints
+from ..rig.run_plot import Picture, plot_run
+from ..signal_table import Columns, joined, read_table
+
+PARTS = (RUN_FILE, CAN_LOG_FILE, EVENTS_FILE, SIGNALS_FOLDER)
+"""A folder without any of these is no run folder."""
+MAKERS = ("controller", "rig", "emulator")
+"""Sections of `run.json` that say how a run was made."""
+
+
+def open_run(path: Path | str, library: str = "pandas") -> "Run":
+    """The run in the folder `path`; `library`, "pandas" or "polars", is that of its DataFrames.
+
+    Raises `RunFolderError` if there is no run. What cannot be read of one is left out, and stands in `Run.complaints`.
+    """
+    return Run(Path(path), library)
+
+
+class Run:
+    """A recorded run. Files are read when they are asked for, once."""
+
+    def __init__(self, path: Path, library: str = "pandas") -> None:
+        self.path, self._library = path, library
+        self.complaints: list[str] = []
+        """What could not be read so far, a line each."""
+        if not path.is_dir():
+            raise RunFolderError(f"{path}: there is no such folder; a run is a folder with {RUN_FILE}")
+        if not any((path / part).exists() for part in PARTS):
+            raise RunFolderError(f"{path}: is no run folder: it has none of {', '.join(PARTS)}")
+
+    @cached_property
+    def configuration(self) -> dict[str, Any]:
+        """`run.json`; empty if it cannot be read."""
+        try:
+            return read_run_file(self.path)
+        except RunFolderError as error:
+            self._complain(str(error).removeprefix(f"{self.path}/"))
+            return {}
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The summary of the run; empty if it has none, as while it goes on."""
+        return self._section(SUMMARY)
+
+    @property
+    def made_by(self) -> dict[str, Any]:
+        """Law, trajectory, seed, truth and so on: what the programs of the run were given."""
+        found: dict[str, Any] = {}
+        for name in reversed(MAKERS):
+            found |= self._section(name)
+        return found
+
+    @cached_property
+    def cell(self) -> Cell:
+        """The cell of the run, as it was when it ran. Raises `RunFolderError`."""
+        try:
+            return recorded_cell(self.configuration.get("cell"), f"{self.path / RUN_FILE}: cell")
+        except CanarmError as error:
+            raise RunFolderError(str(error)) from None
+
+    @cached_property
+    def robot(self) -> Columns:
+        """The emulator's table of signals, as numpy columns; empty without one."""
+        return read_table(self.path / SIGNALS_FOLDER / ROBOT_FILE, self._complain)
+
+    @cached_property
+    def controller(self) -> Columns:
+        """The controller's table of signals, as numpy columns; empty without one."""
+        return read_table(self.path / SIGNALS_FOLDER / CONTROLLER_FILE, self._complain)
+
+    @cached_property
+    def columns(self) -> Columns:
+        """Both tables as one, joined by `cycle`: see `canarm.signal_table.joined`."""
+        return joined(self.robot, self.controller)
+
+    @property
+    def signals(self) -> Any:
+        """`columns` as a DataFrame. Raises `MissingLibraryError`."""
+        return data_frame(self.columns, self._library)
+
+    @cached_property
+    def event_list(self) -> list[dict[str, Any]]:
+        """The events, in the order of their times."""
+        return event_lines(self.path / EVENTS_FILE, self._complain)
+
+    @property
+    def events(self) -> Any:
+        """The events as a DataFrame: time_s, cycle, source, event, and their details as one text."""
+        rows, plain = self.event_list, ("time_s", "cycle", "source", "event", POWER_ON_S)
+        columns: dict[str, Any] = {
+            "time_s": [each["time_s"] for each in rows],
+            "cycle": [each["cycle"] for each in rows],
+            "source": [str(each.get("source", "")) for each in rows],
+            "event": [each["event"] for each in rows],
+            "details": [details_of(each, plain) for each in rows],
+        }
+        return data_frame(columns, self._library)
+
+    @property
+    def begin_s(self) -> float:
+        """When cycle 0 was, after power-on; 0 if not known."""
+        table = self.robot
+        return float(table[POWER_ON_S][0] - table["time_s"][0]) if table.get(POWER_ON_S, np.empty(0)).size else 0.0
+
+    @property
+    def frames(self) -> Any:
+        """The frames of can0 as a DataFrame: time_s, id, data (bytes), is_extended, is_remote, is_error."""
+        begin_s = self.begin_s
+        found = list(log_frames(self.path / CAN_LOG_FILE, self._complain))
+        is_error = [frame.can_id >= ERROR_FLAG for _, frame in found]
+        columns: dict[str, Any] = {
+            "time_s": np.array([time_ns * 1e-9 - begin_s for time_ns, _ in found], dtype=np.float64),
+            "id": np.array([frame.can_id & (ERROR_FLAG - 1) for _, frame in found], dtype=np.uint32),
+            "data": [frame.data for _, frame in found],
+            "is_extended": np.array(
+                [frame.is_extended and frame.can_id < ERROR_FLAG for _, frame in found], dtype=bool
+            ),
+            "is_remote": np.array([frame.is_remote for _, frame in found], dtype=bool),
+            "is_error": np.array(is_error, dtype=bool),
+        }
+        return data_frame(columns, self._library)
+
+    @cached_property
+    def faults(self) -> list[FaultEvent]:
+        """Beginnings and ends of faults; their times count from power-on."""
+        return self._understood(fault_events)
+
+    @cached_property
+    def detections(self) -> list[Noticed]:
+        """The controller's detections, with times from cycle 0."""
+        return self._understood(noticed)
+
+    def plot(self, title: str = "") -> Picture:
+        """The figure of the pytest plugin: angles, speeds and currents of every joint, faults and detections.
+
+        Raises `RunFolderError` if the record has no cell.
+        """
+        begin_s = self.begin_s
+        seen = [Noticed(each.time_s + begin_s, each.detection) for each in self.detections]
+        none = dict.fromkeys(self.cell.joint_names, JointFigures(None, None, 0.0, 0, None))
+        joints = recorded_joints(self.cell, RecordedHistory(self.cell, self.path, none, self._complain))
+        return plot_run(title or printable(self.path.name), joints, begun_of(self.faults), seen)
+
+    @property
+    def headline(self) -> str:
+        """The run in a line: what ran, for how long, and how it ended. Safe to print."""
+        said, made = self.summary, self.made_by
+        cell = said.get("cell") or self._section("cell").get("name") or "an unknown cell"
+        law, motion = said.get("law") or made.get("law"), said.get("trajectory") or made.get("trajectory")
+        what = f"{law} on {motion}" if law else "no controller of ours"
+        cycles = said.get("ticks")
+        length = f"{cycles} cycles" if isinstance(cycles, int) else "without a summary"
+        reason = f": {said['reason']}" if said.get("reason") else ""
+        end = said.get("state", "unfinished")
+        return printable(f"{cell}, {what}, seed {made.get('seed', '?')}: {end}, {length}{reason}", 300)
+
+    def __repr__(self) -> str:
+        return f"<Run {printable(str(self.path))}: {self.headline}>"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(repr(self))}</pre>"
+
+    def _section(self, name: str) -> dict[str, Any]:
+        found = self.configuration.get(name)
+        return dict(found) if isinstance(found, Mapping) else {}
+
+    def _understood(self, read: Any) -> list[Any]:
+        found = []
+        for event in self.event_list:
+            try:
+                found += read([event])
+            except (KeyError, TypeError, ValueError, OverflowError):
+                self._complain(f"{EVENTS_FILE}: an event {printable(event['event'])} is not what it is called")
+        return found
+
+    def _complain(self, text: str) -> None:
+        text = printable(text, 400)
+        if text not in self.complaints:
+            self.complaints.append(text)
+
+
+def details_of(event: Mapping[str, Any], plain: tuple[str, ...]) -> str:
+    """What else an event says, as `key=value`, made safe to show."""
+    said = (f"{key}={value if isinstance(value, str) else _plain(value)}" for key, value in event.items())
+    return printable(" ".join(text for text, key in zip(said, event, strict=True) if key not in plain), 500)
+
+
+def _plain(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) and math.isfinite(value) else str(value)

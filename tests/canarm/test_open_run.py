@@ -1,0 +1,213 @@
+"""Runs in Python and on the command line: opened, listed, shown, pruned; also damaged and hostile ones."""
+
+import csv
+import json
+import os
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+from canarm import Rig, Run, open_run
+from canarm.cli import run as canarm
+from canarm.libraries import MissingLibraryError
+from canarm.runs.run import RunFolderError
+from canarm_protocol.runs.run_folder import LOG_START_S
+
+ESCAPE = "\x1b]0;owned\x07"
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of 2 s with a fault that is detected."""
+    folder = tmp_path_factory.mktemp("opened") / "run"
+    with Rig(law="mras", seed=3, out=folder) as rig:
+        rig.inject("joint2.tachometer", "stuck", at=1.0, duration=0.5)
+        rig.run(2.0)
+    return folder
+
+
+@pytest.fixture
+def copy(recorded: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(recorded, tmp_path / "run"))
+
+
+@pytest.fixture(params=["pandas", "polars"])
+def opened(request: pytest.FixtureRequest, recorded: Path) -> Run:
+    pytest.importorskip(request.param)
+    return open_run(recorded, request.param)
+
+
+def csv_column(path: Path, name: str) -> list[float]:
+    with path.open(newline="") as file:
+        return [float(row[name]) for row in csv.DictReader(file)]
+
+
+def test_signals_are_those_of_both_files_joined_by_cycle(opened: Run, recorded: Path) -> None:
+    table, cycles = opened.signals, 800
+    robot, controller = (recorded / "signals" / f"{name}.csv" for name in ("robot", "controller"))
+    assert list(table["cycle"]) == csv_column(robot, "cycle")
+    assert list(table["joint2.true_angle_rad"]) == csv_column(robot, "joint2.true_angle_rad")
+    assert list(table["joint3.reference_rad"])[:cycles] == csv_column(controller, "joint3.reference_rad")
+    assert list(table["controller.joint2.command_a"])[:cycles] == csv_column(controller, "joint2.command_a")
+    assert np.isnan(list(table["joint3.reference_rad"])[cycles:]).all(), "no reference during the stop"
+
+
+def test_frames_are_those_that_python_can_reads(opened: Run, recorded: Path) -> None:
+    with can.CanutilsLogReader(recorded / "can0.log") as reader:
+        messages = list(reader)
+    table = opened.frames
+    assert list(table["id"]) == [message.arbitration_id for message in messages]
+    assert list(table["data"]) == [bytes(message.data) for message in messages]
+    assert list(table["time_s"]) == pytest.approx([message.timestamp - LOG_START_S for message in messages], abs=2e-6)
+
+
+def test_events_and_what_they_mean(opened: Run) -> None:
+    assert "fault-begins" in list(opened.events["event"])
+    (begins, _) = opened.faults
+    assert (begins.cycle, begins.tap, begins.fault) == (400, "joint2.tachometer", "stuck")
+    assert opened.detections[0].detection.where == "joint2"
+    assert 1.0 < opened.detections[0].time_s < 1.1
+    assert opened.complaints == []
+
+
+def test_a_run_says_what_it_is_and_has_the_figure_of_the_rig(recorded: Path) -> None:
+    run = open_run(recorded)
+    assert repr(run) == f"<Run {recorded}: konkuk1, mras on sine, seed 3: done, 800 cycles>"
+    assert run.summary["joints"].keys() == {"joint2", "joint3"}
+    picture = run.plot()._repr_svg_()
+    assert picture.startswith("<svg")
+    assert "fault: joint2.tachometer stuck" in picture
+    assert picture.count("<polyline") == 2 * (3 + 1 + 2)
+
+
+def test_a_rig_is_a_dataframe_and_a_figure_too() -> None:
+    pandas = pytest.importorskip("pandas")
+    with Rig(law="pd", seed=1) as rig:
+        rig.run(0.25)
+        table = rig.to_dataframe()
+        assert isinstance(table, pandas.DataFrame)
+        assert table["joint2.true_angle_rad"].tolist() == rig.joints["joint2"].true_angle_rad.tolist()
+        assert table["cycle"].tolist() == list(range(100))
+        assert repr(rig) == "<Rig konkuk1, pd on sine, seed 1: running, 100 cycles kept>"
+        assert rig.plot()._repr_svg_().count("<polyline") == 2 * (3 + 1 + 2)
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars"])
+def test_a_library_that_is_not_there_is_named_with_its_extra(
+    recorded: Path, library: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(MissingLibraryError, match=rf"needs {library}, which .*: pip install 'canarm\[{library}\]'$"):
+        _ = open_run(recorded, library).signals
+    assert len(open_run(recorded).columns["cycle"]) > 800, "arrays need no library"
+
+
+def cut(folder: Path) -> None:
+    for path in (folder / "signals" / "robot.csv", folder / "can0.log", folder / "events.jsonl", folder / "run.json"):
+        os.truncate(path, path.stat().st_size // 2 + 7)
+
+
+def empty(folder: Path) -> None:
+    for path in [path for path in folder.rglob("*") if path.is_file()]:
+        os.truncate(path, 0)
+
+
+def noise(folder: Path) -> None:
+    for seed, path in enumerate(path for path in folder.rglob("*") if path.is_file()):
+        path.write_bytes(np.random.default_rng(seed).bytes(3000))
+
+
+def hostile(folder: Path) -> None:
+    for name in ("events.jsonl", "can0.log", "signals/robot.csv"):
+        with (folder / name).open("a") as file:
+            file.write(f'{ESCAPE}\n{{"event": "{"x" * 9999}", "time_s": 1e999}}\n' + "[" * 99999 + "\n")
+    events = [{"event": "fault-begins", "time_s": 1}, {"event": ESCAPE, "time_s": 2, ESCAPE: [ESCAPE]}]
+    with (folder / "events.jsonl").open("a") as file:
+        file.write("".join(json.dumps(event) + "\n" for event in events))
+    document = json.loads((folder / "run.json").read_text())
+    document["summary"] |= {"cell": ESCAPE, "reason": ESCAPE, "joints": {ESCAPE: {"rms_lsb": 10**400}, "b": ESCAPE}}
+    document["cell"] = {ESCAPE: [ESCAPE]}
+    document["rig"] |= {"law": f"{folder}/evil.py:Law", "trajectory": ESCAPE, ESCAPE: ESCAPE}
+    (folder / "run.json").write_text(json.dumps(document))
+    (folder / "evil.py").write_text("raise SystemExit('executed')")
+    (folder / ESCAPE.replace("/", "")).write_text("")
+
+
+def linked(folder: Path) -> None:
+    for name in ("run.json", "signals/robot.csv"):
+        (folder / name).unlink()
+        (folder / name).mkdir()
+    (folder / "events.jsonl").unlink()
+    os.mkfifo(folder / "events.jsonl")
+
+
+@pytest.mark.parametrize("damage", [cut, empty, noise, hostile, linked])
+def test_of_a_damaged_run_is_shown_what_can_be_read(
+    copy: Path, damage: Callable[[Path], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    damage(copy)
+    assert canarm(["runs", "show", str(copy)]) == 1
+    told = capsys.readouterr()
+    assert "cannot be read: " in told.out
+    assert told.err == ""
+    assert "executed" not in told.out
+    assert all(line.isprintable() for line in told.out.splitlines())
+    assert canarm(["runs", "show", "--json", str(copy)]) == 1
+    assert "\x1b" not in capsys.readouterr().out
+    assert canarm(["runs", "list", str(copy.parent)]) == 0
+    assert "\x1b" not in capsys.readouterr().out
+
+
+def test_what_is_whole_of_a_run_that_was_cut_off_is_there(copy: Path) -> None:
+    whole = open_run(copy).robot["joint2.true_angle_rad"].tolist()
+    cut(copy)
+    run = open_run(copy)
+    left = run.robot["joint2.true_angle_rad"].tolist()
+    assert 350 < len(left) < 450
+    assert left == whole[: len(left)]
+    assert "robot.csv: its last row is cut off and left out" in run.complaints
+
+
+def test_what_is_no_run_is_said(tmp_path: Path) -> None:
+    with pytest.raises(RunFolderError, match=r"nowhere: there is no such folder; a run is a folder with run\.json$"):
+        open_run(tmp_path / "nowhere")
+    with pytest.raises(RunFolderError, match=r"is no run folder: it has none of run\.json, can0\.log, "):
+        open_run(tmp_path)
+
+
+def test_old_runs_are_pruned_and_nothing_else(
+    recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    base = tmp_path / "runs"
+    for number in range(4):
+        shutil.copytree(recorded, base / f"run{number}")
+        os.utime(base / f"run{number}" / "run.json", (1e9 + number, 1e9 + number))
+    shutil.copytree(recorded, base / "run0" / "run-2")
+    (base / "run1" / "notes.txt").write_text("mine")
+    (base / "run1" / "can0.log").unlink()
+    (base / "run1" / "can0.log").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "elsewhere").write_text("precious")
+    assert canarm(["runs", "prune", str(base)]) == 2
+    assert "give --keep NUMBER, --older-than DAYS" in capsys.readouterr().err
+    assert canarm(["runs", "prune", str(base), "--keep", "2"]) == 0
+    assert "3 runs" in capsys.readouterr().out.splitlines()[-1]
+    assert sorted(path.name for path in base.iterdir()) == ["run0", "run1", "run2", "run3"]
+    assert canarm(["runs", "prune", str(base), "--keep", "2", "--older-than", "1", "--yes"]) == 0
+    assert "removed " in capsys.readouterr().out
+    assert sorted(path.name for path in base.iterdir()) == ["run0", "run1", "run3"], "run-2 is the newest"
+    assert (base / "run0" / "run-2" / "run.json").exists()
+    assert [path.name for path in (base / "run1").iterdir()] == ["notes.txt"]
+    assert (tmp_path / "elsewhere").read_text() == "precious"
+    assert canarm(["runs", "list", str(base), "--json"]) == 0
+    assert [Path(each["path"]).name for each in json.loads(capsys.readouterr().out)] == ["run3", "run-2"]
+
+
+def test_a_list_of_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert canarm(["runs", "list", str(tmp_path)]) == 0
+    assert "no runs" in capsys.readouterr().out
+    assert canarm(["runs", "list", str(tmp_path / "nowhere")]) == 2
