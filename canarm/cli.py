@@ -57,6 +57,7 @@ COMMANDS = {
     "fault": "Break something on the signal path: list, inject, clear, trigger, status; matrix.",
     "reset": "Switch the robot of a running bench off and on again.",
     "runs": "The run folders that there are: list, show, prune.",
+    "replay": "A recorded run once more: on a bus, or checked byte for byte.",
     "check": "Validate a cell file and show what it describes.",
     "new-cell": "Write a cell for an arm of your own: from its URDF file, or from a number of joints.",
     "export": "Describe a cell to other tools: EDS, DCF and bus.yml for CANopen masters, DBC for decoders.",

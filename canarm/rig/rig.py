@@ -107,6 +107,7 @@ class Rig(Carrying, AnyRig):
         if self._out is not None:
             self._record(self._out)
         self._bench.on_cycle = self._keep_truth
+        self._bench.on_script = self._note_script
         self._bench.device.faults.on_event = self._note_fault
         self._controller.on_tick = self._on_tick
         self._bench.start()
@@ -346,6 +347,10 @@ class Rig(Carrying, AnyRig):
             self._faulty = FaultError(f"{event.label} {event.failure}")
         if self._recorders is not None:
             self._recorders[0].event(event.time_ns, event_name(event), **event_details(event))
+
+    def _note_script(self, script: FaultScript) -> None:
+        if self._recorders is not None:
+            self._recorders[0].script(self._bench.time_ns, script)
 
     def _note_detections(self) -> None:
         for detection in self._controller.detections[len(self.noticed) :]:

@@ -4,6 +4,7 @@ The faults are many modules, and most runs need none: they are loaded when they 
 """
 
 import importlib
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from canarm_protocol.cell.model import Cell
@@ -24,6 +25,8 @@ class FaultBench(Bench):
         super().__init__(cell, truth, clock, seed, with_wire)
         self._seed = seed
         self._engine: FaultEngine | None = None
+        self.on_script: Callable[[FaultScript], None] | None = None
+        """Called with every fault script that has been accepted."""
         self.device.faults.attach(self)
 
     @property
@@ -40,6 +43,8 @@ class FaultBench(Bench):
     def inject(self, script: FaultScript) -> str:
         """Carry out a fault script; returns what was done. Raises `FaultError` with the reason of a refusal."""
         done = self.faults.accept(script)
+        if self.on_script is not None:
+            self.on_script(script)
         if not self.bus.is_cycling:
             self.catch_up()
             self.faults.update(self.time_ns, self.cycle)

@@ -10,6 +10,8 @@ from pathlib import Path
 from canarm_protocol.canopen.frames import ERROR_FLAG, HIGHEST_NODE_ID, Cob, Emergency
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.faults.fault_events import FaultEvent, event_details, event_name
+from canarm_protocol.faults.fault_toml import as_toml
+from canarm_protocol.faults.script import FaultScript
 from canarm_protocol.runs.run_folder import CAN_LOG_FILE, EVENTS_FILE, SIGNALS_FOLDER, CanLog, EventLog, SignalLog
 from canarm_protocol.runs.unwritten import Unwritten
 
@@ -40,6 +42,8 @@ _OBJECT_COLUMNS = (
 )
 """The columns are those of `carried.ObjectState`, but for its grips: when one is lost is an event."""
 EMERGENCY_LENGTH = 8
+SCRIPT = "fault-script"
+"""The event of a fault script that has been accepted."""
 
 
 class Recorder:
@@ -97,6 +101,10 @@ class Recorder:
     def fault(self, event: FaultEvent) -> None:
         """Append the beginning or end of a fault."""
         self.event(event.time_ns, event_name(event), **event_details(event))
+
+    def script(self, time_ns: int, script: FaultScript) -> None:
+        """Append a fault script that has been accepted, as text: with it the run can be repeated."""
+        self.event(time_ns, SCRIPT, toml=as_toml(script))
 
     def close(self) -> None:
         """Write out what is left, as far as possible. May be called again."""

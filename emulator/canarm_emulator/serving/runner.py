@@ -100,6 +100,7 @@ class EmulatorRunner:
                     hub.watch(port)  # type: ignore[arg-type]
         if recorder is not None:
             bench.on_cycle = self._record_cycle
+            bench.on_script = lambda script: recorder.script(bench.time_ns, script)
         bench.device.buses.count_clients = self._count_clients
         bench.device.faults.on_event = self._fault_event
         bench.device.on_emergency_stop = self._emergency_stop
