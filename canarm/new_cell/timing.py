@@ -10,6 +10,7 @@ from .request import DEFAULT_CYCLE_US, NewCellError, Request
 
 CYCLES_US = (2500, 3000, 4000, 5000, 8000, 10_000, 20_000, 40_000)
 """Tried one after another if none is requested."""
+ADVICE_STEP_US = 100
 HEARTBEAT_MS = 20
 CYCLES_A_HEARTBEAT = 2
 USUAL_DELAY_US = 500
@@ -33,9 +34,25 @@ def fitting_cycle_us(request: Request, cell_of: Callable[[int], Cell]) -> int:
         except CellError as error:  # another cycle would not help
             raise NewCellError(str(error)) from None
         raise NewCellError(f"no cycle up to {CYCLES_US[-1]} us fits {request.bitrate} bit/s:\n{refusals[-1]}")
-    longer = [each for each in CYCLES_US if each > request.cycle_us and _problem(cell_of, each) is None]
-    advice = f"\n--cycle-us {longer[0]} fits" if longer else ""
+    shortest = _shortest_fitting(cell_of, request.cycle_us)
+    advice = "" if shortest is None else f"\n--cycle-us {shortest} fits"
     raise NewCellError(f"--cycle-us {request.cycle_us} does not fit:\n{refusals[0]}{advice}")
+
+
+def _shortest_fitting(cell_of: Callable[[int], Cell], refused_us: int) -> int | None:
+    """The shortest cycle in whole `ADVICE_STEP_US` that fits where `refused_us` does not; None up to 40 ms."""
+    usual = next((each for each in CYCLES_US if each > refused_us and _problem(cell_of, each) is None), None)
+    if usual is None:
+        return None
+    fitting = -(-usual // ADVICE_STEP_US)
+    refused = refused_us // ADVICE_STEP_US
+    while fitting - refused > 1:
+        middle = (fitting + refused) // 2
+        if _problem(cell_of, middle * ADVICE_STEP_US) is None:
+            fitting = middle
+        else:
+            refused = middle
+    return fitting * ADVICE_STEP_US
 
 
 def _problem(cell_of: Callable[[int], Cell], cycle_us: int) -> str | None:

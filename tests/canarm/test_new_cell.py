@@ -144,7 +144,18 @@ def test_seven_joints_at_a_thousandth_of_a_second_are_refused_with_the_arithmeti
     # 21 inputs in six frames of 135 or 115 bits, seven outputs in two, two latches, SYNC: 1195 bits by hand.
     assert "= 1195 bits" in str(caught.value)
     assert "load with all that is cyclic: 122.1 %" in str(caught.value)
-    assert "--cycle-us 3000 fits" in str(caught.value)
+
+
+@pytest.mark.parametrize(("joints", "bits", "cycle_us"), [(7, 8, 1000), (3, 16, 1000), (3, 16, 1850), (2, 12, 700)])
+def test_the_advised_cycle_is_the_shortest_in_tenths_of_a_millisecond(joints: int, bits: int, cycle_us: int) -> None:
+    def refusal(cycle_us: int) -> str:
+        with pytest.raises(NewCellError) as caught:
+            cell_of(joints, Request(bits=bits, cycle_us=cycle_us))
+        return str(caught.value)
+
+    advised = int(refusal(cycle_us).rsplit("--cycle-us ", 1)[1].removesuffix(" fits"))
+    assert cell_of(joints, Request(bits=bits, cycle_us=advised)).bus.cycle_us == advised
+    assert advised - 100 <= cycle_us or f"--cycle-us {advised} fits" in refusal(advised - 100)
 
 
 def test_a_slower_bus_gets_a_longer_cycle() -> None:
