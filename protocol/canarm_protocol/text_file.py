@@ -6,6 +6,7 @@ The caller knows what the text means, and words the error.
 import csv
 import io
 import math
+import os
 import re
 import stat
 import tomllib
@@ -19,6 +20,8 @@ MOST_PARTS = 32
 """Most parts of a dotted key: `tomllib` takes time that grows with their square."""
 MOST_DIGITS = 600
 """Most digits of a whole number: Python can print so many whatever its limit is set to."""
+_READ = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+"""Neither a pipe that nobody writes to nor a file of the kernel's that grows, such as /proc/kmsg, is waited for."""
 _NO_KEYS = re.compile(
     r'"""(?:\\.|[^\\])*?(?:"{3,5}|\Z)|' r"'''.*?(?:'{3,5}|\Z)|" r'"(?:\\[^\n]|[^"\\\n])*"?|' r"'[^'\n]*'?|#[^\n]*",
     re.DOTALL,
@@ -35,10 +38,17 @@ def read_text(path: Path, largest_bytes: int, kind: str, form: str = "TOML") -> 
     Errors call it `kind`, such as "a cell", and its format `form`. Raises `OSError` if it cannot be read, and
     `ValueError`, with what is wrong in a few words, if it is no regular file, too large or no text.
     """
-    if not stat.S_ISREG(path.stat().st_mode):
-        raise ValueError(f"is no regular file; {kind} is a {form} file")
-    with path.open("rb") as file:
-        data = file.read(largest_bytes + 1)
+    descriptor = os.open(path, _READ)
+    try:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise ValueError(f"is no regular file; {kind} is a {form} file")
+        data = b""
+        while len(data) <= largest_bytes and (more := os.read(descriptor, largest_bytes + 1 - len(data))):
+            data += more
+    except BlockingIOError:
+        raise ValueError(f"has no end: more of it is to come; {kind} is a {form} file") from None
+    finally:
+        os.close(descriptor)
     if len(data) > largest_bytes:
         raise ValueError(f"is larger than {largest_bytes} bytes; is it {kind}?")
     try:

@@ -499,6 +499,12 @@ def test_what_is_no_regular_file_is_no_cell(tmp_path) -> None:
             load_cell(str(path))
 
 
+@pytest.mark.skipif(not os.access("/proc/kmsg", os.R_OK), reason="nobody but root reads the kernel's messages")
+def test_a_regular_file_without_an_end_is_not_waited_for() -> None:
+    with pytest.raises(CellError, match="has no end: more of it is to come|cannot be read"):
+        load_cell("/proc/kmsg")
+
+
 def test_a_file_too_large_for_a_cell_is_refused(tmp_path) -> None:
     path = tmp_path / "large.toml"
     path.write_text(TEXT + "#" * 1_000_000)
