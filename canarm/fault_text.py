@@ -83,8 +83,12 @@ def _limits(parameter: Mapping[str, Any]) -> str:
     return f"{usual} {bounds}" if usual else bounds
 
 
+MOST_DETECTIONS = 10
+"""So many detections are shown, the last ones."""
+
+
 def status_lines(status: Mapping[str, Any]) -> Iterator[str]:
-    """Whether a run is on, then a line per set and one per active fault."""
+    """Whether a run is on, then a line per set, one per active fault, and one per detection."""
     is_on = status["running"]
     run = (
         f"a run is on, cycle {status['cycle']}" if is_on else "no run is on: at and cycle count from the next NMT start"
@@ -93,6 +97,8 @@ def status_lines(status: Mapping[str, Any]) -> Iterator[str]:
     for each in status["sets"]:
         yield f"  set {each['set']!r}: {each['state']}, {_times(each['activations'])}"
         yield from (f"    {one['tap']} {one['fault']}" for one in status["active"] if one["set"] == each["set"])
+    for each in status["detections"][-MOST_DETECTIONS:]:
+        yield f"  detected in cycle {each['cycle']}: {each['detector']}, {each['detail']} ({each['reaction']})"
 
 
 def _times(activations: int) -> str:

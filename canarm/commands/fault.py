@@ -132,9 +132,9 @@ def status(
     bench: BenchAttachOptions = BenchAttachOptions(),
     json_: Annotated[Flag, Parameter(name="--json", help="As one JSON object.")] = False,
 ) -> int:
-    """Show whether a run is on, the sets of a running bench, and which faults act now."""
+    """Show whether a run is on, the sets of a running bench, which faults act now, and what controllers detected."""
     with _client(cell, bench) as client:
-        found = client.status()
+        found = {**client.status(), "detections": client.detections()}
     print(json.dumps(found) if json_ else "\n".join(status_lines(found)))
     return 0
 

@@ -152,7 +152,7 @@ def test_a_tap_that_there_is_not_is_told_in_a_line_with_what_was_meant(pattern, 
 @pytest.mark.parametrize(("count", "words"), [(0, "has not begun"), (1, "has begun once"), (2, "has begun 2 times")])
 def test_status_says_how_often_a_set_has_begun_and_whether_a_run_is_on(count, words):
     one = {"set": "a", "state": "waiting", "activations": count}
-    status = {"running": True, "cycle": 7, "active": [], "begun": count, "sets": [one]}
+    status = {"running": True, "cycle": 7, "active": [], "begun": count, "sets": [one], "detections": []}
     first, second = status_lines(status)
     assert first.startswith("a run is on, cycle 7; ")
     assert second == f"  set 'a': waiting, {words}"

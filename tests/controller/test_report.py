@@ -10,6 +10,7 @@ from canarm_controller.run.report import BenchReport
 from canarm_controller.run.state import State
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.bench_objects import bench_pdos
+from canarm_protocol.faults.detection_events import Pieces
 
 
 @pytest.fixture
@@ -139,3 +140,19 @@ def test_an_inner_value_that_runs_away_is_reported_as_infinite(reported, value: 
     by_id: dict[int, Frame] = {frame.can_id: frame for frame in frames}
     assert struct.unpack("<ff", by_id[first.cob_id].data) == pytest.approx((reported_value, reported_value), rel=1e-6)
     assert math.isnan(struct.unpack("<ff", by_id[second.cob_id].data)[0])
+
+
+def test_a_detection_leaves_at_once_and_once(reported) -> None:
+    pair, report, _ = reported
+    pair.run_to_tick(40)
+    layout = bench_pdos(pair.cell).detection
+    report.take(everything=True)
+    pair.controller._detect("acceleration-mismatch", "joint2", "joint2: 40 rad/s²", None)
+    pair.run_to_tick(41)
+    pieces, heard = Pieces(), []
+    for frame in (*report.take(), *report.take(everything=True)):
+        if frame.can_id == layout.cob_id and (event := pieces.take(*layout.unpack(frame.data))) is not None:
+            heard.append(event)
+    (event,) = heard
+    assert (event.detector, event.where, event.detail) == ("acceleration-mismatch", "joint2", "joint2: 40 rad/s²")
+    assert event.cycle in (39, 40)

@@ -501,7 +501,7 @@ def test_what_is_no_regular_file_is_no_cell(tmp_path) -> None:
 
 @pytest.mark.skipif(not os.access("/proc/kmsg", os.R_OK), reason="nobody but root reads the kernel's messages")
 def test_a_regular_file_without_an_end_is_not_waited_for() -> None:
-    with pytest.raises(CellError, match="has no end: more of it is to come|cannot be read"):
+    with pytest.raises(CellError, match=r"has no end: more of it is to come|cannot be read"):
         load_cell("/proc/kmsg")
 
 

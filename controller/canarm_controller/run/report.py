@@ -1,5 +1,5 @@
-"""What the controller reports to the test bench: the reference of every tick, and at intervals measurements, commands
-and internals.
+"""What the controller reports to the test bench: the reference of every tick, its detections, and at intervals
+measurements, commands and internals.
 
 The robot does not need it; it goes to the bench bus in batches, and is assessed there.
 """
@@ -10,6 +10,7 @@ from collections.abc import Callable
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.bench_objects import INTERNALS, bench_pdos
 from canarm_protocol.cell.model import Cell
+from canarm_protocol.faults.detection_events import DetectionEvent, pieces_of
 
 from .controller import Controller
 
@@ -34,6 +35,7 @@ class BenchReport:
         self._pdos = bench_pdos(cell)
         self._frames: list[Frame] = []
         self._ticks = 0
+        self._told = 0
         self._joints = range(len(cell.joints))
 
     def tick(self) -> None:
@@ -45,10 +47,12 @@ class BenchReport:
         self._ticks += 1
         if tick % DETAIL_TICKS == 0:
             self._details()
+        self._detections()
 
     def take(self, everything: bool = False) -> list[Frame]:
         """The frames of a batch of ticks when it is full; with `everything` whatever there is, and the state."""
         if everything:
+            self._detections()
             self._state()
         elif self._ticks < BATCH_TICKS:
             return []
@@ -69,6 +73,15 @@ class BenchReport:
             for layout, pair in zip(pdos.internals[joint], (values[:2], values[2:]), strict=True):
                 frames.append(Frame(layout.cob_id, layout.pack(*pair)))
         self._state()
+
+    def _detections(self) -> None:
+        """Those that are new; the batch need not become full for them."""
+        detections, layout = self._controller.detections, self._pdos.detection
+        for each in detections[self._told :]:
+            event = DetectionEvent(each.tick, each.detector, each.where, each.detail, each.reaction.value)
+            self._frames += (Frame(layout.cob_id, layout.pack(piece)) for piece in pieces_of(event))
+            self._ticks = BATCH_TICKS
+        self._told = len(detections)
 
     def _state(self) -> None:
         controller, layout = self._controller, self._pdos.controller

@@ -1,4 +1,4 @@
-"""The bench node's data: truth, assessment, figures of the buses, faults, and what the controller reports.
+"""The bench node's data: truth, assessment, figures of the buses, faults, and what the controller reports and detects.
 
 Passes on what clients write; faults and the ownership of channels are handled elsewhere.
 """
@@ -12,6 +12,7 @@ from ..node.io_device import Getter, ReadObject, Refusal, Setter
 from ..robot.world import JointState
 from .assessor import Assessor
 from .bus_figures import BusFigures
+from .detection_objects import DetectionObjects
 from .fault_objects import FaultObjects
 from .sdo_channels import SdoChannels
 
@@ -36,6 +37,7 @@ class BenchDevice:
         self.assessor = assessor
         self.buses = buses
         self.faults = faults
+        self.detections = DetectionObjects()
         self.channels = SdoChannels(cell.bus.bench_node_id)
         self.is_stopped = False
         """Whether the emergency stop is on."""
@@ -72,6 +74,8 @@ class BenchDevice:
             return self._set_tick
         if index == objects.FAULT_SET:
             return lambda data: self.faults.write(data, self.channels.current)
+        if index == objects.DETECTION_PIECE:
+            return self.detections.take
         if index == objects.EMERGENCY_STOP:
             return self._stop
         if index == objects.POWER_CYCLE:
@@ -100,7 +104,7 @@ class BenchDevice:
         return None
 
     def getter(self, index: int, subindex: int) -> Getter | None:
-        """Truth, assessment, figures of the buses, faults, or what the controller reported last."""
+        """Truth, assessment, figures of the buses, faults, detections, or what the controller reported last."""
         if (index, subindex) in self.report:
             return lambda: self.report[index, subindex]
         if index == objects.POWER_CYCLE:
@@ -109,8 +113,8 @@ class BenchDevice:
             return lambda: self.cycle
         if index == objects.TICK:
             return lambda: self.tick
-        if index in _FAULTS:
-            return lambda: _FAULTS[index](self)
+        if index in _EVENTS:
+            return lambda: _EVENTS[index](self)
         if index == objects.CHANNEL_OWNER and subindex:
             return lambda: self.channels.owner(subindex)
         if index == objects.ASSESSED_CYCLES:
@@ -169,7 +173,7 @@ _TRUTH: dict[int, Callable[[JointState], float]] = {
     objects.TRUE_CURRENT: lambda state: state.current_a,
     objects.TRUE_COMMAND: lambda state: state.command_a,
 }
-_FAULTS: dict[int, Callable[[BenchDevice], float | str | bytes]] = {
+_EVENTS: dict[int, Callable[[BenchDevice], float | str | bytes]] = {
     objects.FAULT_RESULT: lambda device: device.faults.result(device.channels.current),
     objects.FAULT_STATUS: lambda device: device.faults.status(),
     objects.FAULT_CATALOGUE: lambda device: device.faults.catalogue(),
@@ -179,6 +183,10 @@ _FAULTS: dict[int, Callable[[BenchDevice], float | str | bytes]] = {
     objects.ACTIVE_FAULTS: lambda device: device.faults.active,
     objects.BEGUN_FAULTS: lambda device: device.faults.begun,
     objects.EMERGENCY_STOP: lambda device: device.is_stopped,
+    objects.DETECTIONS: lambda device: device.detections.count,
+    objects.BROKEN_DETECTIONS: lambda device: device.detections.broken,
+    objects.DETECTION_EVENTS: lambda device: device.detections.events(),
+    objects.PACKED_DETECTIONS: lambda device: device.detections.packed_events(),
 }
 _SCORES = {
     objects.RMS_ERROR: "rms_lsb",

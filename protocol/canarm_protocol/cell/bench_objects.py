@@ -19,6 +19,9 @@ CYCLE, TRUE_ANGLE, TRUE_SPEED, TRUE_CURRENT, TRUE_COMMAND = 0x2001, 0x2100, 0x21
 TICK, LATE, CONTROLLER_STATE = 0x2110, 0x2111, 0x2112
 REFERENCE, MEASURED_ANGLE, MEASURED_SPEED, CURRENT_COMMAND, FEED_FORWARD = 0x2120, 0x2121, 0x2122, 0x2123, 0x2124
 INTERNAL_NAME, INTERNAL = 0x2130, 0x2131
+DETECTION_PIECE, DETECTIONS, DETECTION_EVENTS, PACKED_DETECTIONS, BROKEN_DETECTIONS = range(0x2140, 0x2145)
+"""Of the controller's detections: eight bytes of text, how many so far, the last ones, the same packed with zlib, and
+texts that could not be put together."""
 RMS_ERROR, MAX_ERROR, PEAK_CURRENT, SATURATED_CYCLES, SPEED_RIPPLE = 0x2200, 0x2201, 0x2202, 0x2203, 0x2204
 REFUSED_DIRECTIONS = 0x2205
 ASSESSED_CYCLES = 0x2210
@@ -48,13 +51,14 @@ CLAIM_CHANNEL = 9
 CLAIM_S = 10.0
 """A client that has been silent for this long (wall clock) loses its channel to the next one that claims it."""
 MOST_EVENTS = 100
-"""FAULT_EVENTS shows the last this many."""
+"""FAULT_EVENTS and DETECTION_EVENTS show the last this many."""
 SETTLING_CYCLES = 1024
 """Cycles at the start of a run that its assessment leaves out, while the motion blends in."""
 DIVIDER = 4
 """Telemetry goes out every 4th cycle (100 Hz at 2.5 ms) while somebody listens."""
 
-_U8, _U16, _U32, _F32 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32, datatypes.REAL32
+_U8, _U16, _U32, _U64 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32, datatypes.UNSIGNED64
+_F32 = datatypes.REAL32
 _TEXT = datatypes.VISIBLE_STRING
 _EVENT_DRIVEN = 255
 _JOINT_OBJECTS = (
@@ -97,6 +101,10 @@ _FAULT_OBJECTS = (
     (PACKED_CATALOGUE, "0x2403 packed with zlib", "ro", datatypes.DOMAIN),
     (PACKED_EVENTS, "0x2404 packed with zlib", "ro", datatypes.DOMAIN),
 )
+_DETECTION_OBJECTS = (
+    (DETECTION_EVENTS, f"Last {MOST_EVENTS} detections, a line of JSON each", "ro", _TEXT),
+    (PACKED_DETECTIONS, "0x2142 packed with zlib", "ro", datatypes.DOMAIN),
+)
 _CLIENT_OBJECTS = (
     (DROPPED_FRAMES, "Frames dropped for slow clients of a bus", _U32),
     (ATTACHED_CLIENTS, "Clients attached to a bus", _U16),
@@ -138,6 +146,15 @@ def bench_dictionary(cell: Cell) -> Dictionary:
     joints = len(cell.joints)
     for index, name, access, data_type in _JOINT_OBJECTS:
         _array(dictionary, index, name, data_type, access, joints, mappable=True)
+    _variable(
+        dictionary, DETECTION_PIECE, "Next 8 bytes of a detection of the controller", _U64, "wo", 0, mappable=True
+    )
+    _variable(
+        dictionary, DETECTIONS, "Detections of the controller so far, 65535 for more", _U16, "ro", 0, mappable=True
+    )
+    for index, name, access, data_type in _DETECTION_OBJECTS:
+        _variable(dictionary, index, name, data_type, access, None if data_type == datatypes.DOMAIN else "")
+    _variable(dictionary, BROKEN_DETECTIONS, "Detections that could not be put together", _U16, "ro", 0)
     _variable(dictionary, ASSESSED_CYCLES, "Cycles assessed", _U32, "ro", 0)
     for index, name, data_type in _BUS_OBJECTS:
         _variable(dictionary, index, name, data_type, "ro", 0, mappable=True)
@@ -164,7 +181,10 @@ def bench_dictionary(cell: Cell) -> Dictionary:
 
 def _add_pdos(dictionary: Dictionary, node_id: int, joints: int) -> None:
     transmit = [(0x180 + node_id, [(CYCLE, 0)])]
-    receive = [(0x200 + node_id, [(TICK, 0), (LATE, 0), (CONTROLLER_STATE, 0)])]
+    receive = [
+        (0x200 + node_id, [(TICK, 0), (LATE, 0), (CONTROLLER_STATE, 0)]),
+        (0x300 + node_id, [(DETECTION_PIECE, 0)]),
+    ]
     for joint in range(1, joints + 1):
         pair = 2 * (joint - 1)
         transmit.append((0x200 + pair, [(TRUE_ANGLE, joint), (TRUE_SPEED, joint)]))
@@ -175,7 +195,7 @@ def _add_pdos(dictionary: Dictionary, node_id: int, joints: int) -> None:
         receive.append((0x2C0 + pair, [(INTERNAL, joint), (INTERNAL + 1, joint)]))
         receive.append((0x2C1 + pair, [(INTERNAL + 2, joint), (INTERNAL + 3, joint)]))
     transmit.append((0x380 + node_id, [(BUS_LOAD, 0), (ERROR_FRAMES, 0)]))
-    transmit.append((0x480 + node_id, [(ACTIVE_FAULTS, 0), (EMERGENCY_STOP, 0), (BEGUN_FAULTS, 0)]))
+    transmit.append((0x480 + node_id, [(ACTIVE_FAULTS, 0), (EMERGENCY_STOP, 0), (BEGUN_FAULTS, 0), (DETECTIONS, 0)]))
     for communication, mapping, pdos in ((0x1800, 0x1A00, transmit), (0x1400, 0x1600, receive)):
         for number, (cob_id, objects) in enumerate(pdos):
             record = _array(dictionary, communication + number, "PDO communication parameter", _U32, "ro", 2)
@@ -197,12 +217,13 @@ class BenchPdos:
     bus: PdoLayout
     """Sent if the wire model runs."""
     faults: PdoLayout
-    """Number of active faults, emergency stop, faults begun so far."""
+    """Number of active faults, emergency stop, faults begun and detections so far."""
     controller: PdoLayout
     reference: tuple[PdoLayout, ...]
     measured: tuple[PdoLayout, ...]
     command: tuple[PdoLayout, ...]
     internals: tuple[tuple[PdoLayout, PdoLayout], ...]
+    detection: PdoLayout
 
 
 def bench_pdos(cell: Cell) -> BenchPdos:
@@ -226,6 +247,7 @@ def bench_pdos(cell: Cell) -> BenchPdos:
         measured=tuple(receive[MEASURED_SPEED, joint] for joint in joints),
         command=tuple(receive[FEED_FORWARD, joint] for joint in joints),
         internals=tuple((receive[INTERNAL + 1, joint], receive[INTERNAL + 3, joint]) for joint in joints),
+        detection=receive[DETECTION_PIECE, 0],
     )
 
 

@@ -95,8 +95,11 @@ class BenchClient:
 
     def events(self) -> list[dict[str, Any]]:
         """The last beginnings and ends of faults, oldest first, as in `events.jsonl`."""
-        lines = self._unpacked(objects.PACKED_EVENTS).splitlines()
-        return [dict(self._plain(line, dict)) for line in lines if line]
+        return self._lines(objects.PACKED_EVENTS)
+
+    def detections(self) -> list[dict[str, Any]]:
+        """The last detections of controllers, oldest first: cycle, detector, where, detail, reaction."""
+        return self._lines(objects.PACKED_DETECTIONS)
 
     @property
     def is_stopped(self) -> bool:
@@ -135,6 +138,9 @@ class BenchClient:
     def _unpacked(self, index: int) -> bytes:
         data = self._read(index)
         return self._sense(lambda: unpacked(data))
+
+    def _lines(self, index: int) -> list[dict[str, Any]]:
+        return [dict(self._plain(line, dict)) for line in self._unpacked(index).splitlines() if line]
 
     def _sense(self, read: Callable[[], T]) -> T:
         """The result of `read`; its `ValueError` becomes a `BusError`."""
