@@ -88,7 +88,7 @@ def demo(
 
     Time stands still until every part of a cycle is done (lockstep), so a busy machine makes it slower, never wrong.
     Ends with a summary. The run is recorded in --out, or in a new folder below runs/. Ctrl-C stops the robot safely,
-    and so does leaving the dashboard (q).
+    and so does leaving the dashboard (q), which stays when the run is over and shows how it went.
     """
     nominal = cell.load()
     settings = truth or []
@@ -135,7 +135,7 @@ def demo(
             limit_s = START_S + SLOWEST * seconds / min(pace or 1.0, 1.0) if math.isfinite(sync_timeout) else math.inf
             deadline_s = time.monotonic() + limit_s
             if with_dashboard:
-                _watch(nominal, host, port, controller, deadline_s)
+                _watch(nominal, host, port, controller, deadline_s, folder)
             if not controller.wait(max(deadline_s - time.monotonic(), 0.0)):
                 _tell(f"the controller has not ended within {limit_s:g} s and is given up")
                 controller.end()
@@ -195,19 +195,30 @@ def _served_host(serve: str) -> str:
     return host
 
 
-def _watch(cell: Cell, host: str, port: int, controller: Child, deadline_s: float) -> None:
-    """The dashboard in this process, until the run is over or time is up.
+def _watch(cell: Cell, host: str, port: int, controller: Child, deadline_s: float, folder: Path) -> None:
+    """The dashboard in this process, until its user leaves it, or time is up and the run is not over.
 
-    Raises `KeyboardInterrupt`, with how, if its user has left it.
+    Raises `KeyboardInterrupt`, with how, if its user has left it before the run was over.
     """
     from canarm_tui.app import run_dashboard
+    from canarm_tui.outcome import Outcome
 
-    def is_over() -> bool:
-        return controller.status is not None or time.monotonic() > deadline_s
+    def is_given_up() -> bool:
+        return controller.status is None and time.monotonic() > deadline_s
+
+    def outcome() -> Outcome | None:
+        if controller.status is None or not controller.wait(0.0):
+            return None
+        result = _result(controller)
+        if result is None:
+            return Outcome(f"the controller ended with status {controller.status}", False, [str(folder)])
+        verdict, *details = _summary({**result, "out": str(folder)}).as_text().splitlines()
+        return Outcome(verdict, controller.status == ExitStatus.DONE, details)
 
     left: list[str] = []
-    run_dashboard(cell, "canarm", BENCH_BUS, {"host": host, "port": port}, until=is_over, on_left=left.append)
-    if not is_over():
+    where = {"host": host, "port": port}
+    run_dashboard(cell, "canarm", BENCH_BUS, where, until=is_given_up, on_left=left.append, outcome_of=outcome)
+    if controller.status is None and not is_given_up():
         raise KeyboardInterrupt(*left)
 
 

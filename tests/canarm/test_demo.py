@@ -1,10 +1,7 @@
 """`canarm demo` as its users meet it: the summary, Ctrl-C, children that must not be left behind, a terminal."""
 
-import json
 import os
 import re
-import shlex
-import shutil
 import signal
 import sys
 from pathlib import Path
@@ -215,23 +212,6 @@ def test_what_a_law_prints_and_starts_stays_out_of_the_summary(canarm):
     assert demo.wait() == 0, demo.stderr[-3:]
     assert len(demo.stdout) == 1
     assert (demo.json["law"], demo.json["ticks"]) == ("laws.py:Printing", 400)
-
-
-@pytest.mark.skipif(shutil.which("script") is None, reason="script(1) of util-linux is not installed")
-def test_on_a_terminal_it_shows_the_dashboard_whatever_a_law_prints_and_then_the_summary(canarm):
-    (canarm.folder / "laws.py").write_text(PRINTING_LAW)
-    demo = shlex.join(
-        [sys.executable, *["-m", "canarm", "demo", "--seconds", "1", "--law", "laws.py:Printing", "--out", "run"]]
-    )
-    terminal = canarm.run(
-        "script", "--quiet", "--return", "--command", demo, "/dev/null", env={"TERM": "xterm-256color"}
-    )
-    terminal.wait_for(r"to attach to bench: --bus-kwargs host=\S+ port=\d+ -i canarm -c bench")
-    terminal.wait_for("recorded in run")
-    assert terminal.wait() == 0, terminal
-    assert any("joint3" in line and "\x1b[" in line for line in terminal.stdout)
-    run = json.loads((canarm.folder / "run" / "run.json").read_text())
-    assert (run["summary"]["clock"], run["controller"]["pace"]) == ("sync", "1")
 
 
 def test_a_law_that_loops_for_ever_ends_the_demo_with_a_hint(canarm):

@@ -20,6 +20,7 @@ import pytest
 from canarm.cli import COMMANDS, run
 
 from .conftest import DEADLINE_S, Commands, wait_until
+from .test_demo import PRINTING_LAW
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "login_tty"), reason="needs terminals as POSIX has them")
 SHOWN = re.compile(rb"\x1b\[\?1049h.*[a-z]{4}", re.DOTALL)
@@ -135,6 +136,38 @@ def test_who_leaves_the_dashboard_of_a_demo_stops_the_robot(canarm, run_folder, 
     if how != "window closed":
         assert demo.settings == demo.before
         assert b"INTERRUPTED: konkuk1" in demo.said
+
+
+STUCK = """
+[[set]]
+at = 0.5
+[[set.fault]]
+tap = "joint2.tachometer"
+fault = "stuck"
+value = 5.0
+"""
+
+
+def test_the_dashboard_of_a_demo_stays_with_the_verdict_until_it_is_left(canarm, run_folder, open_terminal) -> None:
+    (canarm.folder / "laws.py").write_text(PRINTING_LAW)
+    (canarm.folder / "stuck.toml").write_text(STUCK)
+    options = ("--law", "laws.py:Printing", "--faults", "stuck.toml", "--out", "run")
+    demo = open_terminal("demo", "--seconds", "1", *options)
+    demo.wait_for(SHOWN)
+    demo.wait_for(re.compile("✓ DONE: konkuk1, laws.py:Printing".encode()))
+    demo.wait_for(re.compile("◆ detected: tachometer-".encode()))
+    assert LEFT not in demo.said
+    assert b"xxx" not in demo.said, "what the law prints reaches the terminal"
+    demo.press(b"2")
+    demo.wait_for(re.compile("▲ fault begins: joint2.tachometer stuck".encode()))
+    demo.press(b"q")
+    assert demo.wait() == 0, demo.said[-2000:]
+    assert demo.settings == demo.before
+    summary = demo.said.rpartition(LEFT)[2]
+    assert b"DONE: konkuk1" in summary
+    assert b"recorded in run" in summary
+    run = run_folder(canarm.folder / "run").check().run
+    assert (run["summary"]["clock"], run["controller"]["pace"]) == ("sync", "1")
 
 
 @pytest.mark.parametrize("columns", ["1", "0", "x", "-3", "7", "\u00b2", "1" * 5000])

@@ -149,10 +149,9 @@ def test_a_detection_leaves_at_once_and_once(reported) -> None:
     report.take(everything=True)
     pair.controller._detect("acceleration-mismatch", "joint2", "joint2: 40 rad/s²", None)
     pair.run_to_tick(41)
-    pieces, heard = Pieces(), []
-    for frame in (*report.take(), *report.take(everything=True)):
-        if frame.can_id == layout.cob_id and (event := pieces.take(*layout.unpack(frame.data))) is not None:
-            heard.append(event)
+    pieces = Pieces()
+    sent = [frame for frame in (*report.take(), *report.take(everything=True)) if frame.can_id == layout.cob_id]
+    heard = [event for frame in sent if (event := pieces.take(*layout.unpack(frame.data))) is not None]
     (event,) = heard
     assert (event.detector, event.where, event.detail) == ("acceleration-mismatch", "joint2", "joint2: 40 rad/s²")
     assert event.cycle in (39, 40)

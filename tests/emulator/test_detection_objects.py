@@ -11,7 +11,13 @@ from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell import bench_objects as objects
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
-from canarm_protocol.faults.detection_events import DetectionEvent, Pieces, detection_as_plain, pieces_of
+from canarm_protocol.faults.detection_events import (
+    DetectionEvent,
+    Pieces,
+    detection_as_plain,
+    detection_from_plain,
+    pieces_of,
+)
 from tests.emulator.bench_sdo import Client
 
 CELL = load_cell("konkuk1")
@@ -55,6 +61,7 @@ def test_a_text_travels_in_order_between_stx_and_nul_with_its_checksum() -> None
     assert not rest.strip(b"\0")
     assert int(data[1:5], 16) == crc16_ccitt(text)
     assert json.loads(text.decode("ascii")) == {
+        "time_ns": 0,
         "event": "detection",
         "cycle": 1207,
         "detector": "tachometer-stuck",
@@ -68,9 +75,11 @@ def test_what_a_controller_detects_can_be_read_by_every_client(bench: FaultBench
     assert client.text(objects.DETECTION_EVENTS) == "\n"
     for frame in frames_of(STUCK) + frames_of(LATE):
         bench.receive_bench(frame, "controller")
+    heard = [event._replace(time_ns=bench.time_ns) for event in (STUCK, LATE)]
     lines = client.text(objects.DETECTION_EVENTS).splitlines()
-    assert [json.loads(line) for line in lines] == [detection_as_plain(STUCK), detection_as_plain(LATE)]
+    assert [json.loads(line) for line in lines] == [detection_as_plain(event) for event in heard]
     assert zlib.decompress(client.read(objects.PACKED_DETECTIONS)).decode().splitlines() == lines
+    assert [detection_from_plain(json.loads(line)) for line in lines] == heard
     assert client.read(objects.DETECTIONS) == b"\2\0"
     assert client.read(objects.BROKEN_DETECTIONS) == b"\0\0"
 

@@ -7,6 +7,7 @@ import pytest
 
 from canarm_protocol.errors import BusError
 from canarm_tui import DashboardApp, TerminalError, run_dashboard
+from canarm_tui.outcome import Outcome, OutcomePanel
 from canarm_tui.trace import ErrorTrace
 from canarm_tui.widgets import JointsTable, WordLine
 
@@ -208,8 +209,8 @@ async def test_while_nothing_comes_the_screen_is_drawn_once_a_second_and_news_at
 async def test_the_palette_offers_commands_by_area(app):
     commands = [command.title for command in app.get_system_commands(None)]
     assert commands == [
-        "View: pause", "View: theme", "View: picture", "Fault: inject", "Fault: clear", "Bench: emergency stop",
-        "Bench: reset", "Dashboard: help", "Dashboard: quit",
+        "View: pause", "View: joints", "View: events", "View: theme", "View: picture", "Fault: inject", "Fault: clear",
+        "Bench: emergency stop", "Bench: reset", "Dashboard: help", "Dashboard: quit",
     ]  # fmt: skip
     async with running(app) as pilot:
         await pilot.press("ctrl+p")
@@ -217,6 +218,32 @@ async def test_the_palette_offers_commands_by_area(app):
         assert app.is_running, "a letter typed into the palette quit the dashboard"
         await pilot.press("escape", "q")
     assert app.return_code == 0
+
+
+async def test_how_the_run_has_ended_is_shown_and_stays(cell, port, wire, clock):
+    ended = []
+    app = DashboardApp(
+        cell,
+        lambda: port,
+        clock_ns=clock,
+        in_background=lambda job: job(),
+        outcome_of=lambda: ended[0] if ended else None,
+    )
+    async with running(app) as pilot:
+        port.arriving = wire.telemetry(8, 0.5)
+        await shown(app, pilot)
+        assert not app.query_one(OutcomePanel).region
+        ended.append(Outcome("FAILED: konkuk1", False, ("joint2: current-mismatch", "recorded in [red]run")))
+        app.drain()
+        app.redraw_news()
+        await pilot.pause()
+        lines = screen_text(app)
+        assert any("✖ FAILED: konkuk1 │ q leaves" in text for text in lines)
+        assert any("recorded in [red]run" in text for text in lines)
+        clock.advance(3600.0)
+        await shown(app, pilot)
+        assert app.is_running
+        assert any("joint2: current-mismatch" in text for text in screen_text(app))
 
 
 async def test_the_caller_is_told_once_that_the_dashboard_stands(cell, port, clock):

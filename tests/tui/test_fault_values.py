@@ -4,12 +4,15 @@ import pytest
 
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.script import parse_faults
+from canarm_tui.event_texts import event_lines
+from canarm_tui.events import happenings
 from canarm_tui.fault_catalogue import FaultKind, Parameter, catalogue_of, injection, matching
 from canarm_tui.fault_desk import Refusal
 from canarm_tui.fault_texts import answer_word, panel_lines
 from canarm_tui.faults import ActingFault, Faults, FaultSignal, faults_of
 from canarm_tui.texts import SEPARATOR, Tone
 
+CYCLE_S = 0.0025
 DIES = {"set": "dies", "tap": "joint2.tachometer", "fault": "stuck"}
 PLAIN = [
     {
@@ -55,6 +58,18 @@ def event(name, time_s, cycle=-1, **of):
     return {"time_ns": round(time_s * 1e9), "event": f"fault-{name}", **DIES, **of, "cycle": cycle}
 
 
+def detection(time_s, cycle, reaction="substitute"):
+    return {
+        "time_ns": round(time_s * 1e9),
+        "event": "detection",
+        "cycle": cycle,
+        "detector": "tachometer-stuck",
+        "where": "joint2",
+        "detail": "joint2: no change",
+        "reaction": reaction,
+    }
+
+
 def status(active=(), sets=()):
     return {"active": list(active), "sets": [{"set": name, "state": state, "activations": 1} for name, state in sets]}
 
@@ -82,10 +97,41 @@ def test_sets_that_wait_are_told_from_those_that_act_and_those_that_are_over():
     assert faults.set_names == ("dies", "later")
 
 
-def test_events_are_newest_first_and_few():
+def test_events_are_newest_first():
     faults = faults_of(status(), [event("begins", float(second)) for second in range(30)])
     assert [round(each.time_s) for each in faults.events[:2]] == [29, 28]
-    assert len(faults.events) == 10
+    assert len(faults.events) == 30
+
+
+# What has happened
+
+
+def test_a_detection_says_how_long_after_the_last_fault_it_came_and_what_was_done():
+    events = [event("begins", 1.0, 300), event("ends", 3.0, 1100)]
+    faults = faults_of(status(), events, [detection(1.5, 305), detection(3.1, 1140)])
+    assert text_of(event_lines(happenings(faults), CYCLE_S)) == [
+        "3.100 s (cycle 1140) │ ◆ detected: tachometer-stuck, joint2: no change │ substitute │ "
+        "2100.0 ms after joint2.tachometer stuck (dies)",
+        "3.000 s (cycle 1100) │ ○ fault ends: joint2.tachometer stuck (dies)",
+        "1.500 s (cycle 305) │ ◆ detected: tachometer-stuck, joint2: no change │ substitute │ "
+        "12.5 ms after joint2.tachometer stuck (dies)",
+        "1.000 s (cycle 300) │ ▲ fault begins: joint2.tachometer stuck (dies)",
+    ]
+
+
+def test_a_detection_without_a_fault_answers_none():
+    faults = faults_of(status(), [event("begins", 9.0, 3000)], [detection(1.5, 305), detection(9.5, 100)])
+    assert [each.answers for each in happenings(faults)] == [None, None, None]
+
+
+def test_a_detection_that_stops_the_robot_looks_worse_than_one_that_does_not():
+    faults = faults_of(status(), (), [detection(1.0, 1), detection(2.0, 2, reaction="safe-stop-off")])
+    stopped, went_on = event_lines(happenings(faults), CYCLE_S)
+    assert (stopped[1].tone, went_on[1].tone) == (Tone.BAD, Tone.GOOD)
+
+
+def test_without_events_it_is_said_that_there_are_none():
+    assert "nothing has happened yet" in text_of(event_lines((), CYCLE_S))[0]
 
 
 # What the panel says
@@ -93,27 +139,37 @@ def test_events_are_newest_first_and_few():
 
 @pytest.mark.parametrize("signal", [None, FaultSignal(0, False, 0)])
 def test_without_any_fault_there_is_no_panel(signal):
-    assert panel_lines(signal, Faults(), None) == ()
+    assert panel_lines(signal, Faults(), None, CYCLE_S) == ()
 
 
-def test_when_all_is_over_one_line_is_left_with_the_last_event():
+def test_when_all_is_over_the_last_events_are_left():
     faults = faults_of(status(), [event("begins", 1.0, 300), event("ends", 1.5, 500)])
-    assert text_of(panel_lines(FaultSignal(0, False, 1), faults, None)) == [
-        "no fault acts │ begun so far 1 │   ended 1.500 s (cycle 500): joint2.tachometer stuck (dies)"
+    assert text_of(panel_lines(FaultSignal(0, False, 1), faults, None, CYCLE_S)) == [
+        "no fault acts │ begun so far 1",
+        "  1.500 s (cycle 500) │ ○ fault ends: joint2.tachometer stuck (dies)",
+        "  1.000 s (cycle 300) │ ▲ fault begins: joint2.tachometer stuck (dies)",
+    ]
+
+
+def test_detections_stand_in_the_panel_with_or_without_a_fault():
+    lines = panel_lines(FaultSignal(0, False, 0, 1), faults_of(status(), (), [detection(1.5, 305)]), None, CYCLE_S)
+    assert text_of(lines) == [
+        "no fault acts │ begun so far 0 │ ◆ detected so far 1",
+        "  1.500 s (cycle 305) │ ◆ detected: tachometer-stuck, joint2: no change │ substitute",
     ]
 
 
 def test_faults_that_act_and_sets_that_wait_are_listed_with_the_last_three_events():
     events = [event("begins", 0.5), event("ends", 0.75), event("begins", 1.0, 300), event("ends", 1.25, 400)]
     faults = faults_of(status([DIES], [("dies", "active"), ("later", "waiting")]), [*events, event("begins", 1.5, 500)])
-    lines = panel_lines(FaultSignal(1, False, 3), faults, None)
+    lines = panel_lines(FaultSignal(1, False, 3), faults, None, CYCLE_S)
     assert text_of(lines) == [
         "▲ 1 fault acts │ ○ 1 set waits │ begun so far 3",
         "  ▲ joint2.tachometer stuck (dies), since 1.500 s (cycle 500)",
         "  ○ waiting: later",
-        "  began 1.500 s (cycle 500): joint2.tachometer stuck (dies)",
-        "  ended 1.250 s (cycle 400): joint2.tachometer stuck (dies)",
-        "  began 1.000 s (cycle 300): joint2.tachometer stuck (dies)",
+        "  1.500 s (cycle 500) │ ▲ fault begins: joint2.tachometer stuck (dies)",
+        "  1.250 s (cycle 400) │ ○ fault ends: joint2.tachometer stuck (dies)",
+        "  1.000 s (cycle 300) │ ▲ fault begins: joint2.tachometer stuck (dies)",
     ]
     assert lines[1][0].tone is Tone.WARNING
 
@@ -122,7 +178,7 @@ def test_the_panel_stays_small_however_many_faults_act():
     acting = tuple(ActingFault(f"set {number}", "can0.tx", "lost") for number in range(300))
     waiting = tuple(f"later {number}" for number in range(30))
     faults = Faults(acting, waiting, (), faults_of(status(), [event("begins", 1.0)] * 20).events)
-    lines = text_of(panel_lines(FaultSignal(255, False, 300), faults, None))
+    lines = text_of(panel_lines(FaultSignal(255, False, 300), faults, None, CYCLE_S))
     assert lines[0].startswith("▲ 255 or more faults act │ ○ 30 sets wait")
     assert "  ▲ and 297 more" in lines
     assert "  ○ waiting: later 0, later 1, later 2, later 3 and 26 more" in lines
@@ -130,13 +186,13 @@ def test_the_panel_stays_small_however_many_faults_act():
 
 
 def test_the_count_is_the_telemetrys_while_the_rest_is_not_known_and_why_is_said():
-    lines = text_of(panel_lines(FaultSignal(2, False, 2), None, Refusal("no answer")))
+    lines = text_of(panel_lines(FaultSignal(2, False, 2), None, Refusal("no answer"), CYCLE_S))
     assert lines == ["▲ 2 faults act │ begun so far 2 │ ▲ not up to date: no answer"]
 
 
 def test_a_fault_that_failed_is_not_like_one_that_ended():
     faults = faults_of(status(), [event("ends", 1.0, 5, failure="failed: ZeroDivisionError")])
-    ((*_, word),) = panel_lines(FaultSignal(0, False, 1), faults, None)
+    *_, (_, word) = panel_lines(FaultSignal(0, False, 1), faults, None, CYCLE_S)
     assert word.text.endswith("failed: ZeroDivisionError")
     assert word.tone is Tone.BAD
 

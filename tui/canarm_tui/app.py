@@ -21,13 +21,18 @@ from canarm_protocol.transport.port import BusPort, open_port
 
 from . import texts
 from .errors import TerminalError
+from .event_texts import event_lines
+from .events import happenings
+from .events_pane import EventsPane
 from .fault_desk import FaultDesk, Refusal
 from .fault_screens import ClearScreen, ResetScreen, StopScreen
 from .fault_texts import answer_word, panel_lines
+from .faults import Faults
 from .feed import Feed
 from .help import HelpScreen
 from .inject_screen import InjectScreen
 from .link import InBackground, Link, in_thread
+from .outcome import Outcome, OutcomePanel
 from .widgets import FaultPanel, JointsPane, WordLine
 
 DRAIN_HZ = 20
@@ -37,6 +42,7 @@ IDLE_NS = 1_000_000_000
 ANSWER_NS = 6_000_000_000
 """How long the bench's answer to a request stays below the header."""
 LEFT = "the dashboard was left"
+EVENTS = "pane-events"
 
 
 class DashboardApp(App[None]):
@@ -44,7 +50,7 @@ class DashboardApp(App[None]):
 
     `where` names the bus in the header until a port describes itself. `clock_ns` is the wall clock in ns. `on_start` is
     called once, when the first screen is up; `until` is asked at every drain, and ends the dashboard when true. Each of
-    `signals` ends it too.
+    `signals` ends it too. `outcome_of` is asked as well: what it returns is how the run has ended, which is shown.
     """
 
     TITLE = "canarm"
@@ -62,6 +68,8 @@ class DashboardApp(App[None]):
         Binding("f", "inject", "Inject", id="fault.inject", tooltip="Inject a fault, chosen in a dialog"),
         Binding("x", "clear", "Clear", id="fault.clear", tooltip="End faults, all or those of one set"),
         Binding("e", "stop", "Stop", id="bench.stop", tooltip="Emergency stop: asks first, then opens all supplies"),
+        Binding("1", "pane('joints')", "Joints", id="view.joints", tooltip="The joints and their errors"),
+        Binding("2", "pane('events')", "Events", id="view.events", tooltip="Faults and detections, newest first"),
         Binding("r", "reset", "Reset", id="bench.reset", tooltip="Switch the robot off and on again; asks first"),
     ]
 
@@ -75,6 +83,7 @@ class DashboardApp(App[None]):
         in_background: InBackground = in_thread,
         on_start: Callable[[], None] | None = None,
         until: Callable[[], bool] | None = None,
+        outcome_of: Callable[[], Outcome | None] = lambda: None,
         signals: Iterable[signal.Signals] = (),
     ) -> None:
         super().__init__()
@@ -85,6 +94,9 @@ class DashboardApp(App[None]):
         self.is_paused = False
         self._clock_ns = clock_ns
         self._on_start, self._until, self._signals = on_start, until, signals
+        self._outcome_of = outcome_of
+        self.outcome: Outcome | None = None
+        """How the run has ended, once it has."""
         self.left_by = LEFT
         """How the user has left, in a few words."""
         self._connections = 0
@@ -97,8 +109,10 @@ class DashboardApp(App[None]):
         """Header, notice, panes, faults, counters, keys."""
         yield WordLine(id="header")
         yield WordLine(id="notice", may_wrap=True)
+        yield OutcomePanel()
         with ContentSwitcher(initial="pane-joints", id="panes"):
             yield JointsPane(self.cell)
+            yield EventsPane()
         yield FaultPanel()
         yield WordLine(id="counters")
         yield Footer()
@@ -139,13 +153,18 @@ class DashboardApp(App[None]):
             self.desk.reconnected()
         self.feed.receive(frames, now_ns)
         self.desk.poll(self.feed.faults, now_ns)
+        if self.outcome is None:
+            self.outcome = self._outcome_of()
         if self._until is not None and self._until():
             self.exit()
 
     def redraw_news(self) -> None:
         """Draw new data at once; without any, ages and counters every `IDLE_NS`."""
         now_ns = self._clock_ns()
-        news = self.link.state, self.feed.changes, self.feed.faults, self.desk.faults, self.desk.refusal, self._answer
+        news = (
+            *(self.link.state, self.feed.changes, self.feed.faults, self.desk.faults, self.desk.refusal),
+            *(self._answer, self.outcome),
+        )
         if news != self._drawn or now_ns >= self._redraw_ns:
             self._drawn, self._redraw_ns = news, now_ns + IDLE_NS
             self.redraw()
@@ -164,9 +183,21 @@ class DashboardApp(App[None]):
         notice.show(() if said is None else (said,))
         counted = texts.counter_words(snapshot.counters, self.link.discarded, self.size.width - 2)
         screen.query_one("#counters", WordLine).show(counted)
-        screen.query_one(FaultPanel).show(panel_lines(snapshot.faults, self.desk.faults, self.desk.refusal))
+        screen.query_one(OutcomePanel).show(self.outcome)
+        cycle_s, is_events = self.cell.bus.cycle_s, screen.query_one(ContentSwitcher).current == EVENTS
+        # The pane of events has them all.
+        lines = panel_lines(snapshot.faults, self.desk.faults, self.desk.refusal, cycle_s)
+        screen.query_one(FaultPanel).show(() if is_events else lines)
         if not self.is_paused:
             screen.query_one(JointsPane).show(snapshot)
+            screen.query_one(EventsPane).show(event_lines(happenings(self.desk.faults or Faults()), cycle_s))
+
+    def action_pane(self, name: str) -> None:
+        """Show a pane."""
+        self.screen_stack[0].query_one(ContentSwitcher).current = f"pane-{name}"
+        if name == "events":
+            self.screen_stack[0].query_one(EventsPane).focus()
+        self.redraw()
 
     def action_pause(self) -> None:
         """Pause or resume the panes."""
@@ -217,6 +248,8 @@ class DashboardApp(App[None]):
     def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:
         """The commands of the palette, as "area: action"."""
         yield SystemCommand("View: pause", "Hold the panes, or let them go on", self.action_pause)
+        yield SystemCommand("View: joints", "The joints and their errors", lambda: self.action_pane("joints"))
+        yield SystemCommand("View: events", "Faults and detections", lambda: self.action_pane("events"))
         yield SystemCommand("View: theme", "Choose other colours", self.action_change_theme)
         yield SystemCommand("View: picture", "Save the screen as an SVG file", self._save_picture)
         yield SystemCommand("Fault: inject", "Inject a fault, chosen in a dialog", self.action_inject)
@@ -239,11 +272,13 @@ def run_dashboard(
     on_start: Callable[[], None] | None = None,
     until: Callable[[], bool] | None = None,
     on_left: Callable[[str], None] | None = None,
+    outcome_of: Callable[[], Outcome | None] = lambda: None,
 ) -> int:
     """Show the bench bus `-i interface -c channel key=value …` until the user quits; return an exit status, 0 = quit.
 
     `on_start` is called once, when the first screen is up; `until` often, and the dashboard ends when it is true.
-    `on_left` is told at the end how the user has left it, in a few words.
+    `on_left` is told at the end how the user has left it, in a few words. `outcome_of` returns how the run has ended,
+    once it has; the dashboard shows it and stays.
     A missing or lost bus is shown and tried again. SIGINT, SIGTERM and SIGHUP end the dashboard and leave the terminal
     as it was. Raises `TerminalError` if stdin or stderr, on which the dashboard is drawn, is no terminal.
     """
@@ -258,6 +293,7 @@ def run_dashboard(
         where=where,
         on_start=on_start,
         until=until,
+        outcome_of=outcome_of,
         signals=_ending_signals(),
     )
     before = {number: signal.getsignal(number) for number in _ending_signals()}

@@ -131,8 +131,10 @@ class FaultDesk:
         def job(client: BenchClient) -> Faults:
             found = client.status()
             if known is not None and len(known.acting) == len(found["active"]):
-                return replace(faults_of(found, ()), acting=known.acting, events=known.events)
-            return faults_of(found, client.events() if found["begun"] else ())
+                now = faults_of(found, ())
+                return replace(now, acting=known.acting, events=known.events, detections=known.detections)
+            events = client.events() if found["begun"] else ()
+            return faults_of(found, events, client.detections() if signal.detections else ())
 
         def take(answer: Faults | Refusal) -> None:
             self._is_looking = False

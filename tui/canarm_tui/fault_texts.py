@@ -1,14 +1,14 @@
-"""The dashboard's texts about faults: the lines of the panel, as words with a tone. Pure functions."""
+"""The dashboard's texts about faults and detections: the lines of the panel, as words with a tone. Pure functions."""
 
 from collections.abc import Iterator
 
-from canarm_protocol.faults.fault_events import FaultEvent, fault_label
+from canarm_protocol.faults.fault_events import fault_label
 
+from .event_texts import Line, event_line, when
+from .events import happenings
 from .fault_desk import Refusal
 from .faults import ActingFault, Faults, FaultSignal
 from .texts import Tone, Word
-
-Line = tuple[Word, ...]
 
 MOST_ACTING = 4
 MOST_EVENTS = 3
@@ -16,19 +16,28 @@ MOST_NAMES = 4
 MORE_THAN_A_BYTE = 255
 
 
-def panel_lines(signal: FaultSignal | None, faults: Faults | None, refusal: Refusal | None) -> tuple[Line, ...]:
-    """The panel: nothing before the first fault, one line while none acts or waits, otherwise all of it."""
+def panel_lines(
+    signal: FaultSignal | None, faults: Faults | None, refusal: Refusal | None, cycle_s: float
+) -> tuple[Line, ...]:
+    """The panel: nothing before the first fault or detection, then what acts, what waits, and the last events."""
     if signal is None:
         return ()
     faults = faults or Faults()
-    if not signal.active and not faults.waiting:
-        return (_quiet_line(signal, faults, refusal),) if signal.begun else ()
+    if not (signal.active or signal.begun or signal.detections or faults.waiting):
+        return ()
     return (
         _summary(signal, faults, refusal),
         *_acting_lines(faults.acting),
         *_waiting_lines(faults.waiting),
-        *((_event_word(event),) for event in faults.events[:MOST_EVENTS]),
+        *_event_lines(faults, cycle_s),
     )
+
+
+def _event_lines(faults: Faults, cycle_s: float) -> Iterator[Line]:
+    """The last events, newest first."""
+    for each in happenings(faults)[:MOST_EVENTS]:
+        first, *rest = event_line(each, cycle_s)
+        yield Word(f"  {first.text}", first.tone), *rest
 
 
 def answer_word(answer: str | Refusal) -> Word:
@@ -44,17 +53,10 @@ def _summary(signal: FaultSignal, faults: Faults, refusal: Refusal | None) -> Li
     words = [acting]
     if faults.waiting:
         words.append(Word(f"○ {len(faults.waiting)} {'set waits' if len(faults.waiting) == 1 else 'sets wait'}"))
-    return *words, Word(f"begun so far {signal.begun}", Tone.DIM), *_refusal_words(refusal)
-
-
-def _quiet_line(signal: FaultSignal, faults: Faults, refusal: Refusal | None) -> Line:
-    last = tuple(_event_word(event) for event in faults.events[:1])
-    return (
-        Word("no fault acts", Tone.DIM),
-        Word(f"begun so far {signal.begun}", Tone.DIM),
-        *_refusal_words(refusal),
-        *last,
-    )
+    words.append(Word(f"begun so far {signal.begun}", Tone.DIM))
+    if signal.detections:
+        words.append(Word(f"◆ detected so far {signal.detections}", Tone.GOOD))
+    return *words, *_refusal_words(refusal)
 
 
 def _refusal_words(refusal: Refusal | None) -> Line:
@@ -64,7 +66,7 @@ def _refusal_words(refusal: Refusal | None) -> Line:
 def _acting_lines(acting: tuple[ActingFault, ...]) -> Iterator[Line]:
     shown = acting if len(acting) <= MOST_ACTING else acting[: MOST_ACTING - 1]
     for each in shown:
-        since = "" if each.began is None else f", since {_when(each.began)}"
+        since = "" if each.began is None else f", since {when(each.began)}"
         yield (Word(f"  ▲ {_what(each)}{since}", Tone.WARNING),)
     if len(shown) < len(acting):
         yield (Word(f"  ▲ and {len(acting) - len(shown)} more", Tone.WARNING),)
@@ -76,15 +78,5 @@ def _waiting_lines(waiting: tuple[str, ...]) -> Iterator[Line]:
         yield (Word(f"  ○ waiting: {', '.join(waiting[:MOST_NAMES])}{more}"),)
 
 
-def _event_word(event: FaultEvent) -> Word:
-    verb = "began" if event.is_begin else "ended"
-    failure = f", {event.failure}" if event.failure else ""
-    return Word(f"  {verb} {_when(event)}: {_what(event)}{failure}", Tone.BAD if event.failure else Tone.DIM)
-
-
-def _what(each: ActingFault | FaultEvent) -> str:
+def _what(each: ActingFault) -> str:
     return fault_label(each.set_name, each.tap, each.fault)
-
-
-def _when(event: FaultEvent) -> str:
-    return f"{event.time_s:.3f} s" + (f" (cycle {event.cycle})" if event.cycle >= 0 else "")

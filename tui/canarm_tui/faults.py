@@ -1,4 +1,4 @@
-"""The bench's faults as values: acting ones, waiting sets, the last beginnings and ends.
+"""The bench's faults and the controllers' detections as values: acting faults, waiting sets, the last events.
 
 Plain values of the bench's JSON in, frozen values out. No bus, no clock, no texts.
 """
@@ -7,19 +7,19 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from canarm_protocol.faults.detection_events import DetectionEvent, detection_from_plain
 from canarm_protocol.faults.fault_events import FaultEvent, event_from_plain
-
-EVENTS_KEPT = 10
 
 
 @dataclass(frozen=True, slots=True)
 class FaultSignal:
-    """Fault objects in the bench's telemetry: 0x2405, 0x2410, 0x2406."""
+    """Objects of faults and detections in the bench's telemetry: 0x2405, 0x2410, 0x2406, 0x2141."""
 
     active: int
     """255 for more."""
     is_stopped: bool
     begun: int
+    detections: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,17 +34,24 @@ class ActingFault:
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """All faults at one time. `waiting` and `set_names` are names of sets, `events` are newest first."""
+    """All faults at one time. `waiting` and `set_names` are names of sets; `events` and `detections` are newest first,
+    as many as the bench keeps.
+    """
 
     acting: tuple[ActingFault, ...] = ()
     waiting: tuple[str, ...] = ()
     set_names: tuple[str, ...] = ()
     """Sets that can be cleared: acting or waiting."""
     events: tuple[FaultEvent, ...] = ()
+    detections: tuple[DetectionEvent, ...] = ()
 
 
-def faults_of(status: Mapping[str, Any], events: Iterable[Mapping[str, Any]]) -> Faults:
-    """The bench's FAULT_STATUS and FAULT_EVENTS as values. Raises `KeyError` or `TypeError` if malformed."""
+def faults_of(
+    status: Mapping[str, Any], events: Iterable[Mapping[str, Any]], detections: Iterable[Mapping[str, Any]] = ()
+) -> Faults:
+    """The bench's FAULT_STATUS, FAULT_EVENTS and DETECTION_EVENTS as values. Raises `KeyError` or `TypeError` if
+    malformed.
+    """
     happened = [event_from_plain(each) for each in events]
     begun: dict[tuple[str, str, str], list[FaultEvent]] = {}
     for event in happened:
@@ -63,5 +70,6 @@ def faults_of(status: Mapping[str, Any], events: Iterable[Mapping[str, Any]]) ->
         tuple(acting),
         tuple(name for name, state in states if state == "waiting"),
         tuple(dict.fromkeys(name for name, state in states if state != "ended")),
-        tuple(reversed(happened[-EVENTS_KEPT:])),
+        tuple(reversed(happened)),
+        tuple(detection_from_plain(each) for each in detections)[::-1],
     )

@@ -264,8 +264,8 @@ class Feed:
         self._report = tick, late, state
         self._report_wall_ns = self._wall_ns
 
-    def _on_faults(self, active: int, stop: int, begun: int) -> None:
-        self.faults = FaultSignal(active, bool(stop), begun)
+    def _on_faults(self, active: int, stop: int, begun: int, detections: int) -> None:
+        self.faults = FaultSignal(active, bool(stop), begun, detections)
 
     def _mark(self, wall_ns: int) -> None:
         marks = self._marks

@@ -13,7 +13,9 @@ HELP = """\
   q  quit      space  pause and go on      ctrl+p  all commands      ?  this help
   f  inject a fault      x  clear faults      e  emergency stop, on and off; it asks first
   r  reset: the robot off and on again, as canarm reset does; it asks first
+  1  the joints      2  events: faults and detections, newest first; the arrows scroll
   q and ctrl+c leave the dashboard; of canarm demo they stop the robot, of canarm tui nothing else.
+  When the run of canarm demo is over, the dashboard stays, with how it went at the top.
   Paused, the panes stand still; data are still received, and the header stays live.
 
 [b]Header[/b]
@@ -25,9 +27,10 @@ HELP = """\
   cycles/s       cycles a second of the bus's time, and of wall time where that differs
   × real time    how many seconds of the run pass in a second
 
-[b]Faults[/b]
+[b]Faults and detections[/b]
   Under the joints as soon as there are some: which act and since when, which sets wait, the last three events.
-  Times are seconds since power-on, cycles count from NMT start. Without any fault there is no such part.
+  ◆ detected     what a controller has detected, what it did, and how long after the last fault began
+  Times are seconds since power-on, cycles count from NMT start. Without any there is no such part.
   f asks the bench what it can inject where: type a part of a name, choose with ↑ and ↓, go on with enter.
   A field that is left as it is keeps its default. What the bench refuses, it says in the dialog.
 

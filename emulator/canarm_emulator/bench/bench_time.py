@@ -16,6 +16,7 @@ from ..bench_node.assessor import Assessor
 from ..bench_node.bench_device import BenchDevice
 from ..bench_node.bench_node import BenchNode
 from ..bench_node.bus_figures import BusFigures
+from ..bench_node.detection_objects import DetectionObjects
 from ..bench_node.fault_objects import FaultObjects
 from ..bus_record import Record
 from ..cards.rack import Rack
@@ -78,8 +79,9 @@ class BenchTime(ABC):
         self.slaves.extend(self.make_card(card, card.node_id) for card in cell.card)
         figures = BusFigures(self.wire, self.trouble, [slave.node_id for slave in self.slaves])
         faults = FaultObjects(self._time_and_run)
+        detections = DetectionObjects(lambda: self._time.time_ns)
         self.device = BenchDevice(
-            cell, self.assessor, figures, faults, self._set_emergency_stop, lambda: self.power_cycle()
+            cell, self.assessor, figures, faults, detections, self._set_emergency_stop, lambda: self.power_cycle()
         )
         self.device.truth = self.world.state()
         self.device.refused_directions = lambda: self.world.illegal_directions

@@ -30,6 +30,7 @@ class BenchDevice:
         assessor: Assessor,
         buses: BusFigures,
         faults: FaultObjects,
+        detections: DetectionObjects,
         set_emergency_stop: Callable[[bool], None],
         power_cycle: Callable[[], None],
     ) -> None:
@@ -37,7 +38,7 @@ class BenchDevice:
         self.assessor = assessor
         self.buses = buses
         self.faults = faults
-        self.detections = DetectionObjects()
+        self.detections = detections
         self.channels = SdoChannels(cell.bus.bench_node_id)
         self.is_stopped = False
         """Whether the emergency stop is on."""

@@ -6,6 +6,7 @@ A controller sends each detection in pieces; what it means is not known here.
 import json
 import zlib
 from collections import deque
+from collections.abc import Callable
 
 from canarm_protocol.cell import bench_objects as objects
 from canarm_protocol.faults.detection_events import DetectionEvent, Pieces, detection_as_plain
@@ -16,9 +17,10 @@ U16 = 0xFFFF
 
 
 class DetectionObjects:
-    """The last detections, oldest first, across controllers."""
+    """The last detections, oldest first, across controllers. `now_ns` gives virtual time."""
 
-    def __init__(self) -> None:
+    def __init__(self, now_ns: Callable[[], int]) -> None:
+        self._now_ns = now_ns
         self._pieces = Pieces()
         self._events: deque[DetectionEvent] = deque(maxlen=objects.MOST_EVENTS)
         self._count = 0
@@ -27,7 +29,7 @@ class DetectionObjects:
         """The next eight bytes of a detection have come."""
         event = self._pieces.take(int(piece))
         if event is not None:
-            self._events.append(event)
+            self._events.append(event._replace(time_ns=self._now_ns()))
             self._count += 1
 
     @property

@@ -10,6 +10,7 @@ from binascii import crc_hqx
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+DETECTION = "detection"
 PIECE = 8
 """Bytes in a frame."""
 LONGEST_DETAIL = 200
@@ -24,7 +25,8 @@ _CHECKED = len(_BEGIN) + 4
 class DetectionEvent(NamedTuple):
     """A detection in the controller's cycle `cycle`, which is that of the bench since NMT start.
 
-    `where` is a joint or a node; None is the run as a whole. `detail` and `reaction` are in words.
+    `where` is a joint or a node; None is the run as a whole. `detail` and `reaction` are in words. `time_ns` is the
+    virtual time at which the bench heard of it; 0 if it has not yet.
     """
 
     cycle: int
@@ -32,12 +34,14 @@ class DetectionEvent(NamedTuple):
     where: str | None
     detail: str
     reaction: str
+    time_ns: int = 0
 
 
 def detection_as_plain(event: DetectionEvent) -> dict[str, Any]:
-    """The event as plain values, with the keys of `events.jsonl`; a long detail is cut."""
+    """The event as plain values, in the order of `events.jsonl`; a long detail is cut."""
     detail = event.detail if len(event.detail) <= LONGEST_DETAIL else event.detail[: LONGEST_DETAIL - 1] + "…"
-    return {"event": "detection", **event._asdict(), "detail": detail}
+    fields = event._replace(detail=detail)._asdict()
+    return {"time_ns": fields.pop("time_ns"), "event": DETECTION, **fields}
 
 
 def detection_from_plain(plain: Mapping[str, Any]) -> DetectionEvent:
@@ -46,7 +50,7 @@ def detection_from_plain(plain: Mapping[str, Any]) -> DetectionEvent:
     texts = plain["detector"], plain["detail"], plain["reaction"], where or ""
     if type(cycle) is not int or not all(isinstance(text, str) for text in texts):
         raise TypeError("not a detection")
-    return DetectionEvent(cycle, plain["detector"], where, plain["detail"], plain["reaction"])
+    return DetectionEvent(cycle, plain["detector"], where, plain["detail"], plain["reaction"], plain.get("time_ns", 0))
 
 
 def pieces_of(event: DetectionEvent) -> Iterator[int]:

@@ -1,0 +1,45 @@
+"""How a run has ended, as the dashboard shows it: values and the panel that stays below the header."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from textual.content import Content
+from textual.widgets import Static
+
+from .styles import line_of
+from .texts import Tone, Word
+
+LEAVE = Word("q leaves", Tone.DIM)
+
+
+class Outcome(NamedTuple):
+    """The verdict in a few words, whether all went well, and further lines: reason, detections, where the record is."""
+
+    verdict: str
+    is_well: bool
+    details: Sequence[str] = ()
+
+
+class OutcomePanel(Static):
+    """Hidden until there is an outcome."""
+
+    DEFAULT_CSS = """
+    OutcomePanel { display: none; height: auto; max-height: 50%; padding: 0 1; background: $panel; overflow-y: auto; }
+    OutcomePanel.-shown { display: block; }
+    """
+
+    def __init__(self) -> None:
+        super().__init__(id="outcome")
+        self.outcome: Outcome | None = None
+
+    def show(self, outcome: Outcome | None) -> None:
+        """Show it, or nothing."""
+        if outcome == self.outcome:
+            return
+        self.outcome = outcome
+        self.set_class(outcome is not None, "-shown")
+        if outcome is not None:
+            sign, tone = ("✓", Tone.GOOD) if outcome.is_well else ("✖", Tone.BAD)
+            lines = [line_of((Word(f"{sign} {outcome.verdict}", tone), LEAVE))]
+            lines += (line_of((Word(text),)) for text in outcome.details)
+            self.update(Content("\n").join(lines), layout=True)
