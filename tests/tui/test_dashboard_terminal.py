@@ -184,7 +184,7 @@ def test_a_fault_is_injected_with_keys_into_a_real_emulator_and_acts_until_it_is
         terminal.press("x")
         wait_for(terminal, idle, "enter clears")
         terminal.press("Enter")
-        wait_for(terminal, idle, "no fault acts", "ended", "joint2.tachometer stuck")
+        wait_for(terminal, idle, "no fault acts", "fault ends: joint2.tachometer stuck")
         terminal.press("e")
         wait_for(terminal, idle, "Open the supply of all amplifiers?")
         terminal.press("Enter")

@@ -68,9 +68,9 @@ class DashboardApp(App[None]):
         Binding("f", "inject", "Inject", id="fault.inject", tooltip="Inject a fault, chosen in a dialog"),
         Binding("x", "clear", "Clear", id="fault.clear", tooltip="End faults, all or those of one set"),
         Binding("e", "stop", "Stop", id="bench.stop", tooltip="Emergency stop: asks first, then opens all supplies"),
-        Binding("1", "pane('joints')", "Joints", id="view.joints", tooltip="The joints and their errors"),
-        Binding("2", "pane('events')", "Events", id="view.events", tooltip="Faults and detections, newest first"),
         Binding("r", "reset", "Reset", id="bench.reset", tooltip="Switch the robot off and on again; asks first"),
+        Binding("2", "pane('events')", "Events", id="view.events", tooltip="Faults and detections, newest first"),
+        Binding("1", "pane('joints')", "Joints", id="view.joints", tooltip="The joints and their errors"),
     ]
 
     def __init__(
