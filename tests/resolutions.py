@@ -3,6 +3,7 @@
 import re
 
 from canarm_protocol.cell.cell_file import parse_cell, shipped_cells
+from canarm_protocol.cell.control import Homing
 from canarm_protocol.cell.model import Cell
 
 
@@ -42,3 +43,9 @@ def cell_of_encoders(lines: int = 2048, counter_bits: int = 32) -> Cell:
     wires = [f'{{ number = {n}, signal = "joint{n + 1}.encoder" }}' for n in (1, 2)]
     text += f"\n{card}counter_bits = {counter_bits}\nchannel = [{', '.join(wires)}]\n"
     return parse_cell(text, "konkuk1 with encoders")
+
+
+def homed(cell: Cell, parked_within_deg: float = 0.5, speed_deg_s: float = 40.0) -> Cell:
+    """A cell whose joints are homed by the index of their encoders."""
+    homing = Homing(parked_within_deg=parked_within_deg, speed_deg_s=speed_deg_s)
+    return cell.model_copy(update={"control": cell.control.model_copy(update={"homing": homing})})

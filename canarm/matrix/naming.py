@@ -63,7 +63,7 @@ FITTING: tuple[Fitting, ...] = (
     Fitting(Part.DRIVE, "current-limit", ("saturation",)),
     Fitting(Part.DRIVE, "supply-undervoltage", ("saturation",)),
     Fitting(Part.POTENTIOMETER, "*", ("potentiometer-*", "impossible-position", "impossible-motion")),
-    Fitting(Part.ENCODER, "*", ("encoder-*", "impossible-position", "impossible-motion")),
+    Fitting(Part.ENCODER, "*", ("encoder-*", "impossible-position", "impossible-motion", "homing-failed")),
     Fitting(Part.TACHOMETER, "*", ("tachometer-*",)),
     Fitting(Part.CURRENT_SENSE, "*", ("current-sense-*",)),
     *(

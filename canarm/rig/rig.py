@@ -131,7 +131,10 @@ class Rig(Carrying, AnyRig):
 
     @property
     def approach_s(self) -> float:
-        """Duration of the approach to the first pose of a trajectory file, from cycle 0; the file begins after it."""
+        """Time from cycle 0 to the beginning of the trajectory: homing, and the move to the first pose of a file.
+
+        While joints are being homed it is not known yet; then it is the time of their present move.
+        """
         return self._controller.loop.trajectory.approach_s
 
     @property

@@ -62,6 +62,23 @@ def test_an_error_that_the_grips_allow_is_shown_whole() -> None:
     np.testing.assert_allclose(rows @ shown(error, 0.0), 0.0, atol=1e-12)
 
 
+def test_what_presses_the_hands_together_is_taken_out_of_a_laws_torques() -> None:
+    """A force at the grips, Cᵀ·f, moves nothing; what is left moves both hands alike, C·W·τ = 0."""
+    inertia = np.linspace(0.2, 0.8, 10)
+    cycle = Cycle(10)
+    cycle.reference_rad, cycle.position_rad = tuple(HOME), tuple(HOME)
+    grip = SharedGrip(CHAIN, inertia.tolist(), 0.2)
+    grip.show(cycle)
+    rows, _ = CHAIN.constraint(HOME.tolist(), [0.0] * 10)
+    planned = np.random.default_rng(3).normal(size=10)
+    pressing = rows.T @ np.array([3.0, -2.0, 5.0])
+    np.testing.assert_allclose(grip.eased((planned + pressing).tolist(), planned.tolist()), planned, atol=1e-12)
+    asked = np.random.default_rng(4).normal(size=10)
+    left = np.array(grip.eased((planned + asked).tolist(), planned.tolist())) - planned
+    np.testing.assert_allclose(rows @ (left / inertia), 0.0, atol=1e-12)
+    np.testing.assert_allclose(grip.eased((planned + left).tolist(), planned.tolist()), planned + left, atol=1e-12)
+
+
 def test_a_cell_without_an_object_has_no_closed_chain() -> None:
     assert ClosedChain.of(load_cell("konkuk1")) is None
     with pytest.raises(ValueError, match="has no object"):

@@ -12,7 +12,7 @@ import pytest
 
 from canarm import Rig
 from canarm_controller.supervision.detection import DETECTORS, Reaction
-from tests.resolutions import cell_of_encoders
+from tests.resolutions import cell_of_encoders, homed
 
 AT_S, CYCLE_S, AT = 3.25, 0.0025, 1300
 """Joint 2 accelerates at -2.1 rad/s² there, joint 3 turns at -1.7 rad/s."""
@@ -66,6 +66,7 @@ SCENES: dict[str, Scene] = {
     "deadline-missed": Scene(None, 2, fault("bench.clock", "late-sync")),
     "impossible-position": Scene("joint2", 2, fault("joint2.potentiometer", "short-to-supply")),
     "impossible-motion": Scene("joint2", 2, fault("joint2.potentiometer", "open-load")),
+    "homing-failed": Scene("joint2", 0, rig={"cell": homed(cell_of_encoders()), "truth": {"joint2.initial_deg": 21.5}}),
     "law-output": Scene(None, 2, by_hand=breaks_law([float("nan"), 0.0])),
     "law-failed": Scene(None, 2, by_hand=breaks_law(ZeroDivisionError("of the law"))),
     "interrupted": Scene(None, 2, by_hand=lambda rig: rig.controller.interrupt("by the user")),

@@ -141,10 +141,15 @@ def test_it_is_a_multi_sensor_encoder_of_cia_406() -> None:
     link.turns[1] = 1.25
     assert counter.sdo[0x6020][2].raw == 1500
     assert counter.sdo["Count at the last index"][2].raw == 1000
+    assert counter.sdo["Index pulses"][2].raw == 1
     counter.sdo[0x6010][2].raw = -7
     assert counter.sdo[0x6020][2].raw == -7
     link.turns[1] = 0.75
     assert counter.sdo[0x6020][2].raw == -1007
+    assert counter.sdo[0x2102][2].raw == 2
+    link.turns[1] = -2.25
+    assert counter.sdo[0x2102][2].raw == 5  # 0, -1 and -2 turns
+    assert counter.sdo[0x2102][1].raw == 0
     assert counter.sdo[0x6010][2].raw == -7
 
 

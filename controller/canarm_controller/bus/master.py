@@ -68,10 +68,15 @@ def read_input(node: CardNode, channel: int) -> Generator[Ask, Frame, int]:
     """The present code of one of the card's inputs, by SDO. Raises `BringUpError`."""
     card = node.card
     place = card.kind.place(card, channel)
-    variable = variable_at(node.dictionary, place.index, place.subindex)
-    assert variable is not None, "every channel of the kind is in its EDS"
-    data = yield from _read(node, place.index, place.subindex, len(variable) // 8)
-    return card.codec.code(int(variable.decode_raw(data)))
+    return card.codec.code((yield from read_number(node, place.index, place.subindex)))
+
+
+def read_number(node: CardNode, index: int, subindex: int) -> Generator[Ask, Frame, int]:
+    """The number in an object of the card's EDS, by SDO. Raises `BringUpError`."""
+    variable = variable_at(node.dictionary, index, subindex)
+    assert variable is not None, "it is in the card's EDS"
+    data = yield from _read(node, index, subindex, len(variable) // 8)
+    return int(variable.decode_raw(data))
 
 
 def start_frames(nodes: tuple[CardNode, ...], node_id: int) -> list[Frame]:

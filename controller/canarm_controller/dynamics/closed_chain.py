@@ -46,6 +46,11 @@ class ClosedChain:
         """The closed chain of a cell; None without an object."""
         return None if cell.object is None else cls(cell)
 
+    @property
+    def slave(self) -> slice:
+        """Which of the joints are the slave's."""
+        return self._sides[1][1]
+
     def gap(self, q: Numbers) -> Triple:
         """How far the point that the slave holds is from its hand, (3,), m: all 0 where the hands fit the object."""
         gap: Triple = (0.0, 0.0, 0.0)

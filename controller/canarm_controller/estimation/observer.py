@@ -91,6 +91,11 @@ class ArmState:
             joint.start(position, velocity)
         self._is_first = True
 
+    def shift(self, shift_rad: Sequence[float]) -> None:
+        """All angles, those of the past too, are so much greater than was believed."""
+        for joint, shift in zip(self._joints, shift_rad, strict=bool(self._joints)):
+            joint.position_rad += shift
+
     def update(self, cycle: Cycle, acceleration: Acceleration) -> None:
         """Take one cycle. In the first, no command acts yet: the arm is parked."""
         joints, lead_s = self._joints, self._lead_s

@@ -1,4 +1,4 @@
-"""What a law is to see of two arms that hold one object: errors that the grips do not allow are no motion.
+"""What a law is to see of two arms that hold one object, and what of its torques is to reach them.
 
 Two position-controlled arms on one stiff object fight: the hands cannot move against each other, so what encoders say
 of it is an error of homing, of a base or of a count, and a law that integrates it presses the object until something
@@ -20,7 +20,7 @@ class SharedGrip:
     """Divides following errors e = q - q_d into motion (I - Π)·e, which the law sees, and Π·e, of which it has a share.
 
     Π = W·Cᵀ·(C·W·Cᵀ)⁻¹·C with C of `ClosedChain` and W the inverse of the joints' effective inertias, by which the
-    joint laws scale their gains. As C·(I - Π) = 0, what they add up of it does not press on the object.
+    joint laws scale their gains. As C·(I - Π) = 0, what they add up of it is a motion of both hands together.
     """
 
     def __init__(self, chain: ClosedChain, effective_inertia: Sequence[float], stiffness: float) -> None:
@@ -29,6 +29,7 @@ class SharedGrip:
         self._weights = 1.0 / np.array(effective_inertia)
         self._rows: Sequence[Sequence[float]] = ()
         self._answer: Sequence[Sequence[float]] = ()
+        self._columns: Sequence[Sequence[float]] = ()
         self._refresh_in = 0
 
     def show(self, cycle: Cycle) -> None:
@@ -37,13 +38,28 @@ class SharedGrip:
             self._refresh_in = REFRESH
             rows, _ = self._chain.constraint(cycle.reference_rad, cycle.reference_rad_s)
             across = self._weights[:, np.newaxis] * rows.T
-            answer = self._taken * np.linalg.solve(rows @ across, across.T).T
-            self._rows, self._answer = rows.tolist(), answer.tolist()
+            answer = np.linalg.solve(rows @ across, across.T).T
+            self._rows, self._columns, self._answer = rows.tolist(), rows.T.tolist(), answer.tolist()
         self._refresh_in -= 1
         cycle.position_rad = self._seen(cycle.position_rad, cycle.reference_rad)
         cycle.velocity_rad_s = self._seen(cycle.velocity_rad_s, cycle.reference_rad_s)
 
+    def eased(self, torque_nm: Sequence[float], planned_nm: Sequence[float]) -> list[float]:
+        """`torque_nm` less what presses the hands against each other of its difference from `planned_nm`.
+
+        Errors that the grips allow still lead to torques that press: the joints' gains and bias currents are not in
+        proportion to their inertias. That part is Cᵀ·μ with μ = (C·W·Cᵀ)⁻¹·C·W·Δτ, a force at the grips, and moves
+        nothing.
+        """
+        more = [torque - planned for torque, planned in zip(torque_nm, planned_nm, strict=True)]
+        a = b = c = 0.0
+        for each, (x, y, z) in zip(more, self._answer, strict=True):
+            a, b, c = a + x * each, b + y * each, c + z * each
+        rows = zip(torque_nm, self._columns, strict=True)
+        return [torque - x * a - y * b - z * c for torque, (x, y, z) in rows]
+
     def _seen(self, measured: Sequence[float], reference: Sequence[float]) -> tuple[float, ...]:
         error = [each - meant for each, meant in zip(measured, reference, strict=True)]
-        a, b, c = (sum([share * off for share, off in zip(row, error, strict=True)]) for row in self._rows)
+        taken = self._taken
+        a, b, c = (taken * sum([share * off for share, off in zip(row, error, strict=True)]) for row in self._rows)
         return tuple([each - x * a - y * b - z * c for each, (x, y, z) in zip(measured, self._answer, strict=True)])

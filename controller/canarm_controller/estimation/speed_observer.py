@@ -55,6 +55,10 @@ class SpeedObserver:
         self._x, self._v, self._b = list(position_rad), [0.0] * self._count, [0.0] * self._count
         self._is_first = True
 
+    def shift(self, shift_rad: Sequence[float]) -> None:
+        """All angles, those of the past too, are so much greater than was believed."""
+        self._x = [position + shift for position, shift in zip(self._x, shift_rad, strict=True)]
+
     def predicted(self, measured_rad_s: Sequence[float]) -> tuple[float, ...]:
         """`measured_rad_s` with the expected speeds of joints without a tachometer."""
         found = list(measured_rad_s)

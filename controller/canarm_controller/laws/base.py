@@ -48,6 +48,13 @@ class ControlLaw(ABC):
         Called once every `period_s`.
         """
 
+    def shift(self, shift_rad: Sequence[float]) -> None:
+        """From the next cycle on, positions and references are so much greater (rad): the joints have been homed.
+
+        Nothing has moved. A law that keeps angles, not only errors, from cycle to cycle shifts them here.
+        """
+        return
+
     def internals(self) -> Mapping[str, Sequence[float]]:
         """Named internal values for display and recording, one entry per joint, with units in the names.
 

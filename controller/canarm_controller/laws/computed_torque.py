@@ -53,6 +53,10 @@ class ComputedTorque(ControlLaw):
         self._state.start(position_rad, velocity_rad_s)
         self._standing.start()
 
+    def shift(self, shift_rad: Sequence[float]) -> None:
+        """The observer's angles are shifted."""
+        self._state.shift(shift_rad)
+
     def update(self, cycle: Cycle) -> Sequence[float]:
         """Torques in N·m."""
         state, model = self._state, self._model

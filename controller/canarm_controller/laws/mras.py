@@ -88,6 +88,11 @@ class Mras(ControlLaw):
             for i, joint in enumerate(self._joints)
         ]
 
+    def shift(self, shift_rad: Sequence[float]) -> None:
+        """The models' angles are shifted."""
+        for joint, shift in zip(self._joints, shift_rad, strict=True):
+            joint.y += shift
+
     def internals(self) -> Mapping[str, Sequence[float]]:
         """α (s²), β (s), bias (A), and the model's position (rad)."""
         return {

@@ -78,6 +78,12 @@ class MrasLyapunov(ControlLaw):
         for joint, position, velocity in zip(self._joints, position_rad, velocity_rad_s, strict=True):
             joint.start(position, velocity)
 
+    def shift(self, shift_rad: Sequence[float]) -> None:
+        """The models' and the observer's angles are shifted."""
+        self._state.shift(shift_rad)
+        for joint, shift in zip(self._joints, shift_rad, strict=True):
+            joint.y += shift
+
     def update(self, cycle: Cycle) -> Sequence[float]:
         """Torques in N·m."""
         state = self._state

@@ -82,6 +82,10 @@ class SlotineLi(ControlLaw):
         self._standing.start()
         self._restart_parameters()
 
+    def shift(self, shift_rad: Sequence[float]) -> None:
+        """The observer's angles are shifted."""
+        self._state.shift(shift_rad)
+
     def update(self, cycle: Cycle) -> Sequence[float]:
         """Torques in N·m; then the step of the parameters to the next cycle."""
         state = self._state

@@ -4,6 +4,7 @@ Owns the states of a run, from finding the cards to leaving them safe. Sockets, 
 The same object runs in a process of its own or inside a test.
 """
 
+import math
 from collections.abc import Callable, Sequence
 
 from canarm_protocol.canopen.frames import Cob, Frame
@@ -13,12 +14,13 @@ from canarm_protocol.cell.wiring import CardNode, InputSlot
 from canarm_protocol.clock import Clock
 
 from ..bus.master import start_frames, stop_frames
-from ..errors import BringUpError, ControllerError, InterruptedRunError
+from ..errors import BringUpError, ControllerError, InterruptedRunError, TrajectoryError
 from ..supervision.arrivals import Arrivals
 from ..supervision.detection import DETECTORS
 from ..supervision.supervisor import Supervisor, Verdict, law_verdict
 from .awaited_inputs import AwaitedInputs
 from .cycle_frames import CycleFrames
+from .homing import HOMING_FAILED, Homing
 from .loop import ControlLoop
 from .measuring import Measuring
 from .preparation import Preparation
@@ -67,7 +69,11 @@ class Controller(SupervisedRun):
         self._supervisor = Supervisor(cell, nodes)
         self._measuring = Measuring(cell, clock, loop, self._watch)
         self._times = self._measuring.times
-        self._preparation = Preparation(cell, nodes, clock, listen_ns, self._begin_loop)
+        marks = () if loop.search is None else loop.search.marks
+        self._preparation = Preparation(cell, nodes, clock, listen_ns, self._begin_loop, marks)
+        self._homing: Homing | None = None
+        self._is_rezeroed = False
+        """Whether the next angles differ from the last ones because joints have been homed."""
         self._frames = CycleFrames(cell, nodes)
         self._inputs = AwaitedInputs(nodes, slots)
         self._arrivals = Arrivals(self._inputs.layouts, self._detect_at_node)
@@ -121,6 +127,8 @@ class Controller(SupervisedRun):
                     self._take_time(data)
                 self.close_cycle()
                 self.open_cycle()
+        elif self._homing is not None and self._homing.take(frame):
+            pass
         elif self._preparation.is_on:
             if self._preparation.is_answer(frame):
                 self._converse(frame, now_ns)
@@ -170,6 +178,8 @@ class Controller(SupervisedRun):
             self._opened_ns = now_ns
         self._times.open_cycle(now_ns)
         self._arrivals.open_cycle(self._inputs.awaited if self.tick else ())
+        if self._homing is not None:
+            self.outbox += self._homing.opening(self.tick)
         self.outbox += self._frames.opening(self.tick)
         self._inputs.open_cycle()
         self.cycle_is_open = True
@@ -177,7 +187,7 @@ class Controller(SupervisedRun):
     def close_cycle(self) -> None:
         """End a cycle: compute the outputs that act at the next SYNC from its inputs."""
         self.cycle_is_open = False
-        if self._ticks is not None and self.controlled_ticks >= self._ticks:
+        if self._ticks is not None and self._homing is None and self.controlled_ticks >= self._ticks:
             self.end()
         if self.state is State.RUNNING:
             if self._inputs.awaited and self.clock is Clock.SYNC:
@@ -219,11 +229,36 @@ class Controller(SupervisedRun):
             self.cycle_is_open = False
             self._preparation.end()
 
-    def _begin_loop(self, codes: Sequence[int]) -> None:
-        self.loop.begin(codes)
+    def _begin_loop(self, codes: Sequence[int], pulses: Sequence[int]) -> None:
+        loop = self.loop
+        loop.begin(codes)
+        if loop.search is None:
+            self._enter()
+        else:
+            search = loop.search
+            self._homing = Homing(
+                self._nodes, self.cell.joint_names, search.marks, pulses, loop.search_ticks, search.within_rad
+            )
+        self._watch.start(loop.cycle.position_rad)
+
+    def _enter(self) -> None:
+        """The trajectory is entered: what comes before its beginning is not counted among the ticks of the run."""
         if self._ticks is not None:
             self._ticks += round(self.loop.trajectory.approach_s / self.loop.period_s)
-        self._watch.start(self.loop.cycle.position_rad)
+
+    def _home(self, homing: Homing) -> None:
+        """Look how far the homing is, before the measurements of a cycle are taken."""
+        if homing.failure is not None:
+            self._judge(homing.failure)
+        elif homing.zeros is not None:
+            self._homing, self._is_rezeroed = None, True
+            try:
+                self.loop.home(homing.zeros, self.tick)
+            except TrajectoryError as error:
+                self._judge(Verdict(HOMING_FAILED, str(error)))
+            except ControllerError as error:
+                self._judge(law_verdict(error))
+            self._enter()
 
     def _converse(self, answer: Frame | None, now_ns: int, is_silent: bool = False) -> None:
         try:
@@ -244,7 +279,11 @@ class Controller(SupervisedRun):
     def _control(self) -> None:
         loop = self.loop
         if not self._inputs.awaited:
+            if self._homing is not None:
+                self._home(self._homing)
             self._measure()
+            if self._homing is not None:
+                loop.measure_search()
         else:
             self._watch.coast(loop.cycle)
         if self.state is State.RUNNING:
@@ -262,9 +301,13 @@ class Controller(SupervisedRun):
         """Take and judge what the cards have measured."""
         sample = self._measuring.take(self._inputs.codes, self.tick)
         if self.state is State.RUNNING:
-            left_out = sample.left_out_s / self.loop.period_s
+            left_out = math.inf if self._is_rezeroed else sample.left_out_s / self.loop.period_s
             self._judge(self._supervisor.measurement(self.loop.cycle.position_rad, left_out))
-        self._measuring.judge(sample)
+        if self._is_rezeroed:
+            self._is_rezeroed = False
+            self._watch.start(self.loop.cycle.position_rad)
+        else:
+            self._measuring.judge(sample)
 
     def _law_output(self) -> Sequence[float] | None:
         """The law's torques; None if they are unusable."""
@@ -275,7 +318,7 @@ class Controller(SupervisedRun):
             return None
         verdict = self._supervisor.command(torque_nm)
         self._judge(verdict)
-        return [float(torque) for torque in torque_nm] if verdict is None else None
+        return self.loop.eased(torque_nm) if verdict is None else None
 
     def _miss(self) -> None:
         if self.state is State.RUNNING:

@@ -4,7 +4,7 @@ Owns scales, sampling times, and substitutes for sensors that a joint does not h
 not enter.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import radians
 
 from canarm_protocol.cell.model import Cell, Quantity
@@ -72,6 +72,19 @@ class JointInputs:
         if self._observer is not None:
             self._observer.start(pose)
         return pose
+
+    def rezero(self, zeros: Mapping[int, float]) -> tuple[float, ...]:
+        """Other zeros (counts) of the position scales of some joints. Returns by how much every angle grows, rad."""
+        shift_rad = [0.0] * len(self._scales)
+        for joint, zero in zeros.items():
+            before, step = self._scales[joint]
+            shift_rad[joint] = (before - zero) * step
+            self._scales[joint] = zero, step
+            place, _, _, skew_s = self._positions[joint]
+            self._positions[joint] = place, zero, step, skew_s
+        if self._observer is not None:
+            self._observer.shift(shift_rad)
+        return tuple(shift_rad)
 
     def take(self, codes: Sequence[int], cycle: Cycle, signs: Sequence[float]) -> None:
         """Put one cycle's measurements into `cycle`; `signs` are those of the commanded currents.

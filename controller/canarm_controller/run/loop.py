@@ -16,7 +16,10 @@ from ..laws.base import ControlLaw, Cycle
 from ..laws.failure import law_failure, shown
 from ..laws.loading import LAWS
 from ..reference.feedforward import FeedforwardKind, make_feedforward
+from ..reference.grasped import Grasp
+from ..reference.index_search import IndexSearch
 from ..reference.memory import SAMPLES, TABLE_BITS, MemoryImage
+from ..reference.moved import Later, Offset
 from ..reference.trajectory import Reference, Trajectory
 from .inputs import JointInputs
 
@@ -58,7 +61,11 @@ class ControlLoop:
                     f"law {law.__name__}: internals() names a value {shown(name, repr, 40)}; "
                     "names must be ASCII letters, digits and underscores, such as 'bias_a'"
                 )
-        self.trajectory = trajectory
+        self.trajectory = self._planned = trajectory
+        self.search = None if cell.control.homing is None else IndexSearch(cell, cell.control.homing)
+        """The move by which the joints are homed, if they are."""
+        self.search_ticks = 0
+        """Cycles that it takes."""
         self.feedforward_kind = feedforward or default_feedforward(cell, law)
         if self.feedforward_kind != "none" and not law.takes_feedforward:
             raise ControllerError(
@@ -73,7 +80,9 @@ class ControlLoop:
         self.cycle = Cycle(len(cell.joints))
         """The cycle that is recorded, reported and judged; the law gets a copy."""
         self._law_cycle = Cycle(len(cell.joints))
-        self._shared = _shared_grip(cell, self.arm)
+        chain = ClosedChain.of(cell)
+        self._shared = _shared_grip(cell, self.arm, chain)
+        self._grasp = None if chain is None else Grasp(chain)
         self.saturated_cycles = [0] * len(cell.joints)
         """Cycles in which the law asked for more current than the amplifier has."""
         self.stopwatch: Callable[[], int] | None = None
@@ -97,17 +106,45 @@ class ControlLoop:
     def begin(self, position_codes: Sequence[int]) -> None:
         """Start at rest at the measured pose: enter the trajectory from there, fill the table, start the law.
 
-        Raises `TrajectoryError` when the pose lies outside the joint limits, or too far off; `LawError`.
+        Where the joints are homed first, `search_ticks` are for that; then `home` is due. Raises `TrajectoryError` when
+        the pose lies outside the joint limits, or too far off; `LawError`.
         """
         start = self.inputs.start(position_codes)
         rest = (0.0,) * len(start)
-        self.trajectory = self.trajectory.entered_from(start)
+        self.trajectory = self._planned.entered_from(start)
+        if self.search is not None:
+            self.trajectory, self.search_ticks = self.search.move(start, self._planned)
         self.cycle.position_rad, self.cycle.velocity_rad_s = start, rest
         self._prepare(0)
         try:
             self.law.start(start, rest, self.trajectory.amplitude_rad)
         except BaseException as error:
             raise law_failure(type(self.law), "start", error) from error
+
+    def home(self, zeros: Sequence[float], tick: int) -> None:
+        """The search has found the zeros (counts) of its marks: from `tick` on, angles are what they truly are.
+
+        Nothing moves by that. The trajectory is entered from here. Raises `TrajectoryError` and `LawError` as `begin`.
+        """
+        assert self.search is not None
+        joints = [mark.joint for mark in self.search.marks]
+        shift = self.inputs.rezero(dict(zip(joints, zeros, strict=True)))
+        try:
+            self.law.shift(shift)
+        except BaseException as error:
+            raise law_failure(type(self.law), "shift", error) from error
+        start = [angle + more for angle, more in zip(self.cycle.reference_rad, shift, strict=True)]
+        planned = self._planned
+        if self._grasp is not None:
+            first = planned.sample(0, 1, self.period_s).position_rad[0]
+            planned = Offset(planned, self._grasp.slave_offset(shift, first))
+        self.trajectory = Later(planned.entered_from(start), tick * self.period_s)
+        self._prepare(tick - tick % SAMPLES)
+
+    def measure_search(self) -> None:
+        """Look, in a cycle of the search, at what its measurements say of the hands at the object."""
+        if self._grasp is not None:
+            self._grasp.see(self.cycle.position_rad, self.cycle.reference_rad_s)
 
     def measure(self, codes: Sequence[int], tick: int) -> None:
         """Take the codes of one cycle: physical values into `cycle`, codes into the memory's log."""
@@ -147,6 +184,13 @@ class ControlLoop:
         if self._checks_internals:
             self._internals = self.internals()
         return torque_nm
+
+    def eased(self, torque_nm: Sequence[float]) -> list[float]:
+        """The law's torques (N·m) without what would press two hands against each other at an object."""
+        plain = [float(torque) for torque in torque_nm]
+        if self._shared is None or not self.law.takes_feedforward:
+            return plain
+        return self._shared.eased(plain, self.cycle.feedforward_nm)
 
     def outputs(self, torque_nm: Sequence[float]) -> tuple[list[int], list[int]]:
         """DAC codes and direction bits of the torques, limited to what the amplifiers have."""
@@ -203,8 +247,7 @@ class ControlLoop:
         self._chunk_tick = tick
 
 
-def _shared_grip(cell: Cell, arm: Arm) -> SharedGrip | None:
-    chain = ClosedChain.of(cell)
+def _shared_grip(cell: Cell, arm: Arm, chain: ClosedChain | None) -> SharedGrip | None:
     if chain is None or cell.object is None:
         return None
     return SharedGrip(chain, arm.effective_inertia, cell.object.grip_stiffness)

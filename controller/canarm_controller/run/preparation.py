@@ -6,16 +6,21 @@ Owns the questions and their time-outs. What happens to the run afterwards never
 from collections.abc import Callable, Sequence
 
 from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.homing import IndexMark
 from canarm_protocol.cell.model import SENSOR_KINDS, Cell, Quantity
 from canarm_protocol.cell.wiring import CardNode
 from canarm_protocol.clock import Clock
 
 from ..bus.master import Ask, Conversation, Silence, bring_up, read_input
 from ..errors import ControllerError
+from .homing import index_pulses
 
 
 class Preparation:
-    """The conversation with the cards before a run. `begin_loop` gets the position code of every joint at its end."""
+    """The conversation with the cards before a run. At its end `begin_loop` gets the position code of every joint.
+
+    And, for the joints in `marks`, how often the index of its encoder has come so far.
+    """
 
     def __init__(
         self,
@@ -23,13 +28,14 @@ class Preparation:
         nodes: tuple[CardNode, ...],
         clock: Clock,
         listen_ns: int,
-        begin_loop: Callable[[Sequence[int]], None],
+        begin_loop: Callable[[Sequence[int], Sequence[int]], None],
+        marks: Sequence[IndexMark] = (),
     ) -> None:
         self.is_on = True
         """Whether there is still something to ask."""
         self.deadline_ns: int | None = None
         """When the wait for an answer is over; None while none is awaited."""
-        self._cell, self._nodes, self._begin_loop = cell, nodes, begin_loop
+        self._cell, self._nodes, self._begin_loop, self._marks = cell, nodes, begin_loop, marks
         self._conversation = self._talk(clock, listen_ns)
         self._ask: Ask | None = None
 
@@ -70,4 +76,6 @@ class Preparation:
                 if kind is not None and kind.quantity is Quantity.POSITION:
                     code = yield from read_input(node, channel.number)
                     codes[self._cell.far_joint(node.card, channel)] = code
-        self._begin_loop(codes)
+        pulses: list[int] = []
+        yield from index_pulses(self._nodes, self._marks, pulses)
+        self._begin_loop(codes, pulses)

@@ -64,6 +64,7 @@ DETECTORS: dict[str, Detector] = dict(
         _row("deadline-missed", Reaction.CONTINUE, 1, "a SYNC left out or late; missing_cycles late in a row: stop"),
         _row("impossible-position", Reaction.HOLD, 1, "beyond the stops by more than range_margin_deg"),
         _row("impossible-motion", Reaction.HOLD, 1, "more than max_position_step_deg a cycle"),
+        _row("homing-failed", Reaction.HOLD, 1, "no index, or none where it can be; no way from there"),
         _row("law-output", Reaction.OFF, 1, "not one finite torque per joint"),
         _row("law-failed", Reaction.OFF, 1, "the law raised an exception"),
         _row("interrupted", Reaction.OFF, 1, "the user stops the run"),

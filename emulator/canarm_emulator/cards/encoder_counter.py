@@ -10,6 +10,7 @@ from collections.abc import Callable
 from math import floor, tau
 
 from canarm_protocol.cards.encoder_counter import (
+    INDEX_PULSES,
     INDEX_VALUES,
     OVERFLOWS,
     POSITION_VALUES,
@@ -38,7 +39,7 @@ class _Channel:
         self._edges_per_turn = edges_per_turn
         self._half, self._range = 1 << bits - 1, 1 << bits
         self._edge: int | None = None
-        self.count = self.index = self.overflows = self.flags = 0
+        self.count = self.index = self.overflows = self.flags = self.pulses = 0
 
     def follow(self, angle_rad: float) -> None:
         """Count the edges since the last call, with the shaft at `angle_rad` now. The first call counts none."""
@@ -52,6 +53,7 @@ class _Channel:
             boundary = turn if turn > turn_before else turn + 1
             self.index = self._wrapped(self.count + boundary * per_turn - before)
             self.flags |= INDEX_PASSED
+            self.pulses = self.pulses + abs(turn - turn_before) & 0xFFFF
         self._take(self.count + edge - before)
 
     def preset(self, count: int) -> None:
@@ -100,7 +102,10 @@ class EncoderCounterCard:
 
 
 class CounterDevice:
-    """CiA 406: 0x6020 is the count of each channel, writing 0x6010 sets it; 0x2100 its index, 0x2101 its overflows."""
+    """CiA 406: 0x6020 is the count of each channel, writing 0x6010 sets it.
+
+    0x2100 is the count at its last index, 0x2101 its overflows, 0x2102 how many pulses its index has given.
+    """
 
     def __init__(self, card: EncoderCounterCard, clock: Clock) -> None:
         self._card, self._clock = card, clock
@@ -141,12 +146,13 @@ class CounterDevice:
             PRESET_VALUES: lambda: presets[number],
             INDEX_VALUES: lambda: channel.index,
             OVERFLOWS: lambda: channel.overflows,
+            INDEX_PULSES: lambda: channel.pulses,
         }
         return getters.get(index)
 
     def refresh(self, index: int, subindex: int) -> None:
         """Count up to the present."""
-        if index in (POSITION_VALUES, INDEX_VALUES, OVERFLOWS) and 1 <= subindex <= CHANNELS:
+        if index in (POSITION_VALUES, INDEX_VALUES, OVERFLOWS, INDEX_PULSES) and 1 <= subindex <= CHANNELS:
             now_ns = self._clock.time_ns
             self._card.write(SPACING * (subindex - 1) + COUNT, 0, now_ns)
             self._read(subindex - 1, now_ns)

@@ -6,7 +6,8 @@ from .kind import CardKind, Codec, Place, Settings, Wire
 
 PRESET_VALUES, POSITION_VALUES = 0x6010, 0x6020
 """Preset and position values for multi-sensor devices (CiA 406)."""
-INDEX_VALUES, OVERFLOWS = 0x2100, 0x2101
+INDEX_VALUES, OVERFLOWS, INDEX_PULSES = 0x2100, 0x2101, 0x2102
+"""The count at the last pulse of the index; how often the counter wrapped round; how often the index has come."""
 
 
 class CounterSettings(Settings):

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from ..canopen.frames import HIGHEST_NODE_ID
 from ..cards import KINDS, Wire
 from .carried import carried_problems
+from .homing import homing_problems
 from .model import Bus, Card, Cell, Channel, leaves
 from .robot_checks import joint_problems, robot_problems
 from .sensing import channel_scale, fitted_sensor
@@ -56,6 +57,7 @@ def problems(cell: Cell) -> Iterator[str]:
         yield from _unwired(cell)
         yield from _scan_problems(cell)
         yield from _counter_problems(cell)
+        yield from homing_problems(cell)
 
 
 def _bus_problems(bus: Bus) -> Iterator[str]:

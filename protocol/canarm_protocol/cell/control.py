@@ -114,6 +114,17 @@ class JointControl(Table):
         return [key for key, own in self if isinstance(own, Table) and getattr(control, key) is None]
 
 
+class Homing(Table):
+    """Before a run begins, every joint with an encoder moves until the index has shown where it truly stands.
+
+    At power-on a joint is known to stand within `parked_within_deg` of its `home_deg`; no joint moves faster than
+    `speed_deg_s`.
+    """
+
+    parked_within_deg: Positive
+    speed_deg_s: Positive
+
+
 class Control(Table):
     """Gains of the control laws. A law without its table cannot be used; without `observer`, laws see raw values."""
 
@@ -124,6 +135,7 @@ class Control(Table):
     mras_lyapunov: MrasLyapunovGains | None = None
     slotine_li: SlotineLiGains | None = None
     observer: ObserverGains | None = None
+    homing: Homing | None = None
     joint: tuple[JointControl, ...] = ()
 
     def of_joint(self, name: str) -> "Control":

@@ -40,6 +40,10 @@ class Encoder(Sensor):
         step = self.sign * math.tau / (self.lines * fitting.edges_per_period * turns)
         return SensorScale(-(math.floor(fitting.home_rad / step + ON_EDGE) + 0.5), step)
 
+    def counts_per_index(self, edges_per_period: int) -> int:
+        """Counts from one pulse of the index to the next."""
+        return self.lines * edges_per_period
+
     @property
     def is_reversed(self) -> bool:
         """Whether it counts down as its shaft turns counter-clockwise."""
