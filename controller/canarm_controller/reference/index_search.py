@@ -91,7 +91,7 @@ def _ways(mark: IndexMark, within_rad: float) -> tuple[float, float]:
 
 
 def _to_and_fro(mark: IndexMark, within_rad: float) -> tuple[float, float] | None:
-    """How far ahead, and from home how far back, to pass the pulse that may be on either side; None if there is none."""
+    """From home how far ahead, and how far back, to pass a pulse that may be on either side; None if there is none."""
     home_rad, period_rad = mark.home_rad, mark.period_rad
     off_rad = round(home_rad / period_rad) * period_rad - home_rad
     reach_rad = within_rad + SPARE_COUNTS * mark.scale.lsb

@@ -88,8 +88,8 @@ class Homing:
             if pulses == before:
                 self._fail(
                     name,
-                    f"no pulse of its encoder's index on the way; was it parked {self._bound} of home_deg, and does the "
-                    "law follow?",
+                    f"no pulse of its encoder's index on the way; was it parked {self._bound} of home_deg, and does "
+                    "the law follow?",
                 )
                 return
             count = yield from read_number(node, INDEX_VALUES, mark.channel)

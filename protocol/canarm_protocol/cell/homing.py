@@ -64,8 +64,8 @@ def homing_problems(cell: Cell) -> Iterator[str]:
             yield (
                 f"control.homing.parked_within_deg = {homing.parked_within_deg:g}: the index of joint "
                 f"{cell.joint_names[mark.joint]!r} comes every {mark.counts} counts, "
-                f"{math.degrees(mark.period_rad):.4g} degrees; must be below half of that less half a count, {bound_deg:.4g}, or nobody knows which pulse "
-                "it was"
+                f"{math.degrees(mark.period_rad):.4g} degrees; must be below half of that less half a count, "
+                f"{bound_deg:.4g}, or nobody knows which pulse it was"
             )
 
 
