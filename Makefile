@@ -1,9 +1,9 @@
 # Everything a contributor runs, and everything CI runs. Needs git, make and Python 3.11 or newer; the rest is brought along.
 #   PYTHON=...   the Python to build .venv with          NO_UV=1   use venv and pip even where uv can be had
-#   ARGS="..."   further arguments of demo, test, bench  JOBS=2    test processes
+#   ARGS="..."   further arguments of demo, test, bench  JOBS=3    test processes: many wait, so one more than cores
 
 PYTHON ?= python3
-JOBS ?= 2
+JOBS ?= $(shell echo $$(($$(nproc 2>/dev/null || echo 2) + 1)))
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready$(if $(NO_UV),-without-uv)

@@ -36,6 +36,7 @@ def made_up(error_lsb: float = 0.5) -> "runs.Results":
 # Runs
 
 
+@pytest.mark.slow
 def test_a_tiny_grid_gives_a_figure_a_seed_in_every_cell_and_an_executor_changes_nothing(tmp_path: Path) -> None:
     few = {
         "variants": runs.VARIANTS[:1],

@@ -105,6 +105,7 @@ def test_every_cell_meets_every_draw_and_each_draw_has_one_fault_free_run(some: 
     assert some.fault_free_runs == 2
 
 
+@pytest.mark.slow
 @forks
 def test_without_forking_the_matrix_is_the_same(some: Matrix, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machinery, "CAN_FORK", False)

@@ -45,6 +45,7 @@ class Listener:
         self._bus.shutdown()
 
 
+@pytest.mark.slow
 def test_two_runs_write_the_same_bytes_on_a_busy_machine_and_with_a_listener(canarm):
     options = ["--clock", "sync", "--no-tui", "--json", "--seconds", str(SECONDS), "--seed", "7"]
     quiet = canarm("demo", *options, "--out", "quiet")

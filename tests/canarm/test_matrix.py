@@ -374,6 +374,7 @@ def some() -> tuple[Campaign, Matrix]:
     return campaign, run_campaign(campaign, jobs=1)
 
 
+@pytest.mark.slow
 def test_several_processes_give_the_same_matrix_as_one(some: tuple[Campaign, Matrix]) -> None:
     campaign, matrix = some
     progress: list[tuple[int, int]] = []

@@ -85,14 +85,19 @@ def errors_deg(arm: str, part: str, law: str) -> dict[str, float]:
     [
         ("konkuk1", "motor"),
         ("konkuk1", "potentiometer"),
-        ("konkuk1", "constant of the tachometer"),
         ("three", "gear"),
-        ("three", "range of the potentiometer"),
-        ("three", "tachometer"),
         ("three (encoder)", "motor"),
         ("three (encoder)", "encoder"),
-        ("three (encoder on the motor)", "gear"),
-        ("three (encoder on the motor)", "encoder"),
+        *(
+            pytest.param(*each, marks=pytest.mark.slow)
+            for each in (
+                ("konkuk1", "constant of the tachometer"),
+                ("three", "range of the potentiometer"),
+                ("three", "tachometer"),
+                ("three (encoder on the motor)", "gear"),
+                ("three (encoder on the motor)", "encoder"),
+            )
+        ),
     ],
 )
 def test_a_reversed_part_is_followed_as_well_as_any_other(arm: str, part: str, law: str) -> None:

@@ -14,9 +14,10 @@ DEMO = f"{shlex.quote(sys.executable)} -m canarm demo --no-tui --seconds 0.5 --o
     "redirected",
     [
         "2>&1 | head -1",
-        ">/dev/full 2>&1",
-        "<&- >&- 2>&-",
-        *(pytest.param(part, marks=pytest.mark.slow) for part in ("2>/dev/full", "2>&-", ">&- 2>&-")),
+        *(
+            pytest.param(part, marks=pytest.mark.slow)
+            for part in (">/dev/full 2>&1", "<&- >&- 2>&-", "2>/dev/full", "2>&-", ">&- 2>&-")
+        ),
     ],
 )
 def test_a_run_goes_on_when_nobody_reads_what_it_says(canarm, run_folder, redirected):

@@ -109,7 +109,9 @@ def test_a_signal_leaves_the_terminal_as_it_was(open_terminal, number: signal.Si
     wait_until(lambda: LEFT in terminal.said, "end of the other screen")
 
 
-@pytest.mark.parametrize("how", ["Ctrl-C", "q", "SIGHUP", "window closed"])
+@pytest.mark.parametrize(
+    "how", ["q", "window closed", *(pytest.param(each, marks=pytest.mark.slow) for each in ("Ctrl-C", "SIGHUP"))]
+)
 def test_who_leaves_the_dashboard_of_a_demo_stops_the_robot(canarm, run_folder, open_terminal, how: str) -> None:
     """With paced lockstep, as on every terminal. Torque off: the last commands are zero, and the cards are stopped."""
     demo = open_terminal("demo", "--seconds", "3600", "--law", "pd", "--out", "run")
@@ -170,7 +172,10 @@ def test_the_dashboard_of_a_demo_stays_with_the_verdict_until_it_is_left(canarm,
     assert (run["summary"]["clock"], run["controller"]["pace"]) == ("sync", "1")
 
 
-@pytest.mark.parametrize("columns", ["1", "0", "x", "-3", "7", "\u00b2", "1" * 5000])
+@pytest.mark.parametrize(
+    "columns",
+    ["1", *(pytest.param(each, marks=pytest.mark.slow) for each in ("0", "x", "-3", "7", "\u00b2", "1" * 5000))],
+)
 def test_a_terminal_of_one_column_is_no_reason_to_hang_or_fail(
     columns: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -97,6 +97,7 @@ def test_mras_holds_on_another_arm_than_the_nominal_one(
         assert rig.summary().joints["joint2"].saturated_cycles == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trajectory", TRAJECTORIES)
 @pytest.mark.parametrize("pose_deg", [(-90, 0), (-90, 90), (-120, -120)])
 def test_an_arm_that_starts_elsewhere_is_led_in_without_violence(trajectory: str, pose_deg: tuple[int, int]) -> None:

@@ -118,6 +118,7 @@ def test_every_detector_has_a_scene() -> None:
     assert set(SCENES) == set(DETECTORS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("detector", SCENES)
 def test_with_the_detector_the_scene_is_called_by_its_name_in_time_and_not_too_soon(detector: str) -> None:
     scene = SCENES[detector]
@@ -129,6 +130,7 @@ def test_with_the_detector_the_scene_is_called_by_its_name_in_time_and_not_too_s
     assert found[0].tick - begins + 1 >= DETECTORS[detector].debounce_cycles
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("detector", SCENES)
 def test_without_the_detector_nothing_has_its_name(detector: str) -> None:
     assert detector not in {each.detector for each in detections(SCENES[detector], {detector})}

@@ -61,7 +61,8 @@ def test_every_shipped_law_is_tested_here() -> None:
     assert set(SHIPPED) == set(LAWS)
 
 
-@pytest.mark.parametrize("robot", [*(pytest.param(each, marks=pytest.mark.slow) for each in MILDER), WORST])
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", [*MILDER, WORST])
 @pytest.mark.parametrize("law", SHIPPED)
 def test_errors_do_not_grow_and_one_more_cycle_of_delay_costs_little(law: str, robot: str, late: None) -> None:
     """A loop that is about to diverge swings more and more, and most of all with more delay.
@@ -116,6 +117,7 @@ def sign_changes_at_rest(law: str, pose_deg: tuple[float, float], folder: Path, 
     return changes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("truth", [{}, ROBOTS["payload +50 %"], NOISE_X3], ids=["nominal", "payload", "noise"])
 @pytest.mark.parametrize("law", SHIPPED)
 def test_a_standing_arm_that_has_weight_to_carry_never_turns_its_bridge_over(
@@ -124,6 +126,7 @@ def test_a_standing_arm_that_has_weight_to_carry_never_turns_its_bridge_over(
     assert sign_changes_at_rest(law, (20.0, 0.0), tmp_path, truth) == [0, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("truth", "most"), [({}, 2), (ROBOTS["payload +50 %"], 2), (NOISE_X3, 100)], ids=["nominal", "payload", "noise"]
 )

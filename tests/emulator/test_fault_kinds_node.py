@@ -48,7 +48,7 @@ def states(run: Any) -> set[NmtState]:
 
 
 @pytest.mark.parametrize("with_wire", [False, True], ids=["", "wire"])
-@pytest.mark.parametrize("clock", list(Clock))
+@pytest.mark.parametrize("clock", [Clock.SYNC, pytest.param(Clock.WALL, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("node_id", [DAC, LATCH, ADC])
 @pytest.mark.parametrize("fault", FAULTS)
 def test_after_its_end_and_nmt_start_every_node_does_its_work_as_ever(

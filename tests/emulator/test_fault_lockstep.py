@@ -37,6 +37,7 @@ ON_THE_WIRE = {
     "bus-off": [("can0.wire", "bus-off", {})],
     "no acknowledgement": [("can0.wire", "no-ack", {"count": 15})],
 }  # fmt: skip
+TYPICAL = ("hang of one card", "every frame of the cards lost", "a late SYNC", "errors", "bus-off")
 
 Drive = Callable[..., Any]
 FaultText = Callable[..., str]
@@ -77,7 +78,9 @@ def test_every_sync_is_answered_by_time_whatever_is_broken(
     assert not run.bench.hooks.cards
 
 
-@pytest.mark.parametrize("name", SILENCES | ON_THE_WIRE)
+@pytest.mark.parametrize(
+    "name", (pytest.param(each, marks=() if each in TYPICAL else pytest.mark.slow) for each in SILENCES | ON_THE_WIRE)
+)
 def test_a_controlled_run_comes_to_its_end(fault_text: FaultText, name: str) -> None:
     faults = (SILENCES | ON_THE_WIRE)[name]
     text = script(fault_text, faults, at=0.1, duration=None)

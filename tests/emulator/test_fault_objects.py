@@ -186,6 +186,7 @@ def test_the_packed_catalogue_says_the_same_in_a_tenth_of_the_bytes(client: Clie
     assert 10 * len(packed) < len(plain)
 
 
+@pytest.mark.slow
 def test_packed_events_say_the_same_in_a_fifth_of_the_bytes(bench: FaultBench, client: Client) -> None:
     assert zlib.decompress(client.read(objects.PACKED_EVENTS)) == client.read(objects.FAULT_EVENTS)
     client.inject(STUCK.format(name="again").replace("duration = 0.01", "duration = 0.0025\nrepeat = 100"))
