@@ -10,13 +10,13 @@ from typing import Annotated, Any, Literal
 import can
 from cyclopts import Parameter, Token
 
-from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.shown import printable
 from canarm_protocol.transport.port import BusPort, open_port, parse_bus_options
 from canarm_protocol.transport.socketcand import DEFAULT_PORT
 
 from .misplaced import hint
+from .open_cell import open_cell
 from .usage import DEFAULT_CELL, DEFAULT_LAW, UsageError, parse_settings
 
 DEFAULT_HOST = "127.0.0.1"
@@ -167,14 +167,14 @@ class CellOptions:
         Settings,
         Parameter(
             name="--set",
-            help="Gain or limit of the controller other than in the cell, as control.natural_frequency_rad_s=10; "
-            "may be repeated. Keys: check --keys.",
+            help="Gain or limit of the controller, or what robots carry, other than in the cell, as "
+            "control.natural_frequency_rad_s=10 or object.length_m=0.5; may be repeated. Keys: check --keys.",
         ),
     ] = field(default_factory=list)
 
     def load(self) -> Cell:
         """The cell. Raises `CellError` or `UsageError`."""
-        return load_cell(self.cell, parse_settings("--set", self.settings))
+        return open_cell(self.cell, parse_settings("--set", self.settings))
 
 
 @Parameter(name="*")

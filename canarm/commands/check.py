@@ -92,6 +92,6 @@ def _print_keys(cell: Cell) -> None:
     print("--truth, what differs from nominal in the true robot:")
     for key in truth_keys(cell):
         print(f"  {key.name:<34} {key.nominal:<12g} {key.unit:<10} {key.description}")
-    print("--set, gains and limits of the controller:")
+    print("--set, gains and limits of the controller, and what robots carry:")
     for name, value in setting_keys(cell).items():
         print(f"  {name:<46} {value_text(value)}")

@@ -6,9 +6,9 @@ from fnmatch import fnmatchcase
 
 from canarm_emulator.faults.catalogue import catalogue_of
 from canarm_emulator.faults.declaration import TapKind
-from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
 
+from ..open_cell import open_cell
 from ..usage import DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY
 
 INJECTED_S = 2.8
@@ -52,7 +52,7 @@ class Scenario:
 
     def load(self) -> Cell:
         """The cell. Raises `CellError`."""
-        return load_cell(self.cell, dict(self.settings))
+        return open_cell(self.cell, dict(self.settings))
 
 
 @dataclass(frozen=True, slots=True)

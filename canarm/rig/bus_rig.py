@@ -15,7 +15,6 @@ from canarm_controller.bus.assessment import JointFigures
 from canarm_controller.reference.trajectory import usual_motion
 from canarm_controller.run.state import State
 from canarm_emulator.robot.truth import Truth
-from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import BusError, FaultError
 from canarm_protocol.faults.bench_client import BenchClient
@@ -27,6 +26,7 @@ from canarm_protocol.transport.port import open_port
 
 from ..bus_choice import VIRTUAL_BUSES, BusChoice
 from ..child import START_S, Child, ended_too_early, offered_port, running
+from ..open_cell import open_cell
 from ..session import tick_count
 from ..stopping import signals_held_back
 from ..summary import Summary
@@ -68,7 +68,7 @@ class BusRig(AnyRig):
         if self._out is None:
             raise UsageError("out: over a bus there is always a run folder; name it")
         given = as_text(settings)
-        self.cell = load_cell(name, given, option="settings")
+        self.cell = open_cell(name, given, option="settings")
         motion = usual_motion(self.cell) if self._trajectory is None else self._trajectory
         self._trajectory_word = _word("trajectory", motion)
         Truth.from_settings(self.cell, self._true_settings, "truth")

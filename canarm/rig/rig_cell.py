@@ -4,9 +4,9 @@ import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
-from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell
 
+from ..open_cell import open_cell
 from ..session import traffic_warning
 from ..usage import UsageError
 from .arguments import RigWarning, as_text
@@ -23,7 +23,7 @@ def rig_cell(cell: str | Path | Cell, settings: Mapping[str, object] | None) -> 
         loaded, name = cell, cell.name
     else:
         name = str(cell)
-        loaded = load_cell(name, as_text(settings), option="settings")
+        loaded = open_cell(name, as_text(settings), option="settings")
     warning = traffic_warning(loaded, name)
     if warning is not None:
         warnings.warn(warning, RigWarning, stacklevel=4)

@@ -433,9 +433,13 @@ def test_gains_of_a_law_without_a_table_of_the_cell_are_refused() -> None:
         (
             "bus.cycle_us",
             "3",
-            "--set bus.cycle_us=3: keys begin with 'control.' or 'supervision.'; see `canarm check --keys`",
+            "--set bus.cycle_us=3: keys begin with 'control.', 'supervision.' or 'object.'; see `canarm check --keys`",
         ),
-        ("control", "3", "--set control=3: keys begin with 'control.' or 'supervision.'; see `canarm check --keys`"),
+        (
+            "control",
+            "3",
+            "--set control=3: keys begin with 'control.', 'supervision.' or 'object.'; see `canarm check --keys`",
+        ),
         ("control.damping_ratio", "abc", "--set control.damping_ratio=abc: 'abc' is not a value such as 1.0"),
         ("control.damping_ratio", "1,5", "--set control.damping_ratio=1,5: '1,5' is not a value such as 1.0"),
         (

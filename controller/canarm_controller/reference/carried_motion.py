@@ -14,7 +14,7 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.shown import printable
 from canarm_protocol.text_file import csv_rows, read_text
 
-from ..cooperation import CarriedObject, Path, arc, line, pair_of, plan_cooperation, read_path
+from ..cooperation import ArmPair, CarriedObject, Path, arc, line, pair_of, plan_cooperation, read_path
 from ..cooperation.path_file import LARGEST_BYTES
 from ..dynamics import ClosedChain
 from ..errors import CooperationError, TrajectoryError
@@ -26,6 +26,8 @@ RADIUS_MM, LENGTH_MM, ARC_DEG = 12.7, 25.4, 180.0
 """Of circle and arc, half an inch as in the paper; of the line; of the arc."""
 CHECKED_ROWS = 2000
 """Of a table of joint angles, so many are checked."""
+HOME_DIGITS = 6
+"""Decimals of an angle in degrees: a millionth is 10 nm at a tip."""
 LOOSE_M = 0.002
 """The hands may be so far from their distance in a table of joint angles: the grips give way by less."""
 
@@ -73,7 +75,19 @@ def check_grips(position_rad: Floats, cell: Cell, source: str) -> None:
             )
 
 
-def _planned(path: Path, cell: Cell) -> tuple[Floats, Floats]:
+def slave_home_deg(cell: Cell) -> tuple[float, ...]:
+    """Where the slave holds the object while the master is at home: the pose in which every path begins, degrees.
+
+    Raises `CooperationError`, `RefusedPlanError` with its reason where there is none.
+    """
+    pair, start = _pair(cell)
+    here = Path(cell.bus.cycle_s * np.arange(2, dtype=np.float64), np.zeros((2, 3)))
+    found = np.degrees(plan_cooperation(pair, here, start).slave_rad[0])
+    return tuple(round(angle, HOME_DIGITS) for angle in found.tolist())
+
+
+def _pair(cell: Cell) -> tuple[ArmPair, Floats]:
+    """Both arms with the object, and the master's home (5,), rad."""
     carried = cell.object
     assert carried is not None
     robots = {robot.name: robot for robot in cell.robot}
@@ -84,8 +98,14 @@ def _planned(path: Path, cell: Cell) -> tuple[Floats, Floats]:
         theta_x_deg=carried.theta_x_deg,
         theta_z_deg=carried.theta_z_deg,
     )
-    start = np.radians([joint.home_deg for joint in master.joint])
-    plan = plan_cooperation(pair_of(master, slave, bodies), path, start)
+    return pair_of(master, slave, bodies), np.radians([joint.home_deg for joint in master.joint])
+
+
+def _planned(path: Path, cell: Cell) -> tuple[Floats, Floats]:
+    carried = cell.object
+    assert carried is not None
+    pair, start = _pair(cell)
+    plan = plan_cooperation(pair, path, start)
     home = np.radians([joint.home_deg for joint in cell.joints])
     angles = np.tile(home, (len(plan.time_s), 1))
     first = 0

@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from .arm import Mass, Robot
 from .rigid import Inertial, Rotation
@@ -27,11 +27,20 @@ class Carried(Table):
     diameter_m: Positive
     mass_kg: Mass
     grasp_distance_m: Positive
+    """Half of `length_m` unless given."""
     theta_x_deg: Finite = 0.0
     theta_z_deg: Finite = 0.0
     slip_force_n: Positive
     slave_share: Annotated[float, Field(ge=0, le=1)] = 0.5
     grip_stiffness: Annotated[float, Field(ge=0, le=1)] = 0.2
+
+    @model_validator(mode="before")
+    @classmethod
+    def _held_in_the_middle(cls, values: Any) -> Any:
+        length_m = values.get("length_m") if isinstance(values, dict) else None
+        if not isinstance(length_m, float | int) or "grasp_distance_m" in values:
+            return values
+        return {**values, "grasp_distance_m": 0.5 * length_m}
 
     @property
     def direction(self) -> Vector:

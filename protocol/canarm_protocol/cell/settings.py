@@ -1,4 +1,4 @@
-"""The keys of `--set`: gains and limits that the command line lays over a cell, before the schema judges it.
+"""The keys of `--set`: gains, limits and the object that robots carry, laid over a cell before the schema judges it.
 
 Those of one joint go by its name: `control.joint2.mras.gamma_bias` is the table of joint2 in `[[control.joint]]`.
 """
@@ -15,7 +15,7 @@ from .cell_messages import is_switch, keys_at, nearest
 from .control import Control, JointControl
 from .model import Cell
 
-SETTABLE = ("control", "supervision")
+SETTABLE = ("control", "supervision", "object")
 """The tables whose keys `--set` takes."""
 SWITCH = {"0": "false", "1": "true", "false": "false", "true": "true"}
 """How a switch is written on a command line, and how in TOML."""
@@ -31,7 +31,9 @@ def lay_over(table: dict[str, Any], key: str, value: str, option: str) -> None:
     where = printable(f"{option} {key}={value}")
     parts = key.split(".")
     if parts[0] not in SETTABLE or len(parts) == 1:
-        raise CellError(f"{where}: keys begin with 'control.' or 'supervision.'; see `canarm check --keys`")
+        raise CellError(f"{where}: keys begin with 'control.', 'supervision.' or 'object.'; see `canarm check --keys`")
+    if parts[0] == "object" and "object" not in table:
+        raise CellError(f"{where}: nothing is carried in this cell, it has no [object]")
     joint = parts[1] if parts[0] == "control" and parts[1] in _own_names(table) else None
     location: tuple[str | int, ...] = (parts[0],) if joint is None else _OWN
     rest = parts[1 if joint is None else 2 :]
@@ -60,8 +62,9 @@ def lay_over(table: dict[str, Any], key: str, value: str, option: str) -> None:
 
 
 def setting_keys(cell: Cell) -> dict[str, object]:
-    """Every key that `--set` takes, with its nominal value: the leaves of `[control]` and `[supervision]`."""
-    keys = {name: value for table in SETTABLE for name, value in _leaves(table, getattr(cell, table).model_dump())}
+    """Every key that `--set` takes, with its nominal value: the leaves of the tables `SETTABLE`."""
+    tables = {name: getattr(cell, name) for name in SETTABLE if getattr(cell, name) is not None}
+    keys = {key: value for name, table in tables.items() for key, value in _leaves(name, table.model_dump())}
     for joint in cell.joint_names:
         if joint in Control.model_fields:
             continue
