@@ -56,7 +56,7 @@ COMMANDS = {
     "jog": "Drive the cards by hand, where no controller runs.",
     "fault": "Break something on the signal path: list, inject, clear, trigger, status; matrix.",
     "reset": "Switch the robot of a running bench off and on again.",
-    "runs": "The run folders that there are: list, show, prune.",
+    "runs": "The run folders that there are: list, show, convert, prune.",
     "replay": "A recorded run once more: on a bus, or checked byte for byte.",
     "check": "Validate a cell file and show what it describes.",
     "new-cell": "Write a cell for an arm of your own: from its URDF file, or from a number of joints.",

@@ -13,7 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from canarm_protocol.errors import CanarmError
+from canarm_protocol.runs.packing import SUFFIX
+from canarm_protocol.runs.run_folder import parts_of
 from canarm_protocol.shown import first_line, printable
+
+from .libraries import load_library
 
 Floats = NDArray[np.float64]
 Columns = dict[str, Floats]
@@ -25,10 +30,21 @@ JOINED_BY = "cycle"
 
 
 def read_table(path: Path, complain: Callable[[str], None]) -> Columns:
-    """The columns of a CSV file of numbers by their names; none if there is no file.
+    """The columns of a CSV file of numbers, by their names; none without a file.
 
-    What cannot be read is left out, and `complain` is told: a last row that is cut off, rows of another length, texts.
+    Its parts come first, and may be Parquet files. What cannot be read is left out, and `complain` is told: a last row
+    that is cut off, rows of another length, texts.
     """
+    parts = [each for each in (_read_part(part, complain) for part in parts_of(path, SUFFIX)) if each]
+    if len(parts) < 2:
+        return parts[0] if parts else {}
+    names = [name for name in parts[0] if all(name in part for part in parts)]
+    return {name: np.concatenate([part[name] for part in parts]) for name in names}
+
+
+def _read_part(path: Path, complain: Callable[[str], None]) -> Columns:
+    if path.suffix == SUFFIX:
+        return _read_parquet(path, complain)
     try:
         if not path.exists():
             return {}
@@ -51,6 +67,19 @@ def read_table(path: Path, complain: Callable[[str], None]) -> Columns:
         complain(f"{path.name}: rows without cycle or time are left out")
         return {name: values[is_placed] for name, values in found.items()}
     return found
+
+
+def _read_parquet(path: Path, complain: Callable[[str], None]) -> Columns:
+    try:
+        table = load_library("pyarrow.parquet", path.name).read_table(path)
+        columns = {name: np.asarray(table[name], dtype=np.float64) for name in table.column_names}
+    except CanarmError as error:
+        complain(str(error))
+        return {}
+    except Exception as error:  # whatever a damaged file makes of the library
+        complain(f"{path.name}: cannot be read: {first_line(error)}")
+        return {}
+    return columns if {JOINED_BY, "time_s"} <= columns.keys() else {}
 
 
 def joined(robot: Columns, controller: Columns) -> Columns:

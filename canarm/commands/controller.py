@@ -55,7 +55,7 @@ from ..options import (
     pace_text,
     parse_address,
 )
-from ..recording import recording_failure
+from ..recording import Recording, parse_recording, recording_failure
 from ..session import make_controller, provenance, tick_count, traffic_warning
 from ..stdout import keep_stdout
 from ..stopping import StopRequest, parents_words
@@ -99,6 +99,7 @@ def controller(
     if robot_bus is None:
         robot_bus = NamedBus("canarm", ROBOT_BUS, {"host": host, "port": port})
         bench_bus = bench_bus or NamedBus("canarm", BENCH_BUS, {"host": host, "port": port})
+    recording = parse_recording(output.record, output.rotate, output.out, _tell, with_frames=False)
     say = keep_stdout()
     built = make_controller(
         nominal, control.law, control.motion(nominal), control.feedforward, Clock[clock.upper()], ticks, LISTEN_NS
@@ -128,7 +129,7 @@ def controller(
 
     def on_open() -> None:
         if output.out is not None:
-            follower.recorder = _start_recording(output.out, built, given, made)
+            follower.recorder = _start_recording(output.out, built, given, made, recording)
 
     pacing = {"spin_ns": wall.spin * 1000, "pace": pace, "answer_s": sync_timeout}
     with made:
@@ -141,6 +142,7 @@ def controller(
     out = output.out if is_told else None
     summary = _summary(nominal, control, clock, built, result, out)
     is_recorded = out is None or _end_recording(out, follower.recorder, summary, result)
+    recording.close()
     if result.ticks and not output.json:
         say(summary.as_text())
     elif result.reason:
@@ -232,12 +234,12 @@ def _make_folder(folder: Path, made: Tentative) -> None:
 
 
 def _start_recording(
-    folder: Path, controller: Controller, given: Mapping[str, Any], made: Tentative
+    folder: Path, controller: Controller, given: Mapping[str, Any], made: Tentative, recording: Recording
 ) -> ControllerRecorder:
     """A recorder. A run that found no bus leaves no files: an emulator may record into the folder later."""
     for name in CONTROLLER_FILES:
         made.file(folder / name)
-    recorder = ControllerRecorder(folder, controller, _tell, time.perf_counter_ns)
+    recorder = ControllerRecorder(folder, controller, _tell, time.perf_counter_ns, recording.signals)
     update_run_file(folder, "controller", {**provenance(), **given})
     controller.on_tick = recorder.tick
     return recorder

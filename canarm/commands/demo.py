@@ -45,7 +45,8 @@ from ..options import (
     parse_address,
     wait_text,
 )
-from ..recording import recording_failure
+from ..recording import PARQUET, parse_recording, recording_failure
+from ..runs.converting import convert_all
 from ..serving import attach_flags, is_remote
 from ..session import make_bench, make_controller, tick_count, traffic_warning
 from ..stdout import keep_stdout
@@ -105,12 +106,17 @@ def demo(
     warning = traffic_warning(nominal, cell.cell)
     if warning is not None:
         _tell(warning)
+    recording = parse_recording(output.record, output.rotate, output.out or Path(), _tell)
     made = Tentative()
     folder = create_run_folder(output.out, made=made) if output.out is not None else new_run_folder(made=made)
     common = ["--cell", cell.cell, "--clock", clock, "--out", str(folder), "--json"]
     common += ["--sync-timeout", wait_text(sync_timeout)]
     common += _each("--set", cell.settings)
     robot = ["--serve", serve, "--seed", str(seed), *_each("--truth", settings)]
+    if output.rotate is not None:
+        common += ["--rotate", str(output.rotate)]
+    if PARQUET in recording.formats:
+        common += ["--record", PARQUET]
     if wire:
         robot.append("--wire")
     if faults is not None:
@@ -157,7 +163,8 @@ def demo(
     if cause is not None and _result(controller) is None:
         known |= {"feedforward": built.loop.feedforward_kind, "clock": clock, "reason": f"interrupted: {cause}"}
         return _report(None, _unbegun(nominal, control, known), folder, output.json, say)
-    return _report(controller, known, folder, output.json, say)
+    status = _report(controller, known, folder, output.json, say)
+    return status if convert_all(folder, recording.at_the_end, _tell) else status or ExitStatus.FAILED
 
 
 def _each(option: str, words: Sequence[str]) -> list[str]:

@@ -25,6 +25,7 @@ from canarm_emulator.wire.wire import Wire as WireModel
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.faults.fault_toml import as_toml
+from canarm_protocol.runs.run_events import runs_of
 from canarm_protocol.runs.run_folder import claim_run_folder, update_run_file
 from canarm_protocol.runs.tentative import Tentative
 from canarm_protocol.transport.port import BusPort
@@ -53,7 +54,8 @@ from ..options import (
     check_clock,
     parse_address,
 )
-from ..recording import recording_failure
+from ..recording import Recording, parse_recording, recording_failure
+from ..runs.converting import convert_all
 from ..serving import attach_flags, exposure_lines
 from ..session import make_bench, provenance, traffic_warning
 from ..stopping import StopRequest, parents_words
@@ -129,6 +131,8 @@ def emulator(
         if adapter is not None:
             ports[ROBOT_BUS].append(adapter)
         recorder = None
+        recording = parse_recording(output.record, output.rotate, output.out, _tell)
+        stack.callback(recording.close)
         if output.out is not None:
             given = {
                 "clock": world.clock,
@@ -138,7 +142,8 @@ def emulator(
                 "sync_timeout_s": world.sync_timeout if math.isfinite(world.sync_timeout) else None,
                 "faults": None if script is None else as_toml(script),
             }
-            recorder = stack.enter_context(contextlib.closing(_start_recording(output.out, nominal, given, made)))
+            recorder = _start_recording(output.out, nominal, given, made, recording)
+            stack.callback(recorder.close)
         remote = adapter.address if isinstance(adapter, SlcanSocket) else None
         for line in exposure_lines(hub.address, remote, buses):
             _tell(line)
@@ -169,6 +174,10 @@ def emulator(
         if output.out is not None:
             folder = output.out
             unwritten = recording_failure(folder, lambda: update_run_file(folder, "emulator_summary", summary))
+            recording.close()
+            for run in runs_of(folder):
+                if not convert_all(run, recording.at_the_end, _tell):
+                    unwritten = unwritten or f"{run}: not in all formats that --record names"
             failure = failure or unwritten
     if output.json:
         print(json.dumps(summary), flush=True)
@@ -207,14 +216,16 @@ def _offer_slcan(where: bool | str, allow_remote: bool) -> SlcanPort:
     return SlcanTerminal(Path(where) if isinstance(where, str) else None)
 
 
-def _start_recording(folder: Path, cell: Cell, given: Mapping[str, Any], made: Tentative) -> Recorder:
+def _start_recording(
+    folder: Path, cell: Cell, given: Mapping[str, Any], made: Tentative, recording: Recording
+) -> Recorder:
     claim_run_folder(folder, made)
 
     def describe(folder: Path) -> None:
         update_run_file(folder, "cell", cell.model_dump(mode="json"))
         update_run_file(folder, "emulator", {**provenance(), **given})
 
-    recorder = SessionRecorder(folder, cell, _tell, describe)
+    recorder = SessionRecorder(folder, cell, _tell, describe, recording.frames, recording.signals)
     describe(folder)
     return recorder
 

@@ -1,4 +1,4 @@
-"""`canarm runs`: the run folders that there are: list, show, prune."""
+"""`canarm runs`: the run folders that there are: list, show, convert, prune."""
 
 import json
 from datetime import UTC, datetime, timedelta
@@ -11,6 +11,7 @@ from canarm_protocol.errors import ExitStatus
 from canarm_protocol.shown import printable, printable_values
 
 from ..options import Flag, named_file, not_negative, whole_number
+from ..runs.converting import FORMATS, convert
 from ..runs.listing import Listed, list_lines, remove_run, runs_below, size_text, to_prune
 from ..runs.run import Run
 from ..runs.showing import show_lines
@@ -18,7 +19,7 @@ from ..usage import UsageError
 
 RUNS = Path("runs")
 
-runs = App(name="runs", help="The run folders that there are: list, show, prune.")
+runs = App(name="runs", help="The run folders that there are: list, show, convert, prune.")
 
 Base = Annotated[Path, Parameter(name="DIR", converter=named_file, help="Folder with run folders in it.")]
 AsJson = Annotated[Flag, Parameter(name="--json", help="As JSON.")]
@@ -51,6 +52,23 @@ def show(
     else:
         print("\n".join(show_lines(opened)))
     return ExitStatus.FAILED if opened.complaints else ExitStatus.DONE
+
+
+@runs.command(name="convert")
+def convert_(
+    run: Annotated[Path, Parameter(name="RUN", converter=named_file, help="A run folder.")],
+    /,
+    *formats: Annotated[str, Parameter(name="FORMAT", help="blf, mcap, mf4, parquet.", show_env_var=False)],
+) -> int:
+    """Write a run in the formats of other tools, into its folder. Parquet takes the place of the CSV files."""
+    opened = Run(run)
+    if not formats or (unknown := [each for each in formats if each not in FORMATS]):
+        said = f"{printable(unknown[0])}: " if formats else ""
+        raise UsageError(f"runs convert: {said}name formats: {', '.join(FORMATS)}")
+    for each in formats:
+        for path in convert(opened, each):
+            print(f"{printable(str(path))}: {size_text(path.stat().st_size)}")
+    return ExitStatus.DONE
 
 
 @runs.command

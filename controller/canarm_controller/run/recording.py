@@ -5,7 +5,7 @@ from pathlib import Path
 
 from canarm_protocol.clock import Clock
 from canarm_protocol.runs.own_file import replace_file
-from canarm_protocol.runs.run_folder import EVENTS_FILE, SIGNALS_FOLDER, EventLog, SignalLog
+from canarm_protocol.runs.run_folder import EVENTS_FILE, SIGNALS_FOLDER, EventLog, Rotation, SignalLog
 from canarm_protocol.runs.unwritten import Unwritten
 
 from ..supervision.detection import Detection
@@ -28,7 +28,7 @@ class ControllerRecorder:
     """Writes the files of one run; `tick` and `state` are given to the controller and its runner to call.
 
     `now_ns` is the clock of the times that the controller is handed on the wall clock. `on_failure` is told, once, why
-    nothing more is written: the run goes on.
+    nothing more is written: the run goes on. `signals` says when their file is parted.
     """
 
     def __init__(
@@ -37,12 +37,13 @@ class ControllerRecorder:
         controller: Controller,
         on_failure: Callable[[str], None] = lambda text: None,
         now_ns: Callable[[], int] = lambda: 0,
+        signals: Rotation | None = None,
     ) -> None:
         self._controller, self._folder, self._now_ns = controller, folder, now_ns
         self._unwritten = Unwritten(folder, on_failure)
         names = controller.cell.joint_names
         columns = [f"{name}.{column}" for name in names for column in (*_COLUMNS, *controller.loop.internal_names)]
-        self._signals = SignalLog(folder / SIGNALS_FOLDER / SIGNALS_FILE, columns)
+        self._signals = SignalLog(folder / SIGNALS_FOLDER / SIGNALS_FILE, columns, signals)
         self._events = EventLog(folder / EVENTS_FILE, "controller")
         self._joints = range(len(names))
         self._begun_ns: int | None = None

@@ -12,7 +12,16 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.faults.fault_events import FaultEvent, event_details, event_name
 from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.faults.script import FaultScript
-from canarm_protocol.runs.run_folder import CAN_LOG_FILE, EVENTS_FILE, SIGNALS_FOLDER, CanLog, EventLog, SignalLog
+from canarm_protocol.runs.run_folder import (
+    CAN_LOG_FILE,
+    EVENTS_FILE,
+    SIGNALS_FOLDER,
+    CanLog,
+    EventLog,
+    Rotation,
+    RunFolderError,
+    SignalLog,
+)
 from canarm_protocol.runs.unwritten import Unwritten
 
 from ..bench.bench import CycleTruth, Record
@@ -42,6 +51,7 @@ _OBJECT_COLUMNS = (
 )
 """The columns are those of `carried.ObjectState`, but for its grips: when one is lost is an event."""
 EMERGENCY_LENGTH = 8
+_LAST_EMERGENCY = Cob.EMERGENCY + HIGHEST_NODE_ID
 SCRIPT = "fault-script"
 """The event of a fault script that has been accepted."""
 
@@ -49,21 +59,29 @@ SCRIPT = "fault-script"
 class Recorder:
     """Writes the files of one run. `frame` takes the robot's bus, `cycle` the truth at each SYNC.
 
-    `on_failure` is told, once, why nothing more is written.
+    `on_failure` is told, once, why nothing more is written. `frames` and `signals` say when their files are parted.
     """
 
-    def __init__(self, folder: Path, cell: Cell, on_failure: Callable[[str], None] = lambda text: None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        cell: Cell,
+        on_failure: Callable[[str], None] = lambda text: None,
+        frames: Rotation | None = None,
+        signals: Rotation | None = None,
+    ) -> None:
+        self._rotations = frames, signals
         self._cell, self._unwritten = cell, Unwritten(folder, on_failure)
         self._open(folder)
 
     def _open(self, folder: Path) -> None:
         cell = self._cell
-        self._log = CanLog(folder / CAN_LOG_FILE)
+        self._log = CanLog(folder / CAN_LOG_FILE, rotation=self._rotations[0])
         columns = [f"{joint}.{column}" for joint in cell.joint_names for column in _COLUMNS]
         if cell.object is not None:
             columns += [f"object.{column}" for column in _OBJECT_COLUMNS]
         self._lost: tuple[str, ...] = ()
-        self._signals = SignalLog(folder / SIGNALS_FOLDER / SIGNALS_FILE, (POWER_ON_S, *columns))
+        self._signals = SignalLog(folder / SIGNALS_FOLDER / SIGNALS_FILE, (POWER_ON_S, *columns), self._rotations[1])
         self._events = EventLog(folder / EVENTS_FILE, "emulator")
         self._cycle, self._begin_ns = -1, 0
 
@@ -81,7 +99,16 @@ class Recorder:
         The log has only error frames that are caused by an error on the bus (BUSERROR): python-can's reader takes the
         others, which report a better state, for data frames.
         """
-        if self._unwritten.why is None:
+        if self._unwritten.why is not None:
+            return
+        time_ns, frame, _ = record
+        if _LAST_EMERGENCY < frame.can_id < ERROR_FLAG:  # the shorter way of nearly all
+            try:
+                self._log.write(time_ns, frame)
+            except (OSError, RunFolderError) as error:
+                with self._unwritten:
+                    raise error from None
+        else:
             with self._unwritten:
                 self._frame(record)
 

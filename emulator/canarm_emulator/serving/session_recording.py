@@ -8,7 +8,7 @@ from pathlib import Path
 
 from canarm_protocol.canopen.frames import Cob, NmtCommand
 from canarm_protocol.cell.model import Cell
-from canarm_protocol.runs.run_folder import CAN_LOG_FILE, claim_later_run, later_run
+from canarm_protocol.runs.run_folder import CAN_LOG_FILE, Rotation, claim_later_run, later_run
 
 from ..bench.bench import Record
 from .recording import Recorder
@@ -23,20 +23,26 @@ class SessionRecorder(Recorder):
     """
 
     def __init__(
-        self, folder: Path, cell: Cell, on_failure: Callable[[str], None], describe: Callable[[Path], None]
+        self,
+        folder: Path,
+        cell: Cell,
+        on_failure: Callable[[str], None],
+        describe: Callable[[Path], None],
+        frames: Rotation | None = None,
+        signals: Rotation | None = None,
     ) -> None:
-        super().__init__(folder, cell, on_failure)
+        super().__init__(folder, cell, on_failure, frames, signals)
         self._session, self._describe = folder, describe
         self._log_file, self._runs = folder / CAN_LOG_FILE, 1
-        self._left: int | None = None
-        """Where, in the log of this run, the NMT command stands that has ended it."""
+        self._left: tuple[int, int] | None = None
+        """In which part of this run's log, and where in it, the NMT command stands that has ended it."""
 
     def frame(self, record: Record) -> None:
         """As `Recorder.frame`."""
         can_id, data, *_ = record.frame
         if can_id == Cob.NMT and self._left is None and self._cycle >= 0 and data[:1] != _START:
             with self._unwritten:
-                self._left = self._log.size()
+                self._left = self._log.parts, self._log.size()
         super().frame(record)
 
     def begin_run(self) -> None:
@@ -45,11 +51,12 @@ class SessionRecorder(Recorder):
             return
         with self._unwritten:
             self.close()
+            parts = self._log.parts
             self._runs += 1
             folder = claim_later_run(later_run(self._session, self._runs))
             before, left = self._log_file, self._left
             self._log_file, self._left = folder / CAN_LOG_FILE, None
             self._open(folder)
             if left is not None:
-                self._log.append_from(before, left)
+                self._log.append_from(before, left[1] if left[0] == parts else 0)
             self._describe(folder)

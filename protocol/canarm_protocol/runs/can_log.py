@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from ..canopen.frames import Frame
-from .run_folder import LOG_START_S
+from .run_folder import LOG_START_S, parts_of
 
 _LINE = re.compile(
     rb"\((\d{1,10})\.(\d{6})\) \S{1,20} (?:([0-9A-F]{3})|([0-9A-F]{8}))#(?:(R)([0-8]?)|((?:[0-9A-F]{2}){0,8}))\s*"
@@ -18,10 +18,15 @@ LONGEST_LINE = 200
 
 
 def log_frames(path: Path, complain: Callable[[str], None] = lambda text: None) -> Iterator[tuple[int, Frame]]:
-    """The frames of a log with their virtual times since power-on, in ns; none if there is no file.
+    """The frames of a log, and before them those of its parts, with their virtual times since power-on, in ns.
 
     `complain` is told, at the end, of lines that are no frames. A file that is no log at all has none.
     """
+    for part in parts_of(path):
+        yield from _frames(part, complain)
+
+
+def _frames(path: Path, complain: Callable[[str], None]) -> Iterator[tuple[int, Frame]]:
     bad = 0
     try:
         if not path.is_file():

@@ -5,10 +5,12 @@ formats only, so that can-utils, pandas and PlotJuggler read them without this p
 """
 
 import contextlib
+import functools
 import json
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -166,15 +168,52 @@ def _locked(path: Path) -> Iterator[None]:
         path.unlink(missing_ok=True)
 
 
+@dataclass(frozen=True)
+class Rotation:
+    """When a log goes on in a new file: the old one is called NAME-0001 then, and so on.
+
+    `on_part` is given each part that is complete, and must not take long.
+    """
+
+    bytes: int
+    on_part: Callable[[Path], None] = lambda path: None
+    takes_last: bool = False
+    """Whether what is left at the end is a part as well; the log then has nothing but its head."""
+
+
+def part_of(path: Path, number: int) -> Path:
+    """The part of a log, from 1 on."""
+    return path.with_name(f"{path.stem}-{number:04d}{path.suffix}")
+
+
+def parts_of(path: Path, *others: str) -> list[Path]:
+    """The parts of a log in their order, and the log itself. A part may have one of the suffixes `others` instead."""
+    found: dict[int, Path] = {}
+    for suffix in (path.suffix, *reversed(others)):
+        for each in path.parent.glob(f"{path.stem}-[0-9][0-9][0-9][0-9]{suffix}"):
+            found[int(each.stem[-4:])] = each
+    return [*(found[number] for number in sorted(found)), path]
+
+
 class _LineFile:
     """A text file, written out in whole lines now and then: neither a reader nor a `kill -9` finds half a line."""
 
-    def __init__(self, path: Path, *, append: bool = False) -> None:
+    _head = ""
+    """What every part begins with."""
+
+    def __init__(self, path: Path, *, append: bool = False, rotation: Rotation | None = None) -> None:
+        self._place, self._appends, self._rotation = path, append, rotation
+        self.parts = 0
+        """So many parts have been completed."""
+        self._open()
+        self._lines: list[str] = []
+
+    def _open(self) -> None:
+        path, append = self._place, self._appends
         try:
             self._file = os.fdopen(open_own(path, append=append), "ab" if append else "wb", buffering=0)
         except OSError as error:
             raise RunFolderError(f"{path}: cannot be written: {error.strerror}") from None
-        self._lines: list[str] = []
 
     def _write(self, line: str) -> None:
         self._lines.append(line)
@@ -186,12 +225,27 @@ class _LineFile:
         data = "".join(self._lines).encode("ascii", errors="backslashreplace")
         self._lines.clear()
         append_lines(self._file.fileno(), data)
+        if self._rotation is not None and os.fstat(self._file.fileno()).st_size >= self._rotation.bytes:
+            self._rotate(self._rotation)
+
+    def _rotate(self, rotation: Rotation) -> None:
+        self._file.close()
+        self.parts += 1
+        part = part_of(self._place, self.parts)
+        self._place.replace(part)
+        self._open()
+        append_lines(self._file.fileno(), self._head.encode("ascii"))
+        rotation.on_part(part)
 
     def close(self) -> None:
         """Write out what is left. May be called again."""
+        if self._file.closed:
+            return
         try:
             if self._lines:
                 self._flush()
+            if self._rotation is not None and self._rotation.takes_last:
+                self._rotate(self._rotation)
         finally:
             self._file.close()
 
@@ -204,21 +258,29 @@ class _LineFile:
         self.close()
 
 
+_LINE = "(%010d.%06d) %s#%s\n"  # formatted by %: it takes half the time
+
+
 def candump_line(time_ns: int, channel: str, frame: Frame) -> str:
     """One line of a candump log file (`candump -l`, can-utils lib.c): `(seconds.microseconds) channel id#data`."""
+    can_id, data, is_extended, is_remote = frame
     microseconds = time_ns // 1000
-    stamp = f"({microseconds // 1_000_000:010d}.{microseconds % 1_000_000:06d})"
-    identifier = f"{frame.can_id:08X}" if frame.is_extended else f"{frame.can_id:03X}"
     # candump writes R and the length that a remote frame asks for, unless that is 0 (can-utils, lib.c).
-    payload = f"R{len(frame.data) or ''}" if frame.is_remote else frame.data.hex().upper()
-    return f"{stamp} {channel} {identifier}#{payload}\n"
+    payload = f"R{len(data) or ''}" if is_remote else data.hex().upper()
+    name = _name(channel, can_id, is_extended)
+    return _LINE % (microseconds // 1_000_000, microseconds % 1_000_000, name, payload)
+
+
+@functools.lru_cache(maxsize=4096)
+def _name(channel: str, can_id: int, is_extended: bool) -> str:
+    return f"{channel} {can_id:08X}" if is_extended else f"{channel} {can_id:03X}"
 
 
 class CanLog(_LineFile):
     """A candump log of one bus, whose clock shows `LOG_START_S` at time 0."""
 
-    def __init__(self, path: Path, channel: str = "can0") -> None:
-        super().__init__(path)
+    def __init__(self, path: Path, channel: str = "can0", rotation: Rotation | None = None) -> None:
+        super().__init__(path, rotation=rotation)
         self._channel = channel
 
     def write(self, time_ns: int, frame: Frame) -> None:
@@ -242,9 +304,10 @@ class CanLog(_LineFile):
 class SignalLog(_LineFile):
     """Signals of a run as CSV, one row per cycle; the first columns are `cycle` and `time_s`, and names have units."""
 
-    def __init__(self, path: Path, columns: Sequence[str]) -> None:
-        super().__init__(path)
-        self._write(",".join(("cycle", "time_s", *columns)) + "\n")
+    def __init__(self, path: Path, columns: Sequence[str], rotation: Rotation | None = None) -> None:
+        super().__init__(path, rotation=rotation)
+        self._head = ",".join(("cycle", "time_s", *columns)) + "\n"
+        self._write(self._head)
         self._flush()
         self._row = "%d,%.6f" + ",%.9g" * len(columns) + "\n"
 
