@@ -40,7 +40,8 @@ DEFAULT_SYNC_TIMEOUT_S = 10.0
 """Longer than the delays of a busy machine, a compiler or paging; a process that ends is noticed at once."""
 
 
-def _positive(type_: object, value: float | None) -> None:
+def positive(type_: object, value: float | None) -> None:
+    """Refuse a number that is not above 0."""
     if value is not None and not (math.isfinite(value) and value > 0.0):
         raise ValueError("must be a number of seconds above 0.")
 
@@ -105,7 +106,7 @@ Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
 Wire = Annotated[
     Flag, Parameter(help="Wire model: frames queue, arbitrate and take their time at the cell's bit rate.")
 ]
-Seconds = Annotated[float, Parameter(metavar="SECONDS", validator=_positive, show_default=lambda value: f"{value:g} s")]
+Seconds = Annotated[float, Parameter(metavar="SECONDS", validator=positive, show_default=lambda value: f"{value:g} s")]
 SyncTimeout = Annotated[
     float,
     Parameter(
@@ -236,32 +237,6 @@ class WallClockOptions:
             raise UsageError(f"{given}: lockstep waits for no clock; leave it out, or take --clock wall")
         if self.spin >= cell.bus.cycle_us:
             raise UsageError(f"--spin {self.spin}: must be less than the cycle of {cell.bus.cycle_us} us")
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class OutputOptions:
-    """Where the run is recorded and how it is summarized."""
-
-    out: Annotated[Path | None, Parameter(metavar="DIR", help="Run folder to record into; must not hold a run.")] = None
-    json: Annotated[Flag, Parameter(help="Last line on stdout is the summary as one JSON object.")] = False
-    record: Annotated[
-        str | None,
-        Parameter(
-            metavar="FORMAT,…",
-            help="Further formats: parquet (of the signals, while the run goes on), and blf, mcap, mf4 at its end; "
-            "needs: pip install 'canarm[parquet,mcap,mf4]'.",
-        ),
-    ] = None
-    rotate: Annotated[
-        int | None,
-        Parameter(
-            metavar="MB",
-            converter=whole_number,
-            validator=_positive,
-            help="Go on in a new file when a log of frames or signals has so many megabytes.",
-        ),
-    ] = None
 
 
 @Parameter(name="*")

@@ -44,7 +44,6 @@ from ..options import (
     Flag,
     MoreBusWords,
     NamedBus,
-    OutputOptions,
     Pace,
     Seconds,
     SyncTimeout,
@@ -55,6 +54,7 @@ from ..options import (
     pace_text,
     parse_address,
 )
+from ..output_options import OutputOptions
 from ..recording import Recording, parse_recording, recording_failure
 from ..session import make_controller, provenance, tick_count, traffic_warning
 from ..stdout import keep_stdout

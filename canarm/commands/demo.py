@@ -33,7 +33,6 @@ from ..options import (
     ControlOptions,
     FaultFile,
     Flag,
-    OutputOptions,
     Pace,
     Seconds,
     Seed,
@@ -45,6 +44,7 @@ from ..options import (
     parse_address,
     wait_text,
 )
+from ..output_options import OutputOptions
 from ..recording import PARQUET, parse_recording, recording_failure
 from ..runs.converting import convert_all
 from ..serving import attach_flags, is_remote

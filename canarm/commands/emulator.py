@@ -44,7 +44,6 @@ from ..options import (
     FaultFile,
     Flag,
     MoreBusWords,
-    OutputOptions,
     Seconds,
     Seed,
     SyncTimeout,
@@ -54,6 +53,7 @@ from ..options import (
     check_clock,
     parse_address,
 )
+from ..output_options import OutputOptions
 from ..recording import Recording, parse_recording, recording_failure
 from ..runs.converting import convert_all
 from ..serving import attach_flags, exposure_lines
