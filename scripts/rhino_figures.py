@@ -1,6 +1,6 @@
 """What docs/rhino.md shows, computed: the paper's circle, its steps as printed, its claims, where a slave may stand.
 
-Kinematics alone; text and pictures must not enter.
+Kinematics, and from `rhino_energy` what they cost; text and pictures must not enter.
 """
 
 from collections import Counter
@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from rhino_energy import LapCost, cost_of
 
 from canarm.cooperation import (
     RHINO_XR,
@@ -103,6 +104,11 @@ class Results:
     arrangements: list[Arrangement]
     way_of_b_m: tuple[float, float]
     """How far B goes in a lap, with the least and the greatest grasp distance."""
+    cost: LapCost
+    """Of the worked case."""
+    worst_cost: LapCost
+    costs: list[LapCost]
+    """Of `arrangements`."""
 
 
 def compute() -> Results:
@@ -112,6 +118,9 @@ def compute() -> Results:
     drift = np.degrees(np.abs(lap.master_rad[-1] - lap.master_rad[0]).max())
     objects = [CarriedObject(length_m=0.6, grasp_distance_m=distance) for distance in GRASPS_M]
     found = reachability(PAIR, MAP_LAP, START, X_M, Y_M)
+    worst = worst_of(found)
+    worst_pair = replace(PAIR, slave_base_m=(worst.x_m, worst.y_m, 0.0))
+    arrangements = least_motion(PAIR, SEARCH_LAP, START, BESIDE_X_M, BESIDE_Y_M, objects=objects)
     return Results(
         lap=lap,
         paper=paper.checks(),
@@ -119,9 +128,12 @@ def compute() -> Results:
         printed={roll: as_printed(roll) for roll in ROLLS_DEG},
         random=random_poses(),
         map=found,
-        worst=worst_of(found),
-        arrangements=least_motion(PAIR, SEARCH_LAP, START, BESIDE_X_M, BESIDE_Y_M, objects=objects),
+        worst=worst,
+        arrangements=arrangements,
         way_of_b_m=(way_of_b_m(GRASPS_M[0]), way_of_b_m(GRASPS_M[-1])),
+        cost=cost_of(lap),
+        worst_cost=cost_of(plan_cooperation(worst_pair, LAP, START)),
+        costs=[cost_of(plan_cooperation(each.pair, MAP_LAP, START, posture=each.posture)) for each in arrangements],
     )
 
 

@@ -91,6 +91,49 @@ def motion(results: Results) -> list[Finding]:
     ]
 
 
+def energy(results: Results) -> list[Finding]:
+    """What the slave's motion costs, and what would cost less."""
+    cost, worst, motion = results.cost, results.worst_cost, results.costs[0]
+    cheapest = min(range(len(results.costs)), key=lambda place: results.costs[place].slave.work_j)
+    least, arrangement = results.costs[cheapest], results.arrangements[cheapest]
+    work_j, slave_j = cost.master.work_j, cost.slave.work_j
+    share = slave_j / work_j
+    return [
+        Finding(
+            "What the authors feared happens in their own circle, mildly: a step of the slave's joints is "
+            f"{cost.least_ratio:.2f} to {cost.greatest_ratio:.2f} times that of the master's, most at "
+            f"{cost.greatest_at_deg:.0f}° of the lap, and its motors do {share:.1f} times the work. From the "
+            f"worst base on the map it is {worst.greatest_ratio:.0f} times as much at "
+            f"{worst.greatest_at_deg:.0f}° of the lap, and {worst.slave.work_j / work_j:.0f} times the work.",
+            share > 2.0 and worst.greatest_ratio > 5.0 * cost.greatest_ratio and worst.slave.work_j > 2.0 * slave_j,
+        ),
+        Finding(
+            f"Least motion is not least work: that arrangement takes {motion.slave.work_j:.2f} J, and "
+            f"{least.slave.work_j:.2f} J are enough ({arrangement_text(arrangement)}), no more than the master "
+            f"needs. What a lap costs is friction, which differs from joint to joint ({cost.slave.lost_j:.2f} J of the "
+            f"{slave_j:.2f} J of the worked case), and weights that are lifted and let down again. s₂ = −1, which "
+            "moves more, takes less.",
+            least.slave.work_j < 0.7 * motion.slave.work_j
+            and arrangement.posture.approach == -1
+            and least.slave.work_j < 1.1 * work_j,
+        ),
+        Finding(
+            f"Most of the energy holds weights: {cost.slave.heat_j:.1f} J a lap heat the slave's windings, "
+            f"{cost.master.heat_j:.1f} J the master's, and that is a matter of the pose, not of the path. (5) "
+            "minimises neither.",
+            cost.slave.heat_j > 2.0 * slave_j and cost.master.heat_j > 2.0 * work_j,
+        ),
+    ]
+
+
+def arrangement_text(each: Arrangement) -> str:
+    """Base, grasp distance and signs."""
+    pair, posture = each.pair, each.posture
+    x, y, _ = pair.slave_base_m
+    signs = f"s₂ = {posture.approach:+d}, elbow {posture.elbow:+d}, facing {posture.facing:+d}"
+    return f"base ({x:.2f}, {y:.2f}) m, K = {pair.carried.distance_m:g} m, {signs}"
+
+
 def _least(results: Results, name: str, sign: int) -> float:
     """The least ratio of travel with one sign of the posture."""
     return min(each.travel_ratio for each in results.arrangements if getattr(each.posture, name) == sign)

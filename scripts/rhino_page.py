@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from rhino_figures import RANDOM_POSES, Results
-from rhino_findings import Finding, as_printed, by_grasp, continuity, motion, percent
+from rhino_findings import Finding, arrangement_text, as_printed, by_grasp, continuity, energy, motion, percent
 from rhino_pictures import JOINTS_PICTURE, MAP_PICTURE
 
-from canarm.cooperation import Arrangement, PlanChecks, Reason
+from canarm.cooperation import PlanChecks, Reason
 
 PAGE = """\
 # Two RHINO robots carry one object: the paper's result, side by side
@@ -17,7 +17,7 @@ PAGE = """\
 Lee, Suh, Suh and Kim (1986) let a master robot lead a long object along a path and a slave robot support it, both
 with five axes, and simulate it on a circle of 0.5 inch. This page is written by `make rhino`, from
 `canarm.cooperation`; no figure in it is written by hand, and the command ends with an error when a sentence below no
-longer fits the figures. It is kinematics alone: no masses, no drives, no bus. [What is wrong in
+longer fits the figures. It is kinematics, and at the end what they cost; no bus, and nothing moves. [What is wrong in
 print](cooperation-errata.md) has a page of its own.
 
 The worked case: two RHINO XR; the master starts at [0, −80, 90, −10, 90]°, the object lies along its tool's x axis,
@@ -77,7 +77,15 @@ of the joint paths, Σ‖Δθ‖, over the circle:
 
 {findings}
 
-Energy, which needs masses and drives, is not on this page yet.
+## What it costs
+
+With the masses, gears and friction of the cell `rhino-pair`, which are assumed where no source has them, at 5 s a
+lap: what the motors do (braking is not given back), and what heats their windings. The slave carries half of the
+object.
+
+{cost}
+
+{energy}
 """
 
 
@@ -96,13 +104,19 @@ def page(results: Results) -> str:
         reasons=_shares("on the map", results.map.shares()),
         continuous=_filled(continuity(results).text),
         travel=_travel(results),
-        findings="\n".join(_filled(f"- {finding.text}", "  ") for finding in motion(results)),
+        findings=_listed(motion(results)),
+        cost=_cost(results),
+        energy=_listed(energy(results)),
     )
 
 
 def misfits(results: Results) -> list[Finding]:
     """Findings that the figures do not bear out: their words in `rhino_findings` are to be written again."""
-    return [each for each in (as_printed(results), continuity(results), *motion(results)) if not each.holds]
+    return [
+        each
+        for each in (as_printed(results), continuity(results), *motion(results), *energy(results))
+        if not each.holds
+    ]
 
 
 def _lap(results: Results) -> str:
@@ -171,19 +185,36 @@ def _travel(results: Results) -> str:
             f"base ({worst.x_m:.3f}, {worst.y_m:.3f}) m: B comes to {worst.axis_distance_m:.2f} m from its axis, "
             f"sin θ3 to {worst.elbow_sine:.2f}, the crossing to {worst.crossing:.2f}",
         ),
-        ("the least, base at least 0.3 m beside the master's", f"{best.travel_ratio:.2f}", _arrangement(best)),
+        ("the least, base at least 0.3 m beside the master's", f"{best.travel_ratio:.2f}", arrangement_text(best)),
     ]
     for distance, least in by_grasp(results).items():
         ratio = f"{least.travel_ratio:.2f}"
-        rows.append((f"the least with a grasp distance of {distance:g} m", ratio, _arrangement(least)))
+        rows.append((f"the least with a grasp distance of {distance:g} m", ratio, arrangement_text(least)))
     return _table(["", "slave's path over the master's", ""], rows)
 
 
-def _arrangement(each: Arrangement) -> str:
-    pair, posture = each.pair, each.posture
-    x, y, _ = pair.slave_base_m
-    signs = f"s₂ = {posture.approach:+d}, elbow {posture.elbow:+d}, facing {posture.facing:+d}"
-    return f"base ({x:.2f}, {y:.2f}) m, K = {pair.carried.distance_m:g} m, {signs}"
+def _cost(results: Results) -> str:
+    cheapest = min(range(len(results.costs)), key=lambda place: results.costs[place].slave.work_j)
+    rows = [("worked case", results.cost), ("the worst base on the map", results.worst_cost)]
+    rows += [
+        (f"least motion: {arrangement_text(results.arrangements[0])}", results.costs[0]),
+        (f"least work: {arrangement_text(results.arrangements[cheapest])}", results.costs[cheapest]),
+    ]
+    head = ["", "work: master", "slave", "heat: master", "slave", "slave's step over the master's"]
+    return _table(
+        head,
+        [
+            (
+                name,
+                f"{each.master.work_j:.2f} J",
+                f"{each.slave.work_j:.2f} J",
+                f"{each.master.heat_j:.1f} J",
+                f"{each.slave.heat_j:.1f} J",
+                f"{each.least_ratio:.2f} to {each.greatest_ratio:.2f}",
+            )
+            for name, each in rows
+        ],
+    )
 
 
 def _pair(checks: PlanChecks) -> str:
@@ -196,6 +227,10 @@ def _below(value: float, limit: float, unit: str) -> str:
 
 def _shares(of: str, shares: Mapping[Reason, float]) -> str:
     return _table([of, "share"], [(reason.words, percent(part)) for reason, part in shares.items()])
+
+
+def _listed(findings: Iterable[Finding]) -> str:
+    return "\n".join(_filled(f"- {finding.text}", "  ") for finding in findings)
 
 
 def _filled(text: str, indent: str = "") -> str:
