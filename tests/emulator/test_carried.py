@@ -1,5 +1,7 @@
 """The object that two robots carry: weight, grips that slip, and MuJoCo's own answer to what the controller expects."""
 
+import dataclasses
+
 import mujoco
 import numpy as np
 import pytest
@@ -23,7 +25,7 @@ def stiff_world(**truth: str) -> World:
     settings = {f"{name}.coulomb": "100" for name in CELL.joint_names} | truth
     world = World(CELL, Truth.from_settings(CELL, settings), 0)
     world.set_direction(0, DirectionBits.COUNTER_CLOCKWISE)
-    world.advance(50 * MILLISECOND)
+    world.advance(200 * MILLISECOND)
     return world
 
 
@@ -61,7 +63,7 @@ def test_a_grip_slips_beyond_its_force_and_the_other_hand_goes_on() -> None:
     grips = world._plant.grips
     assert grips is not None
     grips._slip_n = 4.0
-    world.advance(51 * MILLISECOND)
+    world.advance(201 * MILLISECOND)
     state = world.object
     assert state is not None
     assert state.lost == ("master", "slave")
@@ -136,3 +138,58 @@ def test_what_the_robots_carry_together_is_the_object() -> None:
     assert master.mass_kg * master.centre_m[0] + slave.mass_kg * 0.3 == pytest.approx(0.4 * 0.3)
     about_end = master.tensor_kg_m2[1][1] + master.mass_kg * master.centre_m[0] ** 2 + slave.mass_kg * 0.3**2
     assert about_end == pytest.approx(0.4 * 0.6**2 / 3 + 0.4 * 0.015**2 / 4)
+
+
+def blow_n(max_step_us: int) -> float:
+    """The greatest grip force when the slave's shoulder jams at 0.1 rad/s, and with it stops the other nine rotors."""
+    cell = CELL.model_copy(update={"physics": CELL.physics.model_copy(update={"max_step_us": max_step_us})})
+    truth = Truth.from_settings(cell)
+    world = World(cell, truth, 0)
+    world.set_direction(0, DirectionBits.COUNTER_CLOCKWISE)
+    rows, _ = ClosedChain(cell).constraint(world._plant.angle, [0.0] * 10)
+    wanted = np.zeros(10)
+    wanted[6] = 0.1
+    speed = wanted - np.linalg.pinv(rows) @ rows @ wanted
+    world.advance(MILLISECOND)
+    world._plant.set_state(world._plant.angle, speed.tolist())
+    joints = list(truth.joints)
+    joints[6] = dataclasses.replace(joints[6], is_jammed=True)
+    world.change(dataclasses.replace(truth, joints=tuple(joints)))
+    world.advance(6 * MILLISECOND)
+    figures = world.object_summary()
+    assert figures is not None
+    return float(figures["grip_peak_n"])
+
+
+def test_pads_take_up_a_blow_however_short_the_steps_are() -> None:
+    """Rigid arms make any force for one step; their momentum over the 10 ms of the pads does not depend on it."""
+    coarse, fine = blow_n(650), blow_n(160)
+    assert coarse > 3.0
+    assert fine == pytest.approx(coarse, rel=0.15)
+
+
+@pytest.mark.parametrize(("hand", "lost"), [("slave", ("slave",)), ("master", ("master", "slave"))])
+def test_a_hand_that_opens_leaves_the_object_to_the_other_or_to_nobody(hand: str, lost: tuple[str, ...]) -> None:
+    world = stiff_world()
+    world.open_grip(hand)
+    world.advance(201 * MILLISECOND)
+    state = world.object
+    assert state is not None
+    assert state.lost == lost
+    up_n = 0.0 if hand == "master" else WEIGHT_N
+    world.advance(400 * MILLISECOND)
+    state = world.object
+    assert state is not None
+    assert state.master_force_n[2] == pytest.approx(up_n, abs=1e-3)
+
+
+def test_a_fault_of_a_joint_leaves_the_object_in_the_hands() -> None:
+    """Any fault of the mechanics makes another plant, with the same grips."""
+    world = stiff_world()
+    truth = world.truth
+    joints = (dataclasses.replace(truth.joints[0], is_jammed=True), *truth.joints[1:])
+    world.change(dataclasses.replace(truth, joints=joints))
+    world.advance(210 * MILLISECOND)
+    state = world.object
+    assert state is not None
+    assert state.lost == ()

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from .card_handle import CardHandle
-from .declaration import BusFault, ClockFault, Context, Fault, NodeFault, NodeHandle, Tap
+from .declaration import BusFault, ClockFault, Context, Fault, GripFault, NodeFault, NodeHandle, Tap
 from .points import Point
 
 if TYPE_CHECKING:
@@ -64,6 +64,20 @@ class NodePoint(Point):
         for fault, port, begun_ns in self._faults:
             if now_ns > begun_ns:
                 fault.act(port, now_ns)
+
+
+class GripPoint(Point):
+    """A hand that holds the object."""
+
+    def __init__(self, bench: "Bench", tap: Tap) -> None:
+        self._world, self._hand = bench.world, tap.name.removeprefix("object.")
+
+    def _add(self, fault: Fault, context: Context) -> None:
+        assert isinstance(fault, GripFault)
+        fault.strike(self._world, self._hand)
+
+    def remove(self, fault: Fault, now_ns: int) -> None:
+        """What a hand has lost stays lost."""
 
 
 class ClockPoint(Point):

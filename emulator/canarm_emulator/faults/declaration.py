@@ -37,6 +37,7 @@ class TapKind(Enum):
     BRAKE = "brake"
     LINK = "link of the arm"
     DRIVE_WIRE = "drive wire"
+    GRIP = "hand that holds the object"
     SENSOR = "voltage of a sensor"
     ADC_CODE = "code of an ADC channel"
     MESSAGES = "messages on the bus"
@@ -200,6 +201,16 @@ class JointFault(Fault):
 
     def strike(self, world: "World", joint: int) -> None:
         """Something that happens once, after the truth has changed."""
+
+
+class GripFault(Fault):
+    """Happens to a hand that holds an object, once."""
+
+    able_at = frozenset({TapKind.GRIP})
+
+    @abstractmethod
+    def strike(self, world: "World", hand: str) -> None:
+        """What happens; `hand` is "master" or "slave"."""
 
 
 class MessageFault(Fault):

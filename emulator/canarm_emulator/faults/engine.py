@@ -22,7 +22,7 @@ from canarm_protocol.faults.script import FaultScript, FaultSet, Trigger
 from canarm_protocol.shown import quoted
 
 from ..robot.world import JointState
-from .bench_points import BusPoint, ClockPoint, NodePoint
+from .bench_points import BusPoint, ClockPoint, GripPoint, NodePoint
 from .catalogue import PlannedFault
 from .declaration import Context, Fault, JointFault, Tap, TapKind
 from .guard import failure_text, guard
@@ -322,6 +322,8 @@ class FaultEngine:
             return BusPoint(self._bench)
         if tap.kind is TapKind.NODE:
             return NodePoint(self._bench, tap)
+        if tap.kind is TapKind.GRIP:
+            return GripPoint(self._bench, tap)
         if tap.kind is TapKind.CLOCK:
             return ClockPoint(self._bench)
         return signal_point(self._bench, tap)

@@ -5,6 +5,7 @@ Faults at one point act in the order in which they began, each on the result of 
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 from math import floor
 from typing import TYPE_CHECKING
 
@@ -124,7 +125,7 @@ class TruthPoint(Point):
         joints: list[JointTruth] = list(base.joints)
         for joint, fault in self._faults:
             joints[joint] = fault.change(joints[joint], now_ns)
-        truth = Truth(tuple(joints), base.adc, base.dac)
+        truth = replace(base, joints=tuple(joints))
         if truth != self._world.truth:
             self._world.change(truth)
 

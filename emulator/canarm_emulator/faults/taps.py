@@ -55,6 +55,9 @@ def taps_of(cell: Cell) -> dict[str, Tap]:
                 step = pin.high / wired[index, sensor.kind][0].codec.full_scale
                 tap = Tap(f"{name}.{pin.name}", TapKind.SENSOR, pin.about, pin.unit, 0, pin.high, step, index)
                 taps.append(tap)
+    if cell.object is not None:
+        hands = {"master": cell.object.master, "slave": cell.object.slave}
+        taps += [Tap(f"object.{hand}", TapKind.GRIP, f"hand of {robot} on the object") for hand, robot in hands.items()]
     for card in cell.card:
         if not card.kind.is_output:
             taps += [_card_tap(cell, card, channel) for channel in card.channel]

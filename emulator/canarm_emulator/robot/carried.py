@@ -27,10 +27,14 @@ _PIN = {
     "solimp": "0.99 0.999 0.001 0.5 2",
 }
 _NOTHING = 1e-9  # kg and kg m2: an object that is no longer there
+PAD_S = 0.01
+"""Time in which the pads of a hand give way: rubber of some 80 kN/m under the 8 kg that an arm of `rhino-pair` weighs
+at its hand, sqrt(8 / 80e3) s; assumed. What is shorter they take up. Rigid arms that hit something make any force, for
+one step of the integration; through pads it is their momentum over this time, however short the step."""
 
 
 class ObjectState(NamedTuple):
-    """The object now, in the world's frame; forces are those of the hands on the object.
+    """The object now, in the world's frame; forces are those of the hands on the object, as their pads pass them on.
 
     `position_m` is the master's grip, x of `quaternion` points along the object. `squeeze_n` is the slave's force along
     it: positive where the hands press it together. A grip that is lost has no force.
@@ -53,7 +57,7 @@ class ObjectState(NamedTuple):
 
 @dataclass(slots=True)
 class GripFigures:
-    """The hands' forces since power-on, taken in every step of the integration."""
+    """The hands' forces since power-on, as their pads pass them on, taken in every step of the integration."""
 
     master_peak_n: float = 0.0
     slave_peak_n: float = 0.0
@@ -105,7 +109,9 @@ def add_pin(root: ElementTree.Element, carried: Carried) -> None:
 class Grips:
     """Both hands on the object, in the model and state of a `Plant`."""
 
-    __slots__ = ("_body", "_carried", "_data", "_hand", "_model", "_slip_n", "figures", "is_in_master")
+    __slots__ = (
+        "_body", "_carried", "_data", "_hand", "_master_n", "_model", "_slave_n", "_slip_n", "figures", "is_in_master",
+    )  # fmt: skip
 
     def __init__(self, cell: Cell, truth: ObjectTruth, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         assert cell.object is not None
@@ -114,6 +120,7 @@ class Grips:
         self._hand = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, hand(cell.object.slave))
         self._slip_n = truth.slip_force_n
         self.is_in_master = True
+        self._master_n = self._slave_n = (0.0, 0.0, 0.0)
         self.figures = GripFigures()
 
     def close(self, cell: Cell) -> None:
@@ -135,26 +142,28 @@ class Grips:
             )
         self._model.eq_data[0, 3:6] = anchor
 
-    def look(self) -> None:
-        """After a step: the forces in it, and whether a grip slips."""
-        figures = self.figures
+    def look(self, step_s: float) -> None:
+        """After a step of `step_s`: the forces in it, and whether a grip slips."""
+        figures, share = self.figures, -math.expm1(-step_s / PAD_S)
         figures.steps += 1
         if self.is_in_slave:
-            x, y, z = force = self._pin_force()
-            strength_n = math.hypot(*force)
+            x, y, z = self._slave_n = _towards(self._slave_n, self._pin_force(), share)
+            strength_n = math.hypot(x, y, z)
             figures.slave_peak_n = max(figures.slave_peak_n, strength_n)
             a, _, _, b, _, _, c, _, _ = self._data.xmat[self._body].tolist()
             squeeze_n = abs(a * x + b * y + c * z)
             figures.squeeze_peak_n = max(figures.squeeze_peak_n, squeeze_n)
             figures.squeeze_squares += squeeze_n * squeeze_n
             if strength_n > self._slip_n:
-                self._data.eq_active[0] = 0
+                self.open_slave()
         if self.is_in_master:
             mujoco.mj_rnePostConstraint(self._model, self._data)
-            strength_n = math.hypot(*self._data.cfrc_int[self._body, 3:].tolist())
+            force_n = _vector(self._data.cfrc_int[self._body, 3:].tolist())
+            self._master_n = _towards(self._master_n, force_n, share)
+            strength_n = math.hypot(*self._master_n)
             figures.master_peak_n = max(figures.master_peak_n, strength_n)
             if strength_n > self._slip_n:
-                self._drop()
+                self.open_master()
 
     def summary(self) -> dict[str, Any]:
         """The figures so far; see `GripFigures`."""
@@ -170,10 +179,7 @@ class Grips:
         data, body = self._data, self._body
         x, y, z = data.xpos[body].tolist()
         quaternion = data.xquat[body].tolist()
-        slave = self._pin_force() if self.is_in_slave else (0.0, 0.0, 0.0)
-        master = (0.0, 0.0, 0.0)
-        if self.is_in_master:
-            master = _vector(data.cfrc_int[body, 3:].tolist())
+        slave, master = self._slave_n, self._master_n
         along = data.xmat[body].reshape(3, 3)[:, 0].tolist()
         squeeze_n = -sum(a * b for a, b in zip(slave, along, strict=True))
         return ObjectState((x, y, z), quaternion, master, slave, squeeze_n, self.is_in_master, self.is_in_slave)
@@ -182,14 +188,20 @@ class Grips:
         """Hold the object as it was held."""
         self._model.eq_data[0] = before._model.eq_data[0]
         self._data.eq_active[0] = before._data.eq_active[0]
-        self.figures = before.figures
+        self.figures, self._slave_n, self._master_n = before.figures, before._slave_n, before._master_n
         if not before.is_in_master:
-            self._drop()
+            self.open_master()
 
-    def _drop(self) -> None:
-        """The master has lost the object: it falls, and no hand holds it any more."""
-        self.is_in_master = False
+    def open_slave(self) -> None:
+        """The slave has lost the object: the master holds it alone."""
         self._data.eq_active[0] = 0
+        self._slave_n = (0.0, 0.0, 0.0)
+
+    def open_master(self) -> None:
+        """The master has lost the object: it falls, and no hand holds it any more."""
+        self.open_slave()
+        self.is_in_master = False
+        self._master_n = (0.0, 0.0, 0.0)
         self._model.body_mass[self._body] = _NOTHING
         self._model.body_inertia[self._body] = _NOTHING
         angles = self._data.qpos.copy()
@@ -220,6 +232,12 @@ def _along(direction: Vector) -> Quaternion:
         return 0.0, 0.0, 0.0, 1.0
     w = math.sqrt((1.0 + x) / 2)
     return w, 0.0, -z / (2 * w), y / (2 * w)
+
+
+def _towards(force_n: Vector, new_n: Vector, share: float) -> Vector:
+    """A `share` of the way from one force to another."""
+    x, y, z = (old + share * (new - old) for old, new in zip(force_n, new_n, strict=True))
+    return x, y, z
 
 
 def _vector(values: list[float]) -> Vector:

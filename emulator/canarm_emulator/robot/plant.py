@@ -182,7 +182,7 @@ class Plant:
         self.speed = speed = list(self._velocity)
         self.angle = [ahead - half_s * rate for ahead, rate in zip(position, speed, strict=True)]
         if self.grips is not None:
-            self.grips.look()
+            self.grips.look(step_s)
 
     @property
     def object(self) -> ObjectState | None:
@@ -192,6 +192,11 @@ class Plant:
     def object_summary(self) -> dict[str, Any] | None:
         """Figures of the grips since power-on; None if there is no object."""
         return None if self.grips is None else self.grips.summary()
+
+    def open_grip(self, hand: str) -> None:
+        """The "master" or the "slave" lets go of the object, if there is one."""
+        if self.grips is not None:
+            (self.grips.open_master if hand == "master" else self.grips.open_slave)()
 
     def brake(self, joint: int, friction_nm: float) -> None:
         """Dry friction of a brake at a joint's motor, from the next step on."""

@@ -204,6 +204,10 @@ class World:
         """Figures of its grips since power-on: forces in N, and who has lost it; None if there is none."""
         return self._plant.object_summary()
 
+    def open_grip(self, hand: str) -> None:
+        """The "master" or the "slave" lets go of the object."""
+        self._plant.open_grip(hand)
+
     def advance(self, until_ns: int) -> None:
         """Let time pass until `until_ns`, in equal steps of at most `physics.max_step_us`, or shorter ones if the true
         robot needs them.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ...robot.truth import JointTruth
-from ..declaration import Family, JointFault, TapKind
+from ..declaration import Family, GripFault, JointFault, TapKind
 from ..parameters import parameter
 
 if TYPE_CHECKING:
@@ -64,6 +64,15 @@ class Collision(JointFault, name="collision", family=Family.MECHANICS, acts_on={
     def strike(self, world: "World", joint: int) -> None:
         """The hit."""
         world.strike(joint, self.impulse)
+
+
+@dataclass
+class GripOpens(GripFault, name="grip-opens", family=Family.MECHANICS, acts_on={TapKind.GRIP}):
+    """The hand lets go of the object: the other one has it alone or, without the master's, it falls."""
+
+    def strike(self, world: "World", hand: str) -> None:
+        """Open."""
+        world.open_grip(hand)
 
 
 @dataclass
