@@ -3,7 +3,7 @@
 Channels, registers and resolutions of a particular card never enter.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Annotated
 
 from pydantic import Field
@@ -17,7 +17,7 @@ from ..canopen.dictionary import (
     ANALOGUE_OUTPUT_32,
     Dictionary,
 )
-from .kind import Codec, ObjectValue, Place, Settings
+from .kind import Codec, ErrorValues, ObjectValue, Place, Settings
 
 FEWEST_BITS, MOST_BITS = 8, 16
 BITS_16, BITS_32 = 15, 31
@@ -85,9 +85,11 @@ def conversion_us(settings: Settings) -> int:
     return settings.conversion_us
 
 
-def error_values(bits: int, dictionary: Dictionary, values: Mapping[int, int]) -> Iterator[ObjectValue]:
-    """Every output takes its error value when the controller is lost: 0x6443, then 0x6444, left-adjusted in 32 bits."""
+def error_values(bits: int, dictionary: Dictionary, values: ErrorValues) -> Iterator[ObjectValue]:
+    """Every output takes its error value when the controller is lost, or keeps what it has: 0x6443, 1 or 0; then
+    0x6444, left-adjusted in 32 bits.
+    """
     outputs = sorted(set(dictionary[ANALOGUE_ERROR_MODE].subindices) - {0})
-    yield from ((ANALOGUE_ERROR_MODE, output, 1) for output in outputs)
+    yield from ((ANALOGUE_ERROR_MODE, output, int(values.get(output, 0) is not None)) for output in outputs)
     for output in outputs:
-        yield ANALOGUE_ERROR_VALUE, output, values.get(output, 0) << BITS_32 - bits
+        yield ANALOGUE_ERROR_VALUE, output, (values.get(output) or 0) << BITS_32 - bits

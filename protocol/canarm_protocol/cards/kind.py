@@ -14,6 +14,8 @@ from ..canopen.dictionary import Dictionary
 
 ObjectValue = tuple[int, int, int]
 """Index, sub-index and value of an object that a master sets."""
+ErrorValues = Mapping[int, int | None]
+"""What each wired channel takes when the controller is lost; None: it keeps what it has."""
 
 
 def highest_code(bits: int) -> int:
@@ -97,10 +99,10 @@ class CardKind:
     """Conversion time per channel, one channel after the other; 0 where all are sampled at SYNC."""
     highest_error_value: Callable[[Settings], int] = lambda _: 0
     """The highest value that an output may take when the controller is lost; 0 for inputs."""
-    application_values: Callable[[Settings, Dictionary, Mapping[int, int]], Iterator[ObjectValue]] = (
+    application_values: Callable[[Settings, Dictionary, ErrorValues], Iterator[ObjectValue]] = (
         lambda settings, dictionary, error_values: iter(())
     )
-    """Application objects that a master sets before a run, from the error value of each wired channel."""
+    """Application objects that a master sets before a run, from the error values of the wired channels."""
     tap: str
     """Pattern of the tap at a channel's code, with `joint`, `card` and `number`."""
     tap_about: str

@@ -1,6 +1,6 @@
 """The direction latch SC300: eight bits, two per joint, and what the two do to the joint's bridge."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from enum import IntEnum
 
 from ..canopen.dictionary import (
@@ -10,10 +10,11 @@ from ..canopen.dictionary import (
     DIGITAL_OUTPUT,
     Dictionary,
 )
-from .kind import CardKind, Codec, ObjectValue, Place, Wire
+from .kind import CardKind, Codec, ErrorValues, ObjectValue, Place, Wire
 
 BITS_PER_JOINT = 2
 """Channel n has bits 2n-2 and 2n-1."""
+JOINT_BITS = 0b11
 ALL_BITS = 0xFF
 
 
@@ -30,9 +31,12 @@ class DirectionBits(IntEnum):
     ILLEGAL = 0b11
 
 
-def _application_values(dictionary: Dictionary, error_values: Mapping[int, int]) -> Iterator[ObjectValue]:
-    bits = sum(value << BITS_PER_JOINT * (number - 1) for number, value in error_values.items())
-    yield DIGITAL_ERROR_MODE, 1, ALL_BITS
+def _application_values(dictionary: Dictionary, error_values: ErrorValues) -> Iterator[ObjectValue]:
+    """Bits of 0x6206 are 0 where an output keeps what it has."""
+    shifts = {number: BITS_PER_JOINT * (number - 1) for number in error_values}
+    bits = sum((value or 0) << shifts[number] for number, value in error_values.items())
+    kept = sum(JOINT_BITS << shifts[number] for number, value in error_values.items() if value is None)
+    yield DIGITAL_ERROR_MODE, 1, ALL_BITS & ~kept
     yield DIGITAL_ERROR_VALUE, 1, bits
     if DIGITAL_FILTER_MASK in dictionary:
         yield DIGITAL_FILTER_MASK, 1, ALL_BITS

@@ -3,7 +3,7 @@
 Nominal values; what differs in the true robot never enters.
 """
 
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
@@ -182,7 +182,9 @@ class Robot(Table):
     """A serial arm of revolute joints, base to tip.
 
     `base_m` and `base_rpy_deg` (about the fixed axes x, y, z in this order) place its base in the world;
-    `gravity_m_s2` is in the base's frame.
+    `gravity_m_s2` is in the base's frame. `when_lost` is what its outputs do when the controller is lost, and are left
+    with at the end of a run. "off" and "carry" give them their `error_value`, "hold" lets them keep their last values.
+    Only with "off" may the controller take the torque away: what "carry" gives must carry the arm where it works.
     """
 
     name: Name
@@ -190,7 +192,13 @@ class Robot(Table):
     gravity_m_s2: Vector
     base_m: Vector = (0.0, 0.0, 0.0)
     base_rpy_deg: Vector = (0.0, 0.0, 0.0)
+    when_lost: Literal["off", "carry", "hold"] = "off"
     joint: Annotated[tuple[Joint, ...], Field(min_length=1, max_length=7)]
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is never to be without torque, nor left so."""
+        return self.when_lost != "off"
 
     def carrying(self, load: Inertial) -> Self:
         """The robot with `load`, given in its tool frame, as a part of its last link."""

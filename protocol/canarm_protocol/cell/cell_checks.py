@@ -100,6 +100,7 @@ def _card_problems(cell: Cell) -> Iterator[str]:
 
 def _wiring_problems(cell: Cell) -> Iterator[str]:
     joints = {robot.name: [joint.name for joint in robot.joint] for robot in cell.robot}
+    holding = {robot.name for robot in cell.robot if robot.when_lost == "hold"}
     wired: dict[tuple[str, str], str] = {}
     for card in cell.card:
         allowed, count = leaves(card.kind.takes), card.kind.channels
@@ -121,6 +122,11 @@ def _wiring_problems(cell: Cell) -> Iterator[str]:
             elif channel.error_value > highest:
                 right = f"must be from 0 to {highest}" if highest else "an input has none; leave it out"
                 yield f"{where}.error_value = {channel.error_value}: {right}"
+            elif channel.error_value and card.robot in holding:
+                yield (
+                    f'{where}.error_value = {channel.error_value}: robot {card.robot!r} has when_lost = "hold", its '
+                    "outputs keep their values; leave it out"
+                )
             elif (card.robot, channel.signal) in wired:
                 other = wired[card.robot, channel.signal]
                 yield f"{_signal(where, channel)}: is wired to {other} already; wire it once"

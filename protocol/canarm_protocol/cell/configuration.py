@@ -88,7 +88,7 @@ def _emergency_settings(node: CardNode) -> Iterator[Setting]:
 def _application_settings(node: CardNode) -> Iterator[Setting]:
     """Objects of the card's kind, with the cell's error values."""
     card = node.card
-    error_values = {channel.number: channel.error_value for channel in card.channel}
+    error_values = {channel.number: None if node.keeps_outputs else channel.error_value for channel in card.channel}
     for index, subindex, value in card.kind.application_values(card, node.dictionary, error_values):
         yield Setting(index, subindex, value)
 

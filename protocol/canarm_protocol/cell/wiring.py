@@ -34,6 +34,8 @@ class CardNode:
     tpdos: tuple[PdoLayout, ...]
     unused: tuple[PdoLayout, ...] = ()
     """PDOs that are enabled by default and carry no wired channel."""
+    keeps_outputs: bool = False
+    """Whether wired outputs keep their last values when the controller is lost, instead of their error values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +53,11 @@ class InputSlot:
 
 def card_nodes(cell: Cell) -> tuple[CardNode, ...]:
     """All cards of the cell with the PDOs that the controller sets up."""
-    return tuple(_card_node(card) for card in cell.card)
+    holding = {robot.name for robot in cell.robot if robot.when_lost == "hold"}
+    return tuple(_card_node(card, card.robot in holding) for card in cell.card)
 
 
-def _card_node(card: Card) -> CardNode:
+def _card_node(card: Card, keeps_outputs: bool) -> CardNode:
     dictionary = load_dictionary(card.model, card.node_id)
     kind: Kind = "rpdo" if card.kind.is_output else "tpdo"
     enabled: list[PdoLayout] = []
@@ -66,7 +69,8 @@ def _card_node(card: Card) -> CardNode:
     used = _carriers(card, dictionary, enabled, disabled)
     numbers = {layout.number for layout in used}
     unused = tuple(layout for layout in enabled if layout.number not in numbers)
-    return CardNode(card, dictionary, used if card.kind.is_output else (), () if card.kind.is_output else used, unused)
+    rpdos, tpdos = (used, ()) if card.kind.is_output else ((), used)
+    return CardNode(card, dictionary, rpdos, tpdos, unused, keeps_outputs)
 
 
 def _carriers(
