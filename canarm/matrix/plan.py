@@ -30,6 +30,7 @@ OF_THE_ARM = frozenset(
         TapKind.BRAKE,
         TapKind.DRIVE_WIRE,
         TapKind.LINK,
+        TapKind.GRIP,
     )
 )
 """Taps behind the cards' outputs: faults there mislead nobody. Those that drive the arm are declared dangerous."""

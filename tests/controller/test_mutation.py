@@ -95,6 +95,7 @@ SCENES: dict[str, Scene] = {
     "saturation": Scene("joint2", 0, rig={"truth": {"joint3.mass": 2.1}}),
     "drive-broken": Scene("joint3", 40, fault("joint3.wire", "wire-broken")),
     "overspeed": Scene("joint3", 40, LIGHTER, BLOW, 16 * CYCLE_S),
+    "object-lost": Scene(None, 80, fault("object.slave", "grip-opens"), rig={"cell": "rhino-pair"}),
     "both-sensors": Scene(
         "joint2", 60, fault("joint2.tachometer", "dropout"),
         fault("joint2.potentiometer", "drift", rate=16.0), 10 * CYCLE_S,

@@ -23,6 +23,9 @@ class AwaitedInputs:
             cob_id: [(place, slot.codec.shift) for place, slot in enumerate(slots) if slot.cob_id == cob_id]
             for cob_id in self.layouts
         }
+        self._joints = {
+            cob_id: frozenset(slot.joint for slot in slots if slot.cob_id == cob_id) for cob_id in self.layouts
+        }
         self._lowest = {slot.cob_id: slot.codec.lowest_value for slot in slots}
 
     def open_cycle(self) -> None:
@@ -41,6 +44,16 @@ class AwaitedInputs:
         for (place, shift), value in zip(self._places[layout.cob_id], values, strict=True):
             self.codes[place] = value >> shift
         return True
+
+    @property
+    def is_part_silent(self) -> bool:
+        """Whether a card has sent nothing in this cycle, while another one has: then the bus is sound."""
+        here = {cob_id & HIGHEST_NODE_ID for cob_id in self.layouts if cob_id not in self.awaited}
+        return bool(here) and any(cob_id & HIGHEST_NODE_ID not in here for cob_id in self.awaited)
+
+    def unseen_joints(self) -> frozenset[int]:
+        """The joints of which something is still awaited in this cycle."""
+        return frozenset(joint for cob_id in self.awaited for joint in self._joints[cob_id])
 
     def describe_awaited(self) -> str:
         """The TPDOs that have not come in this cycle, in words."""

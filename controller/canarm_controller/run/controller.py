@@ -215,6 +215,7 @@ class Controller(SupervisedRun):
         """Stop as planned, before the last tick; during bring-up the run ends when the cards have been found."""
         if self.state is State.RUNNING:
             self.state = State.STOPPING
+            self._stop.begin(is_hold=False)
         elif self.state is State.BRINGING_UP:
             self._ticks = 0
         elif self.state is State.IDLE:
@@ -308,6 +309,9 @@ class Controller(SupervisedRun):
             self._watch.start(self.loop.cycle.position_rad)
         else:
             self._measuring.judge(sample)
+        grips = self._watch.grips
+        if grips is not None and self.state is State.RUNNING:
+            self._judge(grips.step(self.loop.cycle.position_rad))
 
     def _law_output(self) -> Sequence[float] | None:
         """The law's torques; None if they are unusable."""
@@ -327,20 +331,25 @@ class Controller(SupervisedRun):
             self._times.missing_cycles += 1
             if self._times.missing_cycles == MISSING_NOTED:
                 self._detect("inputs-missing", None, f"no {waiting_for} for {MISSING_NOTED} cycles")
-            self._judge(self._supervisor.missing(waiting_for, is_timed=self.clock is Clock.WALL))
+            is_timed, is_part_silent = self.clock is Clock.WALL, self._inputs.is_part_silent
+            self._judge(self._supervisor.missing(waiting_for, is_timed=is_timed, is_part_silent=is_part_silent))
 
     def _stop_step(self) -> None:
         """Torque off, or the arm held; cycles go on until it stands still, so that it is watched."""
-        has_inputs = not self._inputs.awaited
-        if self._stop.begin_cycle() and has_inputs:
+        unseen = self._inputs.unseen_joints()
+        has_inputs = not self._inputs.awaited if not self._stop.keeps_any else len(unseen) < len(self.cell.joints)
+        is_planned = self.verdict is None
+        if self._stop.begin_cycle(is_planned) and has_inputs:
             if self._stop.holds:
+                self._stop.doubt(unseen, is_drive=False)
+                self._watch.lose(self._stop.frozen | unseen)
                 self._measure()
             else:
                 self.loop.measure(self._inputs.codes, self.tick)
-        step = self._stop.step(self.verdict is None, has_inputs)
+        step = self._stop.step(is_planned, has_inputs)
         if step.is_over:
             self.outbox += stop_frames(self._nodes)
-            self.state = State.DONE if self.verdict is None else State.FAILED
+            self.state = State.DONE if is_planned else State.FAILED
         else:
             torque_nm, frames = step.torque_nm, self._frames
             self.outbox += frames.no_torque if torque_nm is None else frames.outputs(*self.loop.outputs(torque_nm))

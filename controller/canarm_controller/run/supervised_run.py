@@ -9,7 +9,7 @@ from canarm_protocol.cell.model import Cell
 
 from ..errors import ControllerError
 from ..supervision.arm_watch import ArmWatch
-from ..supervision.detection import DETECTORS, Detection, Reaction
+from ..supervision.detection import DETECTORS, OF_A_DRIVE, Detection, Reaction
 from ..supervision.supervisor import Verdict, law_verdict
 from .detection_log import DetectionLog
 from .loop import ControlLoop
@@ -34,7 +34,9 @@ class SupervisedRun:
         """Returns the lack of computing time that explains a detection; set by the owner of the clock."""
         self._log = DetectionLog()
         self._watch = ArmWatch(cell, loop.arm, loop.law.following_error_lsb, self._detect_at_joint)
-        self._stop = SafeStop(loop, self._watch.safe_hold, self._watch.standing_rad_s)
+        keeps = [robot.holds for robot in cell.robot for _ in robot.joint]
+        self._stop = SafeStop(loop, self._watch.safe_hold, self._watch.standing_rad_s, keeps)
+        self._joints_of = _joints_by_place(cell)
 
     @property
     def detections(self) -> list[Detection]:
@@ -73,6 +75,8 @@ class SupervisedRun:
         if detector in self.without:
             return False
         reaction = reaction or DETECTORS[detector].reaction
+        if reaction is Reaction.OFF and self._stop.keeps_all:
+            reaction = Reaction.HOLD
         if (cause := self.starved_by(detector, detail)) is not None:
             if not reaction.stops:
                 return False
@@ -82,12 +86,22 @@ class SupervisedRun:
         if is_end:
             self.verdict = Verdict(detector, detail, where)
             self.state = State.STOPPING
-            self._stop.holds = reaction is Reaction.HOLD
+            self._stop.begin(reaction is Reaction.HOLD)
         elif reaction is Reaction.OFF:
-            self._stop.holds = False
+            self._stop.fail()
+        if reaction.stops and is_noted and where is not None:
+            self._stop.doubt(self._joints_of.get(where, ()), detector in OF_A_DRIVE)
         if is_noted:  # after the stop: what cannot be told is a reason to stop, and must not be one again and again
             detection = self._log.note(Detection(detector, where, max(self.tick, 0), detail, reaction), is_end)
             tell = self.on_detection
             if detection is not None and tell is not None:
                 self.guard(lambda: tell(detection))
         return True
+
+
+def _joints_by_place(cell: Cell) -> dict[str, tuple[int, ...]]:
+    """The joints that a detection speaks of, by what it names: a joint, or a card, to which several are wired."""
+    places: dict[str, tuple[int, ...]] = {name: (joint,) for joint, name in enumerate(cell.joint_names)}
+    for card in cell.card:
+        places[card.name] = tuple(sorted({cell.far_joint(card, channel) for channel in card.channel}))
+    return places

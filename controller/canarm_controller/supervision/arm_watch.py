@@ -5,7 +5,8 @@ commands; the truth is not known here.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Collection, Sequence
 
 from canarm_protocol.cell.model import Cell
 
@@ -15,6 +16,7 @@ from .currents import CurrentWatch
 from .detection import Reaction, named_for
 from .expectation import ArmExpectation, expectation
 from .following import FollowingWatch
+from .grip_watch import GripWatch, grip_limits
 from .hold import SafeHold
 from .joint_state import Mode
 from .limits import Report
@@ -28,6 +30,8 @@ from .witness import LONGEST_GAP_S, JointWitness
 
 Accelerate = Callable[[Sequence[float]], Sequence[float]]
 
+SETTLED_REFRESHES = 25
+"""What the model lacks is known from so many of the watch's refreshes ago, 0.25 s: before whatever has just failed."""
 FORGOTTEN = 0.01
 """If at most this share of a change of current is left one cycle later, the winding's lag is neglected."""
 
@@ -41,6 +45,11 @@ class ArmWatch:
         timing = self._timing
         self._nominals = joint_nominals(cell, parts)
         limits = cell_thresholds(self._nominals, cell.supervision, timing)
+        chain = ClosedChain.of(cell)
+        self.grips: GripWatch | None = None
+        """The hands that hold an object; None without one."""
+        if chain is not None:
+            self.grips = GripWatch(chain, grip_limits(cell, chain, self._nominals), timing.period_s)
         self.standing_rad_s = [limit.standing for limit in limits]
         """Speeds below which the joints stand still."""
         self.joints: list[Witness] = []
@@ -63,7 +72,6 @@ class ArmWatch:
         self._is_surprised = False
         only = len(self._robots) == 1
         self._accelerate: Accelerate = self._robots[0].expected.accelerations if only else self._accelerate_all
-        chain = ClosedChain.of(cell)
         self._held = None if chain is None else HeldMotion(chain)
         self._following = FollowingWatch(
             [cell.control.of_joint(name).natural_frequency_rad_s for name in cell.joint_names], following_lsb, limits,
@@ -73,6 +81,9 @@ class ArmWatch:
         decays = [math.exp(-timing.period_s / nominal.winding_s) for nominal in self._nominals]
         self._decays = decays if max(decays) > FORGOTTEN else None
         self._refresh_at = 0
+        self._keeps = [robot.holds for robot in cell.robot for _ in robot.joint]
+        self._settled_rad_s2: deque[list[float]] = deque(maxlen=SETTLED_REFRESHES)
+        self._unseen: Collection[int] = ()
         self._cycle = 0
         self._support = Support(cell, self.standing_rad_s, timing.calm)
         self._last_nm: Sequence[float] = (0.0,) * len(self.joints)
@@ -84,6 +95,10 @@ class ArmWatch:
         for joint, position in zip(self.joints, position_rad, strict=True):
             joint.start(position)
         self._support.start()
+        self._settled_rad_s2.clear()
+        self._unseen = ()
+        if self.grips is not None:
+            self.grips.start()
         self._refresh(position_rad, (0.0,) * len(self.joints))
 
     def step(
@@ -97,7 +112,7 @@ class ArmWatch:
         accelerations = self._accelerate(last_nm)
         if self._support.joints:
             accelerations = self._from_rest(accelerations, measured_rad_s, last_nm)
-        if self._pair is not None:  # two joints without a loop: a fifth of the time of `step`
+        if self._pair is not None and not self._unseen:  # two joints without a loop: a fifth of the time of `step`
             first, second = self._pair
             (x1, x2), (v1, v2), (a1, a2) = cycle.position_rad, measured_rad_s, accelerations
             replaced = int(first.step(x1, v1, a1, angle_codes[0], speed_codes[0]))
@@ -129,12 +144,14 @@ class ArmWatch:
     ) -> tuple[int, bool]:
         """Bits of the joints whose measurements are rejected, and whether any joint is agitated."""
         replaced, place, is_agitated = 0, 1, False
+        unseen = self._unseen
         rows = zip(cycle.position_rad, cycle.velocity_rad_s, accelerations, angle_codes, speed_codes, strict=True)
-        for joint, row in zip(self.joints, rows, strict=True):
-            if joint.step(*row):
-                replaced |= place
-            if joint.is_agitated:
-                is_agitated = True
+        for index, (joint, row) in enumerate(zip(self.joints, rows, strict=True)):
+            if index not in unseen:
+                if joint.step(*row):
+                    replaced |= place
+                if joint.is_agitated:
+                    is_agitated = True
             place <<= 1
         return replaced, is_agitated
 
@@ -152,6 +169,10 @@ class ArmWatch:
         self._replace(cycle, -1)
         if self._cycle >= self._refresh_at:
             self._refresh(cycle.position_rad, cycle.velocity_rad_s)
+
+    def lose(self, joints: Collection[int]) -> None:
+        """Nothing is measured of these joints any more: they are not judged."""
+        self._unseen = joints
 
     def shift(self, excess_s: float) -> None:
         """The time since the last measurement differs from a cycle by `excess_s`."""
@@ -182,13 +203,23 @@ class ArmWatch:
         self._refresh(cycle.position_rad, [joint.speed for joint in self.joints])
 
     def safe_hold(self, cycle: Cycle) -> SafeHold:
-        """The law that brakes and holds the arm from its present state."""
+        """The law that brakes and holds the arm from its present state.
+
+        What the model lacks is followed while it is held; of robots that are never to be without torque it is what was
+        learned before the failure: what has failed would be learned too, and what grips do not allow would add up.
+        """
         joints = self.joints
         start_rad_s2 = [
             model + joint.bias for model, joint in zip(self._accelerate(self._last_nm), joints, strict=True)
         ]
+        settled = self._settled_rad_s2[0]
+
+        def bias_rad_s2() -> list[float]:
+            rows = zip(joints, settled, self._keeps, strict=True)
+            return [before if keeps else joint.bias for joint, before, keeps in rows]
+
         return SafeHold(
-            self._arm, cycle, lambda: [joint.bias for joint in joints],
+            self._arm, cycle, bias_rad_s2,
             [joint.compliance_rad_nm for joint in joints], start_rad_s2, self._timing.period_s,
         )  # fmt: skip
 
@@ -245,6 +276,7 @@ class ArmWatch:
 
     def _refresh(self, position_rad: Sequence[float], speed_rad_s: Sequence[float]) -> None:
         self._refresh_at = self._cycle + self._timing.refresh
+        self._settled_rad_s2.append([joint.bias for joint in self.joints])
         for robot in self._robots:
             speeds = speed_rad_s[robot.joints]
             robot.expected.refresh(position_rad[robot.joints], speeds)

@@ -4,17 +4,18 @@ Owns the text; the arithmetic is in `thresholds`, the detectors' meanings are in
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from canarm_protocol.cell.model import SENSOR_KINDS, Cell, Quantity, Supervision
 from canarm_protocol.cell.sensing import joint_sensors
 
-from ..dynamics import Arm, SeveralArms, cell_arm
+from ..dynamics import Arm, ClosedChain, SeveralArms, cell_arm
 from . import thresholds as limit
 from . import uncertainty as box
 from .detection import DETECTORS, named_for
 from .following import NORMAL_FACTOR
+from .grip_watch import FIRST_S, OBJECT_LOST, SURE, TAKEN_UP_S, TIMES, UNSURE, grip_limits
 from .nominal import JointNominal, joint_nominals, sensor_nominal
 from .reach import Reach
 from .sensor_less import BLIND_FACTOR, PERSISTENT_CYCLES
@@ -57,14 +58,31 @@ def detector_lines(cell: Cell) -> Iterator[str]:
         reach = Reach.of(nominal, joint)
         for row in (*_range_rows(margin, step, limits, reach), *joint_rows(nominal, derived, limits, timing, reach)):
             yield str(row)
+    yield from _grip_lines(cell, nominals)
     yield ""
     named = {row.detector for row in joint_rows(nominals[0], derived, limits, timing, reach)}
     of_a_joint = (
         "impossible",
         *(f"{kind.kind}-" for kind in SENSOR_KINDS.values() if kind.quantity is Quantity.POSITION),
     )
-    others = [name for name in DETECTORS if name not in named and not name.startswith(of_a_joint)]
+    others = [name for name in DETECTORS if name not in {*named, OBJECT_LOST} and not name.startswith(of_a_joint)]
     yield f"without a limit of a joint: {', '.join(others)}"
+
+
+def _grip_lines(cell: Cell, nominals: Sequence[JointNominal]) -> Iterator[str]:
+    chain, carried = ClosedChain.of(cell), cell.object
+    yield ""
+    if chain is None or carried is None:
+        yield str(Row(OBJECT_LOST, "", "no object"))
+        return
+    limits = grip_limits(cell, chain, nominals)
+    yield f"object, in the hands of {carried.master} and {carried.slave}:"
+    why = (
+        f"that the hands move against each other: {SURE:g} x the {1e3 * limits.reading:.3g} mm by which all readings "
+        f"at once may be off; {UNSURE:g} x that in the first {FIRST_S:g} s, and in the first {TAKEN_UP_S:g} s "
+        f"{1e3 * limits.twist:.3g} mm more, the softest wires' twist"
+    )
+    yield str(Row(OBJECT_LOST, f"{1e3 * limits.sure:.3g} mm, {TIMES} looks", why))
 
 
 def _box_lines() -> Iterator[str]:

@@ -98,11 +98,15 @@ DETECTORS: dict[str, Detector] = dict(
         _row("saturation", Reaction.DEGRADED, 40, "amplifier at its limit and the following error abnormal"),
         _row("drive-broken", Reaction.OFF, 1, "as a mismatch, within 80 cycles of an acceleration mismatch"),
         _row("overspeed", Reaction.OFF, 2, "tachometer at its end after an unexpected acceleration"),
+        _row("object-lost", Reaction.HOLD, 2, "the hands move against each other by more than encoders may be off"),
         _row("both-sensors", Reaction.OFF, 4, "one is lost, and the other astray by twice its limit"),
     )
 )
 """Every detector by name. The names are an API: users' tests refer to them."""
 
+
+OF_A_DRIVE = frozenset(("current-mismatch", "wrong-direction", "drive-broken", "overspeed"))
+"""Detectors of a drive that does not do what it is told, so that it cannot hold its joint."""
 
 POSITION = "potentiometer"
 """The sensor of position by whose name its detectors go among themselves."""

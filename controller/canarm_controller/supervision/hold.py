@@ -3,7 +3,7 @@
 Owns the torque of a safe stop; the trusted state, and the end of the stop, are decided elsewhere.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 from ..dynamics import Arm
 from ..laws.base import Cycle
@@ -37,10 +37,18 @@ class SafeHold:
             self._lacking_nm(self._position), period_s,
         )  # fmt: skip
         self._cycle = 0
+        self._frozen_rad: dict[int, float] = {}
 
-    def torque_nm(self, cycle: Cycle) -> list[float]:
-        """Torques for one cycle, N·m, within what the amplifiers have."""
-        position_rad, braking = cycle.position_rad, self._braking
+    def torque_nm(self, cycle: Cycle, frozen: Collection[int] = ()) -> list[float]:
+        """Torques for one cycle, N·m, within what the amplifiers have.
+
+        Joints that are `frozen` get what carries their weight where they were in their first such cycle, whatever is
+        measured: friction stops them.
+        """
+        position_rad: Sequence[float] = cycle.position_rad
+        braking = self._braking
+        if frozen:
+            position_rad = self._where_frozen(position_rad, frozen)
         if self._cycle < braking.cycles + LATENCY_CYCLES:
             self._position = tuple(position_rad)
         planned, expected = braking.at(self._cycle), braking.at(self._cycle - LATENCY_CYCLES)
@@ -56,10 +64,22 @@ class SafeHold:
             + STIFFNESS_RAD_S**2 * (aim - position)
             for planned_rad_s2, link, ahead, speed, aim, position in rows
         ]
-        model_nm = self._arm.torque_nm(position_rad, planned.speed, aimed)
-        rotors_nm = braking.rotors_nm(planned, position_rad)
+        planned_rad_s, rotors_nm = planned.speed, braking.rotors_nm(planned, position_rad)
+        if frozen:
+            aimed, planned_rad_s, rotors_nm = (
+                [0.0 if joint in frozen else each for joint, each in enumerate(row)]
+                for row in (aimed, planned_rad_s, rotors_nm)
+            )
+        model_nm = self._arm.torque_nm(position_rad, planned_rad_s, aimed)
         rows_nm = zip(model_nm, rotors_nm, self._lacking_nm(position_rad), self._most_nm, strict=True)
         return [max(-most, min(most, torque + rotor + lacking)) for torque, rotor, lacking, most in rows_nm]
+
+    def _where_frozen(self, position_rad: Sequence[float], frozen: Collection[int]) -> list[float]:
+        """`position_rad` with the angles at which joints were frozen."""
+        return [
+            self._frozen_rad.setdefault(joint, position) if joint in frozen else position
+            for joint, position in enumerate(position_rad)
+        ]
 
     def _lacking_nm(self, position_rad: Sequence[float]) -> list[float]:
         """Torques worth the accelerations that the model lacks."""

@@ -19,7 +19,7 @@ from canarm_protocol.errors import FrameError
 from ..errors import ControllerError, InterruptedRunError
 from ..laws.failure import shown
 from .nominal import sensor_nominal
-from .thresholds import longest_step_rad, missing_cycles, range_rad
+from .thresholds import longest_step_rad, missing_cycles, range_rad, silent_cycles
 
 FOREIGN_MASTER = "foreign-master"
 TIME_STEP_NS = 1_000_000
@@ -73,7 +73,8 @@ class Supervisor:
             longest_step_rad(position, joint.fastest_rad_s, limits, bus.cycle_s) for joint, position in joints
         ]
         self._missing_limit = missing_cycles(limits, bus.cycle_s)
-        self._missing = 0
+        self._silent_limit = silent_cycles(limits, bus.cycle_s)
+        self._missing = self._silent = 0
         self._last_position: Sequence[float] | None = None
         self._cycle_ns = bus.cycle_ns
         self._first_time_ns: int | None = None
@@ -169,9 +170,15 @@ class Supervisor:
                 )
         return None
 
-    def missing(self, waiting_for: str, *, is_timed: bool) -> Verdict | None:
-        """A cycle ended without all of its inputs; `is_timed`: on the wall clock."""
+    def missing(self, waiting_for: str, *, is_timed: bool, is_part_silent: bool = False) -> Verdict | None:
+        """A cycle ended without all of its inputs; `is_timed`: on the wall clock.
+
+        `is_part_silent`: cards are silent while others are heard, which no busy machine explains: that stops sooner.
+        """
         self._missing += 1
+        self._silent = self._silent + 1 if is_part_silent else 0
+        if self._silent >= self._silent_limit:
+            return Verdict("inputs-missing", f"no {waiting_for} for {self._silent} cycles, while other cards are heard")
         if self._missing < self._missing_limit:
             return None
         hint = f": {BUSY_MACHINE}" if is_timed else ""
@@ -183,7 +190,7 @@ class Supervisor:
         After cycles without a measurement, or `left_out` cycles without SYNC, it may have moved accordingly.
         """
         factor = 1 + self._missing + left_out
-        self._missing = 0
+        self._missing = self._silent = 0
         last = self._last_position
         self._last_position = position_rad
         if last is not None:

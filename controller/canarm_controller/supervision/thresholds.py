@@ -78,6 +78,8 @@ MARGIN_RAD, MARGIN_SIGMAS = math.radians(1.0), 4.54
 """Margin beyond the stops: their give, and the noise of a reading."""
 MISSING_S, LEAST_MISSING = 0.04, 4
 """The longest time under the last currents; but at least as many cycles that a lost frame stops nothing."""
+SILENT_S = 0.015
+"""The longest silence of a card while others are heard: robots that carry something stop together within 20 ms."""
 STEP_SPEEDS, STEP_SIGMAS = 4.0, 15.0
 """An impossible step, as multiples of the fastest motion per cycle and of the noise."""
 
@@ -348,3 +350,8 @@ def longest_step_rad(position: SensorNominal, fastest: float, limits: Supervisio
 def missing_cycles(limits: Supervision, period_s: float) -> int:
     """Number of cycles in a row without all inputs after which the run stops."""
     return limits.missing_cycles or max(round(MISSING_S / period_s), LEAST_MISSING)
+
+
+def silent_cycles(limits: Supervision, period_s: float) -> int:
+    """Number of cycles in a row in which a card is silent and others are not, after which the run stops."""
+    return min(max(round(SILENT_S / period_s), LEAST_MISSING), missing_cycles(limits, period_s))
