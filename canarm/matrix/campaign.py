@@ -166,7 +166,7 @@ def _row(task: _Task, fault: MatrixCell) -> Row:
 
 
 def _judged(cell: Cell, fault: MatrixCell, run: Evidence, twin: Evidence, is_ours: bool = False) -> Row:
-    found = judge(cell, run, twin, fault.is_dangerous, fault.may_mislead)
+    found = judge(cell, run, twin, fault.is_dangerous, fault.may_mislead, fault.lets_go)
     named = is_named_right(cell, fault, found.first) if is_ours and found.first is not None else None
     return Row.of(fault, found, named)
 

@@ -72,6 +72,10 @@ class Evidence:
     injected_cycle: int
     is_running: bool
     """Whether the controller was still running at the end."""
+    grip_n: float | None = None
+    """The greatest force of a hand on the object that two robots carry, since the injection; None without an object."""
+    lost_by: tuple[str, ...] = ()
+    """Hands that hold it no longer at the end: "master", "slave"."""
 
 
 class Received(NamedTuple):

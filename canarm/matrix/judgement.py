@@ -68,7 +68,8 @@ DEFINITIONS = (
         f"{GROWTH_RAD_S:g} rad/s than it was when the fault began, or than the twin is; once torque is off no drive "
         "puts energy into the arm, but for what its winding still holds. How fast an arm falls then is gravity's: "
         f"told, not judged. A joint that has a brake is never faster than {SAFE_SPEED_RAD_S:g} rad/s from the clock's "
-        "start on, whatever the fault.",
+        "start on, whatever the fault. An object that two robots carry is lost by no hand, whatever the fault, also "
+        "after a stop, until the cards' own protection has acted: no force on it passes the hands' slip_force_n.",
     ),
     (
         "peaks",
@@ -120,14 +121,20 @@ class Findings:
     peak_speed_rad_s: float
     is_running: bool
     astray_lsb: float | None = None
+    grip_n: float | None = None
+    lost_by: tuple[str, ...] = ()
+    """Hands that have lost the object, and should not have."""
 
 
-def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool, may_mislead: bool = True) -> Findings:
+def judge(
+    cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool, may_mislead: bool = True, lets_go: bool = False
+) -> Findings:
     """Judge a run against its fault-free `twin`, of the same scenario; `is_dangerous` as the fault is declared.
 
     The fault counts as dangerous if it is declared so, or if it `may_mislead` controller or drives and moves the
     arm away from the twin by more than the potentiometer's floor before the controller begins to stop. A dangerous
-    fault that passes its floor and is not tolerated has to end in a safe state.
+    fault that passes its floor and is not tolerated has to end in a safe state. An object that the twin holds is held
+    whatever the fault, unless that itself `lets_go`.
     """
     motion, steps_rad = run.motion, _steps_rad(cell)
     since = motion.cycle >= run.injected_cycle
@@ -143,6 +150,7 @@ def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool, may_mis
     stop = _stop_cycle(notices)
     has_reference = since if stop is None else since & (motion.cycle <= stop)
     drives_arm = is_dangerous or (may_mislead and bool((has_reference & departure[0]).any()))
+    lost_by = () if lets_go else tuple(hand for hand in run.lost_by if hand not in twin.lost_by)
     found = Safety() if clock is None else _safety(cell, run, twin.motion, clock, stop, astray_lsb)
     told = has_reference & _all(np.isfinite(error_lsb))
     error_lsb, astray_lsb = error_lsb[told], astray_lsb[told]
@@ -154,12 +162,14 @@ def judge(cell: Cell, run: Evidence, twin: Evidence, is_dangerous: bool, may_mis
         latency_s=latency_s,
         drives_arm=drives_arm,
         safety=found,
-        is_safe=found.is_safe or (found.is_slow_enough and (is_tolerated or not drives_arm)),
+        is_safe=not lost_by and (found.is_safe or (found.is_slow_enough and (is_tolerated or not drives_arm))),
         peak_error_lsb=float(error_lsb.max()) if error_lsb.size else None,
         astray_lsb=float(astray_lsb.max()) if astray_lsb.size else None,
         peak_current_a=float(np.abs(motion.current_a[since]).max(initial=0.0)),
         peak_speed_rad_s=float(np.abs(motion.speed_rad_s[since]).max(initial=0.0)),
         is_running=run.is_running,
+        grip_n=run.grip_n,
+        lost_by=lost_by,
     )
 
 

@@ -68,6 +68,8 @@ class MatrixCell:
     """Whether it is declared able to drive the arm."""
     may_mislead: bool = True
     """Whether it gives controller or cards wrong information."""
+    lets_go: bool = False
+    """Whether it makes a hand lose the object that two robots carry."""
 
     @property
     def name(self) -> str:
@@ -82,7 +84,13 @@ def cells_of(cell: Cell, only: Sequence[str] = ()) -> list[MatrixCell]:
     """
     everything = [
         MatrixCell(
-            tap.name, fault.name, fault.family.value, fault.needs_wire, fault.is_dangerous, tap.kind not in OF_THE_ARM
+            tap.name,
+            fault.name,
+            fault.family.value,
+            fault.needs_wire,
+            fault.is_dangerous,
+            tap.kind not in OF_THE_ARM,
+            tap.kind is TapKind.GRIP,
         )
         for tap, fault, _ in catalogue_of(cell)
     ]

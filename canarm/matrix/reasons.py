@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from .judgement import DETECTION_S, TOLERATED_LSB, Findings, Verdict
-from .safety import FTTI_S, GROWTH_RAD_S, SAFE_CURRENT_A, SAFE_SPEED_RAD_S, Safety
+from .safety import FTTI_S, GROWTH_RAD_S, SAFE_CURRENT_A, SAFE_SPEED_RAD_S
 
 
 def why(found: Findings) -> str:
@@ -16,7 +16,7 @@ def why(found: Findings) -> str:
     if phrases:
         phrases.append(f"not tolerated: {_intolerable(found)}")
     if not found.is_safe:
-        phrases.append(f"not safe: {', '.join(_unsafe(found.safety))}")
+        phrases.append(f"not safe: {', '.join(_unsafe(found))}")
     return "; ".join(phrases)
 
 
@@ -28,7 +28,10 @@ def _intolerable(found: Findings) -> str:
     return f"error {found.astray_lsb:.3g} LSB > {TOLERATED_LSB:g} LSB"
 
 
-def _unsafe(found: Safety) -> Iterator[str]:
+def _unsafe(findings: Findings) -> Iterator[str]:
+    if findings.lost_by:
+        yield f"the object is lost by the {' and the '.join(findings.lost_by)}"
+    found = findings.safety
     if found.current_a > SAFE_CURRENT_A:
         yield f"current {found.current_a:.4g} A > {SAFE_CURRENT_A:g} A"
     if found.growth_rad_s > GROWTH_RAD_S:

@@ -1,5 +1,6 @@
 """One run of the matrix in this process: our controller and the bench in a rig, with or without a fault."""
 
+import math
 from collections import deque
 
 import numpy as np
@@ -39,6 +40,11 @@ class _ObservedRig(Rig):
     def run_on(self) -> None:
         """Let time run without SYNC until the cards' own protection has acted."""
         self._bench.run_on()
+
+    def lost_by(self) -> tuple[str, ...]:
+        """The hands that hold the object no longer."""
+        carried = self._bench.world.object
+        return () if carried is None else carried.lost
 
     def load_faults(self) -> None:
         """Load now what the first fault would need."""
@@ -86,6 +92,8 @@ class AtOnset:
             notices=_notices(rig),
             injected_cycle=rig.fault_events[0].cycle if rig.fault_events else injected_cycle,
             is_running=is_running,
+            grip_n=_grip_n(rig.truths),
+            lost_by=rig.lost_by(),
         )
 
     def _motion(self) -> Motion:
@@ -124,6 +132,17 @@ def _notices(rig: Rig) -> tuple[Notice, ...]:
         Notice(each.detector, each.where or "", each.tick, each.reaction.value, each.reaction.stops)
         for each in rig.detections
     )
+
+
+def _grip_n(truths: list[CycleTruth]) -> float | None:
+    """The greatest force of a hand on the object, at SYNCs: its pads pass nothing on that is shorter."""
+    forces_n = [
+        math.hypot(*force)
+        for each in truths
+        if each.object
+        for force in (each.object.master_force_n, each.object.slave_force_n)
+    ]
+    return max(forces_n, default=None)
 
 
 def _columns(truths: list[CycleTruth], joints: int) -> tuple[Ints, Floats, Floats]:

@@ -20,7 +20,8 @@ RIGHT, WRONG = "right", "wrong"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A run: which fault, what became of it. Empty where there is nothing of the kind; times in ms, safe_s in s.
+    """A run: which fault, what became of it. Empty where there is nothing of the kind; times in ms, safe_s in s,
+    grip_n the greatest force of a hand on an object.
 
     `why` is what keeps the cell from passing, `note` its declaration, or the error that ended the run. `part` is
     what has failed, `named` whether the first detection says so: `RIGHT`, `WRONG`, or empty where there is none or
@@ -44,6 +45,7 @@ class Row:
     peak_current_a: float | None = None
     peak_speed_rad_s: float | None = None
     growth_rad_s: float | None = None
+    grip_n: float | None = None
     is_excused: bool = False
     note: str = ""
     why: str = ""
@@ -80,6 +82,7 @@ class Row:
             peak_current_a=_rounded(found.peak_current_a, 3),
             peak_speed_rad_s=_rounded(found.peak_speed_rad_s, 3),
             growth_rad_s=None if found.clock_s is None else _rounded(safety.growth_rad_s, 3),
+            grip_n=_rounded(found.grip_n, 2),
             is_excused=is_excused,
             note="; ".join(notes),
             why=why(found),
