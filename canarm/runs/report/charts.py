@@ -1,0 +1,289 @@
+"""What the charts of a report show: curves, fault spans and detections of one run, or of several laid over each other.
+
+Values only; the page draws them.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from canarm_protocol.cell.sensing import position_steps_rad
+from canarm_protocol.errors import CanarmError
+from canarm_protocol.shown import printable
+
+from ...signal_table import Floats
+from ..run import Run
+from .story import Span, fault_spans
+
+MOST_POINTS = 4000
+"""A longer curve is drawn as minimum and maximum of half as many stretches: no spike is lost."""
+COLOURS = 8
+DEGREES = 180.0 / math.pi
+MOST_INTERNALS = 8
+BLUE, ORANGE, GREEN, VIOLET, GREY = range(5)
+HISTOGRAMS = {
+    "jitter": "Jitter of SYNC",
+    "lateness": "Lateness of SYNC",
+    "computing": "Computing time of a cycle",
+    "law": "Computing time of the law",
+    "answer": "From SYNC to the last input",
+}
+
+
+@dataclass(frozen=True)
+class Series:
+    """A curve: its name, points, and how it is drawn."""
+
+    name: str
+    x: list[float]
+    y: list[float | None]
+    colour: int
+    dashed: bool = False
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A chart: curves over an axis, spans (from, to, text), and marks (place, text, number)."""
+
+    title: str
+    series: list[Series]
+    x_label: str = "time, s"
+    x_unit: str = "s"
+    over_time: bool = True
+    bars: bool = False
+    x_range: list[float] | None = None
+    bands: list[tuple[float, float, str]] = field(default_factory=list)
+    marks: list[tuple[float, str, str]] = field(default_factory=list)
+
+    def as_plain(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def charts_of(runs: Sequence[Run], names: Sequence[str]) -> list[Chart]:
+    """The charts of one run, or of several, which are called `names`."""
+    over_time = [chart for joint in _joints(runs) for chart in _of_joint(runs, names, joint)]
+    return [*over_time, *_object(runs, names), *_histograms(runs, names)]
+
+
+def step_rad(run: Run, joint: str) -> float | None:
+    """The step of the joint's position sensor; None without a cell."""
+    try:
+        cell = run.cell
+        return position_steps_rad(cell)[cell.joint_names.index(joint)]
+    except (CanarmError, ValueError):
+        return None
+
+
+def _joints(runs: Sequence[Run]) -> list[str]:
+    names = (name.rsplit(".", 2) for run in runs for name in run.columns if name.count(".") >= 1)
+    return [each for each in dict.fromkeys(name[-2] for name in names) if each != "object"]
+
+
+def _of_joint(runs: Sequence[Run], names: Sequence[str], joint: str) -> Iterable[Chart]:
+    shown = printable(joint, 40)
+    yield _chart(
+        f"{shown}: angle, degrees",
+        runs,
+        names,
+        [
+            ("true", f"{joint}.true_angle_rad", DEGREES, False),
+            ("measured", f"{joint}.measured_rad", DEGREES, False),
+            ("reference", f"{joint}.reference_rad", DEGREES, True),
+        ],
+        joint,
+        most=1,
+    )
+    errors = [_error(run, joint) for run in runs]
+    if any(values is not None for values, _ in errors):
+        unit = errors[0][1]
+        series = [
+            _series(_named("true minus reference", names, place), run.columns["time_s"], values, place)
+            for place, (run, (values, _)) in enumerate(zip(runs, errors, strict=True))
+            if values is not None
+        ]
+        yield _annotated(f"{shown}: error, {unit}", series, runs, joint)
+    yield _chart(
+        f"{shown}: current, A",
+        runs,
+        names,
+        [
+            ("motor", f"{joint}.motor_current_a", 1.0, False),
+            ("command", f"{joint}.command_a", 1.0, True),
+            ("measured", f"{joint}.measured_a", 1.0, False),
+        ],
+        joint,
+        most=1,
+        limit=_limit_a(runs, joint),
+    )
+    yield _chart(
+        f"{shown}: speed, rad/s",
+        runs,
+        names,
+        [
+            ("true", f"{joint}.true_speed_rad_s", 1.0, False),
+            ("measured", f"{joint}.measured_rad_s", 1.0, False),
+            ("reference", f"{joint}.reference_rad_s", 1.0, True),
+        ],
+        joint,
+        most=1,
+    )
+    internals = _internals(runs, joint)
+    for name in internals:
+        yield _chart(
+            f"{shown}: {printable(name, 60)} of the law", runs, names, [(name, f"{joint}.{name}", 1.0, False)], joint
+        )
+
+
+def _internals(runs: Sequence[Run], joint: str) -> list[str]:
+    """What the law adapts: the columns after those that every controller has."""
+    known = {
+        "reference_rad",
+        "reference_rad_s",
+        "measured_rad",
+        "measured_rad_s",
+        "measured_a",
+        "command_a",
+        "feedforward_nm",
+    }
+    found = (name.removeprefix(f"{joint}.") for run in runs for name in run.controller if name.startswith(f"{joint}."))
+    return [each for each in dict.fromkeys(found) if each not in known][:MOST_INTERNALS]
+
+
+def _object(runs: Sequence[Run], names: Sequence[str]) -> Iterable[Chart]:
+    columns = [f"object.position_{axis}_m" for axis in "xyz"]
+    if any(columns[0] in run.columns for run in runs):
+        yield _chart(
+            "The object's place, m",
+            runs,
+            names,
+            [(axis, name, 1.0, False) for axis, name in zip("xyz", columns, strict=True)],
+            None,
+        )
+        yield _chart("Squeeze of the object, N", runs, names, [("squeeze", "object.squeeze_n", 1.0, False)], None)
+
+
+def _error(run: Run, joint: str) -> tuple[Floats | None, str]:
+    true, reference = (run.columns.get(f"{joint}.{name}") for name in ("true_angle_rad", "reference_rad"))
+    if true is None or reference is None:
+        return None, ""
+    step = step_rad(run, joint)
+    if step is None:
+        return (true - reference) * DEGREES, "degrees"
+    return (true - reference) / step, f"steps of the sensor (1 step is {step * DEGREES:.3g} degrees)"
+
+
+def _limit_a(runs: Sequence[Run], joint: str) -> float | None:
+    for run in runs:
+        try:
+            drive = run.cell.joints[run.cell.joint_names.index(joint)].drive
+        except (CanarmError, ValueError, AttributeError):
+            continue
+        limit = getattr(drive, "max_current_a", None)
+        return float(limit) if isinstance(limit, int | float) else None
+    return None
+
+
+def _chart(
+    title: str,
+    runs: Sequence[Run],
+    names: Sequence[str],
+    wanted: Sequence[tuple[str, str, float, bool]],
+    joint: str | None,
+    most: int = MOST_INTERNALS,
+    limit: float | None = None,
+) -> Chart:
+    """Curves of one run in a colour each; of several, the first `most` of `wanted`, each run in its colour."""
+    series = []
+    for place, run in enumerate(runs):
+        chosen = wanted if len(runs) == 1 else wanted[:most]
+        for number, (name, column, scale, dashed) in enumerate(chosen):
+            if column in run.columns:
+                colour = number if len(runs) == 1 else place
+                series.append(
+                    _series(
+                        _named(name, names, place), run.columns["time_s"], run.columns[column] * scale, colour, dashed
+                    )
+                )
+    reference = next((column for name, column, *_ in wanted if name == "reference"), None)
+    if len(runs) > 1 and reference in runs[0].columns:
+        scale = next(scale for _, column, scale, _ in wanted if column == reference)
+        values = runs[0].columns[str(reference)] * scale
+        series.append(_series(_named("reference", names, 0), runs[0].columns["time_s"], values, GREY, True))
+    if limit is not None and series:
+        ends = [min(each.x[0] for each in series if each.x), max(each.x[-1] for each in series if each.x)]
+        series += [Series(f"limit {sign * limit:+g} A", ends, [sign * limit] * 2, GREY, True) for sign in (1, -1)]
+    return _annotated(title, series, runs, joint)
+
+
+def _annotated(title: str, series: list[Series], runs: Sequence[Run], joint: str | None) -> Chart:
+    """With fault spans and detections, of one run only: of several nobody could tell them apart."""
+    if len(runs) > 1:
+        return Chart(title, series)
+    spans = fault_spans(runs[0])
+    seen = [(f"{each.time_s:.4f} s: {printable(each.detection.detector, 60)}", each) for each in runs[0].detections]
+    marks = [
+        (each.time_s, text, str(k))
+        for k, (text, each) in enumerate(seen, 1)
+        if each.detection.where in (joint, None) or joint is None or each.detection.where not in _joints(runs)
+    ]
+    return Chart(title, series, bands=[_band(span, runs[0]) for span in spans], marks=marks[:200])
+
+
+def _band(span: Span, run: Run) -> tuple[float, float, str]:
+    times = run.columns.get("time_s", np.empty(0))
+    last_s = float(times[-1]) if len(times) else span.begin_s
+    return span.begin_s, last_s if span.end_s is None else span.end_s, f"fault: {printable(span.what)}"
+
+
+def _histograms(runs: Sequence[Run], names: Sequence[str]) -> Iterable[Chart]:
+    for key, title in HISTOGRAMS.items():
+        series = []
+        for place, run in enumerate(runs):
+            pacing = run.configuration.get("pacing")
+            found = pacing.get(key) if isinstance(pacing, Mapping) else None
+            bins = found.get("histogram") if isinstance(found, Mapping) else None
+            if not isinstance(bins, Mapping):
+                continue
+            pairs = list(zip(_numbers(bins.get("from_us")), _numbers(bins.get("count")), strict=False))
+            if pairs:
+                x, y = [each[0] for each in pairs], [each[1] for each in pairs]
+                series.append(Series(_named("cycles", names, place), x, list(y), place % COLOURS))
+        if series:
+            yield Chart(
+                f"{title}: cycles in each bin, over us",
+                series,
+                "us; bins grow with the duration",
+                "us",
+                over_time=False,
+                bars=True,
+            )
+
+
+def _numbers(values: object) -> list[float]:
+    listed = values if isinstance(values, list) else []
+    return [float(each) for each in listed if isinstance(each, int | float) and abs(each) < 1e15]
+
+
+def _named(name: str, names: Sequence[str], place: int) -> str:
+    return printable(name, 60) if len(names) == 1 else f"{printable(names[place], 60)}: {printable(name, 60)}"
+
+
+def _series(name: str, times_s: Floats, values: Floats, colour: int, dashed: bool = False) -> Series:
+    order = np.argsort(times_s, kind="stable")
+    x, y = thinned(times_s[order], values[order])
+    plain = [float(f"{each:.6g}") if math.isfinite(each) and abs(each) < 1e15 else None for each in y.tolist()]
+    return Series(name, [round(each, 6) for each in x.tolist()], plain, colour % COLOURS, dashed)
+
+
+def thinned(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """At most about `MOST_POINTS` points: minimum and maximum of each stretch."""
+    if len(values) <= MOST_POINTS:
+        return times_s, values
+    length = -(-len(values) // (MOST_POINTS // 2))
+    starts = np.arange(0, len(values), length)
+    low, high = np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
+    return np.repeat(times_s[starts], 2), np.column_stack((low, high)).ravel()

@@ -1,0 +1,120 @@
+"""What has happened in a run, in words: how it ended, how it followed, which faults began and what noticed them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from canarm_protocol.cell.bench_objects import SETTLING_CYCLES
+from canarm_protocol.shown import printable
+
+from ...rig.findings import Noticed
+from ..run import Run
+
+MOST_NAMED = 6
+SETTLED = f" (the first {SETTLING_CYCLES} cycles left out)"
+
+
+@dataclass(frozen=True)
+class Span:
+    """A fault from its beginning to its end (None: the end of the run), and the first detection after it."""
+
+    what: str
+    begin_s: float
+    end_s: float | None
+    noticed: Noticed | None
+
+    @property
+    def latency_ms(self) -> float | None:
+        """From its beginning to the detection."""
+        return None if self.noticed is None else (self.noticed.time_s - self.begin_s) * 1e3
+
+
+def fault_spans(run: Run) -> list[Span]:
+    """The faults of a run in the order of their beginnings."""
+    begin_s, found = run.begin_s, []
+    ends = [each for each in run.faults if not each.is_begin]
+    for each in (each for each in run.faults if each.is_begin):
+        begun_s = each.time_ns * 1e-9 - begin_s
+        end = next((other for other in ends if other.label == each.label and other.time_ns >= each.time_ns), None)
+        if end is not None:
+            ends.remove(end)
+        seen = next((other for other in run.detections if other.time_s >= begun_s - 1e-9), None)
+        found.append(Span(each.label, begun_s, None if end is None else end.time_ns * 1e-9 - begin_s, seen))
+    return found
+
+
+def verdict(run: Run) -> tuple[bool, list[str]]:
+    """Whether all went well, and sentences, the most important first. They are safe to show."""
+    is_good, lines = _end(run)
+    lines += [*_tracking(run), *_cycles(run), *_faults(run)]
+    if run.complaints:
+        lines.append(f"Of its folder, this cannot be read: {'; '.join(run.complaints)}.")
+    return is_good and not run.complaints, lines
+
+
+def joint_figures(run: Run) -> dict[str, dict[str, float]]:
+    """The figures of each joint in the summary that are numbers, with safe names."""
+    joints = run.summary.get("joints")
+    found: dict[str, dict[str, float]] = {}
+    for name, figures in joints.items() if isinstance(joints, dict) else ():
+        if isinstance(figures, dict):
+            known = {printable(str(key), 40): value for key, value in figures.items() if _is_number(value)}
+            found[printable(str(name), 40)] = {key: float(value) for key, value in known.items()}
+    return found
+
+
+def _end(run: Run) -> tuple[bool, list[str]]:
+    said = run.summary
+    state, cycles, reason = said.get("state"), said.get("ticks"), said.get("reason")
+    length = f"after {cycles} cycles" if isinstance(cycles, int) else "after an unknown number of cycles"
+    why = f": {printable(str(reason), 300)}" if reason else ""
+    starved = [printable(str(said["starved"]), 300)] if said.get("starved") else []
+    if state == "done":
+        return not starved, [*starved, f"The run ended as planned {length}."]
+    if state == "failed":
+        return False, [*starved, f"The run ended in a safe stop {length}{why}."]
+    if state == "interrupted":
+        return False, [*starved, f"The run was interrupted {length}{why}."]
+    rows = len(run.controller.get("cycle", ())) or len(run.robot.get("cycle", ()))
+    return False, [f"The run has no summary: it goes on, or was killed. {rows} cycles are recorded."]
+
+
+def _tracking(run: Run) -> Iterator[str]:
+    for name, figures in joint_figures(run).items():
+        rms, most, peak = (figures.get(key) for key in ("rms_lsb", "max_lsb", "peak_current_a"))
+        if rms is not None and most is not None:
+            current = "" if peak is None else f", with {peak:.3g} A at most"
+            error = f"{most:.3g} steps of its sensor, {rms:.3g} RMS"
+            yield f"{name} followed its reference within {error}{current}{SETTLED}."
+        if figures.get("saturated_cycles"):
+            yield f"{name}'s amplifier was at its limit in {figures['saturated_cycles']:.0f} cycles."
+
+
+def _cycles(run: Run) -> Iterator[str]:
+    missed, late = run.summary.get("missed"), run.summary.get("late")
+    if isinstance(missed, int) and isinstance(late, int):
+        yield (
+            "No cycle was missed or late." if not missed and not late else f"{missed} cycles were missed, {late} late."
+        )
+
+
+def _faults(run: Run) -> Iterator[str]:
+    spans = fault_spans(run)
+    for each in spans[:MOST_NAMED]:
+        what = f"{printable(each.what)} began at {each.begin_s:.4f} s"
+        if each.noticed is None:
+            yield f"{what}; nothing was detected after it."
+        else:
+            where = f" at {printable(each.noticed.detection.where, 60)}" if each.noticed.detection.where else ""
+            detector = printable(each.noticed.detection.detector, 60)
+            yield f"{what} and was noticed after {each.latency_ms:.1f} ms by {detector}{where}."
+    if len(spans) > MOST_NAMED:
+        yield f"{len(spans) - MOST_NAMED} faults more began."
+    if not spans and run.detections:
+        yield f"{len(run.detections)} detections, though no fault was injected."
+    elif not spans and run.event_list:
+        yield "No fault was injected, and nothing was detected."
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e15
