@@ -110,11 +110,11 @@ def test_a_detection_says_how_long_after_the_last_fault_it_came_and_what_was_don
     events = [event("begins", 1.0, 300), event("ends", 3.0, 1100)]
     faults = faults_of(status(), events, [detection(1.5, 305), detection(3.1, 1140)])
     assert text_of(event_lines(happenings(faults), CYCLE_S)) == [
-        "3.100 s (cycle 1140) │ ◆ detected: tachometer-stuck, joint2: no change │ substitute │ "
-        "2100.0 ms after joint2.tachometer stuck (dies)",
+        "3.100 s (cycle 1140) │ ◆ detected: tachometer-stuck at joint2 │ substitute │ "
+        "2100.0 ms after joint2.tachometer stuck (dies) │ joint2: no change",
         "3.000 s (cycle 1100) │ ○ fault ends: joint2.tachometer stuck (dies)",
-        "1.500 s (cycle 305) │ ◆ detected: tachometer-stuck, joint2: no change │ substitute │ "
-        "12.5 ms after joint2.tachometer stuck (dies)",
+        "1.500 s (cycle 305) │ ◆ detected: tachometer-stuck at joint2 │ substitute │ "
+        "12.5 ms after joint2.tachometer stuck (dies) │ joint2: no change",
         "1.000 s (cycle 300) │ ▲ fault begins: joint2.tachometer stuck (dies)",
     ]
 
@@ -155,7 +155,7 @@ def test_detections_stand_in_the_panel_with_or_without_a_fault():
     lines = panel_lines(FaultSignal(0, False, 0, 1), faults_of(status(), (), [detection(1.5, 305)]), None, CYCLE_S)
     assert text_of(lines) == [
         "no fault acts │ begun so far 0 │ ◆ detected so far 1",
-        "  1.500 s (cycle 305) │ ◆ detected: tachometer-stuck, joint2: no change │ substitute",
+        "  1.500 s (cycle 305) │ ◆ detected: tachometer-stuck at joint2 │ substitute │ joint2: no change",
     ]
 
 

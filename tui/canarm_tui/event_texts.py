@@ -30,12 +30,16 @@ def event_line(each: Happening, cycle_s: float) -> Line:
         what = Word(f"{sign} {verb}: {what_of(event)}{failure}", Tone.BAD if event.failure else tone)
         return Word(when(event), Tone.DIM), what
     tone = Tone.BAD if event.reaction.startswith(STOPS) else Tone.GOOD
-    words = [Word(when(event), Tone.DIM), Word(f"◆ detected: {event.detector}, {event.detail}", tone)]
-    words.append(Word(event.reaction, tone))
+    where = "" if event.where is None else f" at {event.where}"
+    words = [
+        Word(when(event), Tone.DIM),
+        Word(f"◆ detected: {event.detector}{where}", tone),
+        Word(event.reaction, tone),
+    ]
     if each.answers is not None:
         latency_ms = 1e3 * cycle_s * (event.cycle - each.answers.cycle)
-        words.append(Word(f"{latency_ms:.1f} ms after {what_of(each.answers)}", Tone.DIM))
-    return tuple(words)
+        words.append(Word(f"{latency_ms:.1f} ms after {what_of(each.answers)}"))
+    return *words, Word(event.detail, Tone.DIM)
 
 
 def what_of(event: FaultEvent) -> str:

@@ -298,9 +298,10 @@ def _store_pair(array: NDArray[np.float64], joint: int, place: int) -> Callable[
 
 def _other_services(cell: Cell) -> frozenset[int]:
     """COB-IDs of the bench bus that are neither shown nor unknown: NMT, heartbeats, the bench's EMCY and SDO, figures
-    of the wire.
+    of the wire, detections (which are read by SDO).
     """
     node_id, pdos = cell.bus.bench_node_id, bench_pdos(cell)
     channels = [cob_id for channel in range(SDO_CHANNELS + 1) for cob_id in sdo_channel(node_id, channel)]
     heartbeats = range(Cob.HEARTBEAT + 1, Cob.HEARTBEAT + 128)
-    return frozenset([Cob.NMT, Cob.EMERGENCY + node_id, pdos.bus.cob_id, *channels, *heartbeats])
+    others = (Cob.NMT, Cob.EMERGENCY + node_id, pdos.bus.cob_id, pdos.detection.cob_id)
+    return frozenset([*others, *channels, *heartbeats])
