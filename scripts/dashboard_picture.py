@@ -1,45 +1,80 @@
 """Draw the dashboard for the README: docs/pictures/dashboard.svg, 120 x 36, the same bytes every time.
 
-A synthetic run and a clock that stands still feed it, so that the picture changes only when the dashboard does.
+A real bench and a real controller run in this process, in virtual time: joint2's tachometer dies, and is detected.
 """
 
 import asyncio
+from collections.abc import Sequence
 from pathlib import Path
 
+from canarm.session import make_bench, make_controller
+from canarm_controller.run.report import BenchReport
 from canarm_protocol.canopen.frames import Frame
-from canarm_protocol.cell.cell_file import load_cell
+from canarm_protocol.cell import Cell, load_cell
+from canarm_protocol.cell.bench_objects import DIVIDER
+from canarm_protocol.clock import Clock
+from canarm_protocol.faults.script import parse_faults
 from canarm_protocol.transport.port import BusPort, Discarded
 from canarm_tui import DashboardApp
-from canarm_tui.synthetic import SyntheticBench
 
 PICTURE = Path(__file__).parent.parent / "docs" / "pictures" / "dashboard.svg"
 SIZE = (120, 36)
-SECONDS = 12
+SECONDS = 8
 DRAINS_PER_SECOND = 20
+FAULT = """
+[[set]]
+name = "tachometer dies"
+at = 5.0
+duration = 2.0
+[[set.fault]]
+tap = "joint2.tachometer"
+fault = "stuck"
+value = 2.5
+"""
 
 
-class SyntheticPort(BusPort):
-    """Gives what `SyntheticBench` sent between two drains."""
+class LivePort(BusPort):
+    """The bench bus of a run in this process. Requests are answered at once; time passes in `run`."""
 
-    def __init__(self, bench: SyntheticBench, cycles_a_drain: int) -> None:
+    def __init__(self, cell: Cell) -> None:
         self.description = "-i canarm -c bench"
         self.discarded = Discarded()
-        self._bench, self._step = bench, cycles_a_drain
-        self._cycle = 0
-        self._is_drained = True
+        self._bench = bench = make_bench(cell, {}, Clock.SYNC, seed=0)
+        self._controller = make_controller(cell, "mras", "sine", None, Clock.SYNC, ticks=SECONDS * 1000)
+        self._report = BenchReport(cell, self._controller)
+        self._controller.on_tick = self._on_tick
+        bench.start()
+        bench.inject(parse_faults(FAULT, "the picture's fault"))
+        self._controller.begin(0)
 
-    def advance(self) -> None:
-        self._is_drained = False
+    def run(self, until_ns: int) -> None:
+        """Let virtual time pass."""
+        bench, controller = self._bench, self._controller
+        while bench.time_ns < until_ns:
+            frames, controller.outbox = controller.outbox, []
+            if not frames and controller.deadline_ns is not None:
+                controller.time_out(controller.deadline_ns)
+            for frame in frames:
+                bench.receive(frame, controller)
+            records, bench.records = bench.records, []
+            for time_ns, frame, origin in records:
+                if origin is not controller:
+                    controller.receive(frame, time_ns)
+
+    def _on_tick(self) -> None:
+        self._report.tick()
+        for frame in self._report.take():
+            self._bench.receive_bench(frame, self._controller)
+        if self._bench.cycle % DIVIDER == 0:
+            self._bench.send_telemetry()
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        for frame in frames:
+            self._bench.receive_bench(frame, self)
 
     def receive(self, timeout_s: float) -> list[tuple[int, Frame]]:
-        if self._is_drained:
-            return []
-        self._is_drained = True
-        first, self._cycle = self._cycle, self._cycle + self._step
-        return [item for cycle in range(first, self._cycle) for item in self._bench.frames(cycle)]
-
-    def send(self, frames: list[Frame]) -> None:
-        pass
+        records, self._bench.bench_records = self._bench.bench_records, []
+        return [(each.time_ns, each.frame) for each in records if each.origin is not self]
 
     def fileno(self) -> None:
         return None
@@ -51,15 +86,18 @@ class SyntheticPort(BusPort):
 async def draw() -> str:
     cell = load_cell("konkuk1")
     period_ns = 1_000_000_000 // DRAINS_PER_SECOND
-    port = SyntheticPort(SyntheticBench(cell), period_ns // cell.bus.cycle_ns)
+    port = LivePort(cell)
     now_ns = 0
     app = DashboardApp(cell, lambda: port, clock_ns=lambda: now_ns, in_background=lambda job: job())
     async with app.run_test(size=SIZE) as pilot:
         for _ in range(SECONDS * DRAINS_PER_SECOND):
-            port.advance()
             now_ns += period_ns
+            port.run(now_ns)
             app.drain()
         app.redraw()
+        await pilot.pause()
+        while not app.query("FooterKey"):  # they come in their own time
+            await pilot.pause()
         await pilot.pause()
         return app.export_screenshot(title="canarm tui", simplify=True)
 

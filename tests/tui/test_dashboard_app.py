@@ -8,6 +8,7 @@ import pytest
 from canarm_protocol.errors import BusError
 from canarm_tui import DashboardApp, TerminalError, run_dashboard
 from canarm_tui.outcome import Outcome, OutcomePanel
+from canarm_tui.texts import Word
 from canarm_tui.trace import ErrorTrace
 from canarm_tui.widgets import JointsTable, WordLine
 
@@ -276,6 +277,21 @@ async def test_a_constant_error_is_drawn_where_the_scale_says(app, port, wire):
         assert len(set(cells[-18:])) == 1
         assert set(cells[:60]) <= set("⠁⠂⠄⡀"), "before the run only the dotted limit"
         assert not any(set(strip.text[-18:]) & set("⠉⠒⠤⣀") for strip in lines[1:] if strip.text != marked[0])
+
+
+async def test_events_are_marked_above_the_trace_where_they_happened(app, port, wire):
+    async with running(app) as pilot:
+        for cycle in range(0, 4000, 4):
+            port.arriving += wire.reference(cycle) + wire.telemetry(cycle, 0.0)
+        await shown(app, pilot)
+        trace = app.query_one("#trace-joint2", ErrorTrace)
+        happened = [(3900, "◆"), (3900, "▲"), (2000, "○"), (9000, "×"), (-1, "×")]
+        trace.show(app.feed.snapshot(0), tuple((cycle, Word(sign)) for cycle, sign in happened))
+        top = trace.render_line(1).text[trace.SCALE_WIDTH :]
+        assert "×" not in top
+        # The window of 10 s, 4000 cycles, is as wide as the trace, but for the rounding of a column to whole cycles.
+        assert top.index("○") / len(top) == pytest.approx(0.5, abs=0.04)
+        assert top.index("◆▲") / len(top) == pytest.approx(0.975, abs=0.02)
 
 
 def test_without_a_terminal_the_dashboard_says_what_to_do(cell, monkeypatch):

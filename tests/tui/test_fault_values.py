@@ -4,7 +4,7 @@ import pytest
 
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.script import parse_faults
-from canarm_tui.event_texts import event_lines
+from canarm_tui.event_texts import event_lines, marks_of
 from canarm_tui.events import happenings
 from canarm_tui.fault_catalogue import FaultKind, Parameter, catalogue_of, injection, matching
 from canarm_tui.fault_desk import Refusal
@@ -128,6 +128,18 @@ def test_a_detection_that_stops_the_robot_looks_worse_than_one_that_does_not():
     faults = faults_of(status(), (), [detection(1.0, 1), detection(2.0, 2, reaction="safe-stop-off")])
     stopped, went_on = event_lines(happenings(faults), CYCLE_S)
     assert (stopped[1].tone, went_on[1].tone) == (Tone.BAD, Tone.GOOD)
+
+
+def test_a_joints_trace_is_marked_with_what_is_about_it_or_about_no_joint():
+    events = [
+        event("begins", 1.0, 300),
+        event("begins", 2.0, 700, tap="can0.tx"),
+        event("begins", 3.0, 900, tap="joint3.dac"),
+    ]
+    happened = happenings(faults_of(status(), events, [detection(1.5, 305)]))
+    marks = [(cycle, sign.text) for cycle, sign in marks_of(happened, "joint2", ("joint2", "joint3"))]
+    assert marks == [(700, "▲"), (305, "◆"), (300, "▲")]
+    assert [cycle for cycle, _ in marks_of(happened, "joint3", ("joint2", "joint3"))] == [900, 700]
 
 
 def test_without_events_it_is_said_that_there_are_none():

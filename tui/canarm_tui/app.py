@@ -189,8 +189,9 @@ class DashboardApp(App[None]):
         lines = panel_lines(snapshot.faults, self.desk.faults, self.desk.refusal, cycle_s)
         screen.query_one(FaultPanel).show(() if is_events else lines)
         if not self.is_paused:
-            screen.query_one(JointsPane).show(snapshot)
-            screen.query_one(EventsPane).show(event_lines(happenings(self.desk.faults or Faults()), cycle_s))
+            happened = happenings(self.desk.faults or Faults())
+            screen.query_one(JointsPane).show(snapshot, happened)
+            screen.query_one(EventsPane).show(event_lines(happened, cycle_s))
 
     def action_pane(self, name: str) -> None:
         """Show a pane."""

@@ -40,6 +40,7 @@ HELP = """\
   Error          true angle minus reference, in steps (LSB) of the joint's position sensor
   RMS            of the error over the last 10 s of the run, as are the traces
   saturated +/−  the amplifier is at its limit, in that direction
+  ▲ ◆ ○          above a trace: a fault began, a detector answered, a fault ended; of this joint, or of none
   The traces need a terminal of 100 columns."""
 
 

@@ -16,6 +16,8 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.shown import printable
 
 from . import texts
+from .event_texts import marks_of
+from .events import Happening
 from .snapshot import Counters, JointNow, Snapshot
 from .styles import STYLES, line_of
 from .texts import Word
@@ -117,7 +119,7 @@ class JointsPane(Vertical):
     def __init__(self, cell: Cell) -> None:
         super().__init__(id="pane-joints", classes="-many" if len(cell.joint_names) > SHARING_TRACES else None)
         self._names = cell.joint_names
-        self._shown: Counters | None = None
+        self._shown: tuple[Counters, tuple[Happening, ...]] | None = None
 
     def compose(self) -> ComposeResult:
         """The table and the traces."""
@@ -134,11 +136,11 @@ class JointsPane(Vertical):
         """Scroll to the trace of the joint at the cursor."""
         self.query(ErrorTrace)[event.cursor_row].scroll_visible(animate=False)
 
-    def show(self, snapshot: Snapshot) -> None:
-        """Show `snapshot`, unless nothing has arrived since the last one."""
-        if snapshot.counters == self._shown:
+    def show(self, snapshot: Snapshot, happened: tuple[Happening, ...] = ()) -> None:
+        """Show `snapshot` and what has `happened`, unless nothing has come since the last time."""
+        if (snapshot.counters, happened) == self._shown:
             return
-        self._shown = snapshot.counters
+        self._shown = snapshot.counters, happened
         self.query_one(JointsTable).show(snapshot.joints)
-        for trace in self.query(ErrorTrace):
-            trace.show(snapshot)
+        for name, trace in zip(self._names, self.query(ErrorTrace), strict=True):
+            trace.show(snapshot, marks_of(happened, name, self._names))
