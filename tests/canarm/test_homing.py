@@ -50,7 +50,7 @@ def test_encoders_on_the_joints_are_homed_with_any_law(law: str, seed: int) -> N
 def test_two_robots_are_homed_with_the_object_in_their_hands(seed: int) -> None:
     """Parked up to 0.28 degrees off, 2.4 counts of a shoulder, which is up to 2.5 mm at a tip."""
     with Rig("rhino-pair", truth=parked(PAIR, seed, 0.28)) as rig:
-        rig.run(4.0)
+        rig.run(5.0)
         assert rig.state is State.RUNNING
         assert not rig.detections
         begins = round(rig.approach_s / 0.0025)
@@ -123,3 +123,15 @@ def test_ticks_are_counted_from_the_beginning_of_the_trajectory() -> None:
         approach_s, summary = rig.approach_s, rig.summary()
     assert dataclasses.asdict(summary)["approach_s"] == approach_s > 0.9
     assert f"the trajectory begins at {approach_s:g} s" in summary.as_text()
+
+
+def test_the_way_from_there_to_the_path_is_slow_as_well() -> None:
+    with Rig("rhino-pair") as rig:
+        rig.run(5.0)
+        assert rig.cell.control.homing is not None
+        begins = round(rig.approach_s / 0.0025)
+        speed = [
+            np.abs(np.diff(np.degrees(joint.reference_rad[:begins]))).max() / 0.0025 for joint in rig.joints.values()
+        ]
+        # Where joints are homed, references jump by what was found: here by nothing.
+        assert 3.5 < max(speed) <= rig.cell.control.homing.speed_deg_s * 1.001

@@ -34,10 +34,11 @@ class Trajectory(ABC):
         """Which samples are on a stretch of constant speed, (n, joints): the paper judges speed on them."""
         return self._is_steady(_times(first_tick, count, period_s))
 
-    def entered_from(self, start_rad: Sequence[float]) -> "Trajectory":
+    def entered_from(self, start_rad: Sequence[float], at_least_s: float = 0.0) -> "Trajectory":
         """This trajectory, begun at rest at the measured pose `start_rad`: blended in, in 2 s or slower if it is far.
 
-        Raises `TrajectoryError` when the pose lies outside the joint limits, or too far off.
+        A move to a beginning of its own, which some have, takes `at_least_s` or more. Raises `TrajectoryError` when
+        the pose lies outside the joint limits, or too far off.
         """
         for blend_s in BLENDS_S[:-1]:
             try:

@@ -52,8 +52,8 @@ class Interpolation(StrEnum):
 class OwnBeginning(Trajectory):
     """A trajectory with its own first pose: the arm moves there first, instead of being blended in."""
 
-    def entered_from(self, start_rad: Sequence[float]) -> Trajectory:
-        """The trajectory after a move from `start_rad` to its first pose, which takes `approach_s` of its own.
+    def entered_from(self, start_rad: Sequence[float], at_least_s: float = 0.0) -> Trajectory:
+        """The trajectory after a move from `start_rad` to its first pose: `approach_s`, and no less than `at_least_s`.
 
         Raises `TrajectoryError` when no such move can be followed.
         """
@@ -61,7 +61,7 @@ class OwnBeginning(Trajectory):
         first = self._at(np.zeros(1))
         gap = np.abs(first.position_rad[0] - start)
         needed_s = float(np.max(PEAK * gap / (APPROACH_SPEED * np.asarray(self.limits.speed_rad_s))))
-        approach_s = max(SHORTEST_APPROACH_S, needed_s)
+        approach_s = max(SHORTEST_APPROACH_S, needed_s, at_least_s)
         for _ in range(TRIES - 1):
             try:
                 return self._approached(start, first, approach_s)

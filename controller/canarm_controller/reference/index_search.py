@@ -60,12 +60,15 @@ class IndexSearch:
         move: Trajectory = Rest(planned.limits, stops[-1], planned.amplitude_rad)
         duration_s = 0.0
         for begin, end in reversed(list(itertools.pairwise(stops))):
-            seconds = PEAK * float(np.abs(end - begin).max()) / self._speed_rad_s
             first = move.sample(0, 1, self._period_s)
-            leg = Approached(move, begin, first, max(seconds, self._period_s))
+            leg = Approached(move, begin, first, max(self.slow_s(begin, end), self._period_s))
             move, duration_s = leg, duration_s + leg.approach_s
         planned.limits.check(move, duration_s, "homing by the encoders' index")
         return move, math.ceil((duration_s + SETTLING_S) / self._period_s)
+
+    def slow_s(self, from_rad: Floats, to_rad: Floats) -> float:
+        """How long a move from rest to rest takes in which no joint is faster than the cell says, s."""
+        return PEAK * float(np.abs(to_rad - from_rad).max()) / self._speed_rad_s
 
     def _held(self, start: Floats, end: Floats) -> Floats:
         """The end of the move, corrected so that the hands are where they were at the object."""

@@ -47,10 +47,11 @@ class Offset(Trajectory):
         self._inner, self._offset_rad = inner, offset_rad
         self.approach_s = inner.approach_s
 
-    def entered_from(self, start_rad: Sequence[float]) -> Trajectory:
+    def entered_from(self, start_rad: Sequence[float], at_least_s: float = 0.0) -> Trajectory:
         """This trajectory, begun at rest at `start_rad`, as `inner` is. Raises `TrajectoryError` as it does."""
         start = start_pose(self, start_rad)
-        return Offset(self._inner.entered_from((start - self._offset_rad).tolist()), self._offset_rad)
+        inner = self._inner.entered_from((start - self._offset_rad).tolist(), at_least_s)
+        return Offset(inner, self._offset_rad)
 
     def _at(self, time_s: Floats) -> Reference:
         inner = self._inner._at(time_s)

@@ -6,6 +6,8 @@ enter.
 
 from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
+
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.wiring import DirectionBits, InputSlot, bridge_directions, command_codec
 
@@ -133,12 +135,14 @@ class ControlLoop:
             self.law.shift(shift)
         except BaseException as error:
             raise law_failure(type(self.law), "shift", error) from error
-        start = [angle + more for angle, more in zip(self.cycle.reference_rad, shift, strict=True)]
+        start = np.add(self.cycle.reference_rad, shift)
         planned = self._planned
+        first = planned.sample(0, 1, self.period_s).position_rad[0]
         if self._grasp is not None:
-            first = planned.sample(0, 1, self.period_s).position_rad[0]
-            planned = Offset(planned, self._grasp.slave_offset(shift, first))
-        self.trajectory = Later(planned.entered_from(start), tick * self.period_s)
+            offset = self._grasp.slave_offset(shift, first)
+            planned, first = Offset(planned, offset), first + offset
+        entered = planned.entered_from(start.tolist(), self.search.slow_s(start, first))
+        self.trajectory = Later(entered, tick * self.period_s)
         self._prepare(tick - tick % SAMPLES)
 
     def measure_search(self) -> None:

@@ -5,6 +5,7 @@ Owns what can be judged with two witnesses. With a tachometer there are three, s
 
 import math
 
+from ..estimation.blind import blind_pole_rad_s
 from .detection import Reaction
 from .joint_state import Mode
 from .limits import Report
@@ -21,6 +22,9 @@ UNLEARNED_SHARE = 0.2
 
 LEARNS_LONGER = 2.5
 """The observer of 12 rad/s takes so many times as long as that of 30 rad/s, for which `Timing.turning` is."""
+SPEED_SHARE = 0.84
+"""A step of δ that the model lacks puts the observer's speed off by up to this share of δ/ω: with three poles at ω the
+error is δ·(t + ω·t²)·exp(-ω·t), greatest at ω·t = (1 + √5)/2."""
 
 
 class TachlessWitness(SensorLess):
@@ -29,11 +33,12 @@ class TachlessWitness(SensorLess):
     A code that does not change is judged by the model's travel meanwhile, from the speed and with the
     acceleration bias estimated when it last changed, and as far as the highest friction of the box would let it: of a
     joint so slow that this stops it within a step, and for a while after, until the bias has learned the friction.
+    So long, the observer's speed is in doubt by what that friction makes of it.
     """
 
     __slots__ = (
-        "_gone_bias", "_gone_rad", "_gone_rad_s", "_lasting_cycles", "_learning", "_rubbed_rad_s", "_rubs_rad_s2",
-        "_slow_at", "_slow_rad_s", "_stood_cycles", "_unmodelled", "_x_code",
+        "_doubt_rad_s", "_gone_bias", "_gone_rad", "_gone_rad_s", "_lasting_cycles", "_learning", "_rubbed_rad_s",
+        "_rubs_rad_s2", "_slow_at", "_slow_rad_s", "_stood_cycles", "_unmodelled", "_x_code",
     )  # fmt: skip
 
     def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
@@ -43,6 +48,7 @@ class TachlessWitness(SensorLess):
         self._learning = round(LEARNS_LONGER * timing.turning)
         self._rubs_rad_s2 = (COULOMB[1] - 1.0) * nominal.coulomb_nm * mobility
         self._slow_rad_s = math.sqrt(2.0 * self._rubs_rad_s2 * self._position_lsb)
+        self._doubt_rad_s = SPEED_SHARE * self._rubs_rad_s2 / blind_pole_rad_s(self._period_s)
         self.start(0.0)
 
     def start(self, position_rad: float) -> None:
@@ -115,9 +121,10 @@ class TachlessWitness(SensorLess):
         """Whether the model moves while the code does not."""
         if x_code != self._x_code or self._stood_cycles > self._timing.agree:
             self._x_code, self._stood_cycles = x_code, 0
-            self._gone_rad, self._gone_rad_s, self._gone_bias = 0.0, self.speed, self.bias
             unlearned = max(self._slow_at + self._learning - self.cycles, 0) / self._learning
             self._rubbed_rad_s = unlearned * self._rubs_rad_s2 * self._period_s
+            self._gone_rad, self._gone_bias = 0.0, self.bias
+            self._gone_rad_s = math.copysign(max(abs(self.speed) - unlearned * self._doubt_rad_s, 0.0), self.speed)
             return
         self._stood_cycles += 1
         gone_rad_s = self._gone_rad_s + self._period_s * (acceleration + self._gone_bias)
