@@ -281,9 +281,7 @@ class Rig(Carrying, AnyRig):
         bench.bench_records.clear()
         self._records += records
         if self._recorders is not None:
-            log = self._recorders[0].frame
-            for record in records:
-                log(record)
+            self._recorders[0].frames(records)
         receive = controller.receive
         for time_ns, frame, origin in records:
             # As between the two processes: everybody hears all others, and error frames are no data.

@@ -334,7 +334,7 @@ def test_a_controller_that_rests_for_a_while_is_not_refused() -> None:
 
 def test_rows_after_the_last_watched_cycle_are_left_out(tmp_path: Path) -> None:
     truth = tmp_path / "robot.csv"
-    rows = [f"{tick},{tick * CYCLE_S}," + ",".join(["0"] * 12) for tick in (0, 1, 2, 2, 3)]
+    rows = [f"{tick},{tick * CYCLE_S},{tick * CYCLE_S}," + ",".join(["0"] * 12) for tick in (0, 1, 2, 2, 3)]
     truth.write_text("\n".join(["header", *rows, ""]))
     motion = foreign_run._motion(truth, 2, last_cycle=2)
     assert motion is not None

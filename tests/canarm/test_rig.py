@@ -76,7 +76,7 @@ def test_the_example_of_the_design_runs() -> None:
 
 
 def test_only_what_is_asked_for_is_imported() -> None:
-    assert canarm.__all__ == ["BenchClient", "BusRig", "Rig", "State", "__version__"]
+    assert canarm.__all__ == ["BenchClient", "BusRig", "Rig", "Run", "State", "__version__", "open_run"]
     with pytest.raises(AttributeError, match="no attribute 'Rg'"):
         canarm.Rg  # noqa: B018
 

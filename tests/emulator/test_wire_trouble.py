@@ -291,7 +291,7 @@ def test_python_can_reads_error_frames_back_from_the_log_and_events_name_the_nod
     records = cycles(bench, 10, CURRENTS, origin=7)
     recorder = Recorder(create_run_folder(tmp_path / "run"), CELL)
     for record in records:
-        recorder.frame(record)
+        recorder.frames([record])
     recorder.close()
     log = (tmp_path / "run" / "can0.log").read_text().splitlines()
     assert any(line.split()[2].startswith("20000288#00008") and len(line.split()[2]) == 25 for line in log)

@@ -1,6 +1,8 @@
 """A controller's files in a run folder: reference, measurement, command and the law's internals; events."""
 
 from collections.abc import Callable
+from itertools import chain
+from operator import truediv
 from pathlib import Path
 
 from canarm_protocol.clock import Clock
@@ -45,7 +47,6 @@ class ControllerRecorder:
         columns = [f"{name}.{column}" for name in names for column in (*_COLUMNS, *controller.loop.internal_names)]
         self._signals = SignalLog(folder / SIGNALS_FOLDER / SIGNALS_FILE, columns, signals)
         self._events = EventLog(folder / EVENTS_FILE, "controller")
-        self._joints = range(len(names))
         self._begun_ns: int | None = None
         self._tell_others = controller.on_detection
         controller.on_detection = self.detection
@@ -61,25 +62,24 @@ class ControllerRecorder:
     def tick(self) -> None:
         """Append the tick that has just been controlled. Raises `LawError`."""
         loop = self._controller.loop
-        cycle, internals = loop.cycle, list(loop.internals().values())
+        cycle, internals = loop.cycle, loop.internals().values()
         if self._unwritten.why is not None:
             return
-        values: list[float] = []
-        for joint in self._joints:
-            values += (
-                cycle.reference_rad[joint],
-                cycle.reference_rad_s[joint],
-                cycle.position_rad[joint],
-                cycle.velocity_rad_s[joint],
-                cycle.current_a[joint],
-                cycle.applied_nm[joint] / loop.arm.torque_per_ampere[joint],
-                cycle.feedforward_nm[joint],
-                *[values_of[joint] for values_of in internals],
-            )
+        joints = zip(
+            cycle.reference_rad,
+            cycle.reference_rad_s,
+            cycle.position_rad,
+            cycle.velocity_rad_s,
+            cycle.current_a,
+            map(truediv, cycle.applied_nm, loop.arm.torque_per_ampere),
+            cycle.feedforward_nm,
+            *internals,
+            strict=True,
+        )
         # In lockstep the record comes after the next SYNC has been opened.
         time_ns = cycle.tick * self._period_ns if self._is_lockstep else self._controller.run_ns
         with self._unwritten:
-            self._signals.write(cycle.tick, time_ns, values)
+            self._signals.write(cycle.tick, time_ns, chain.from_iterable(joints))
 
     def state(self, state: State) -> None:
         """Append a change of state, with its reason when there is one."""

@@ -4,10 +4,11 @@ Times count from cycle 0, the first SYNC after NMT start, but for the stamps of 
 A record that cannot be written ends with what has been written; the run goes on.
 """
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
+from itertools import chain
 from pathlib import Path
 
-from canarm_protocol.canopen.frames import ERROR_FLAG, HIGHEST_NODE_ID, Cob, Emergency
+from canarm_protocol.canopen.frames import ERROR_FLAG, HIGHEST_NODE_ID, Cob, Emergency, Frame
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.faults.fault_events import FaultEvent, event_details, event_name
 from canarm_protocol.faults.fault_toml import as_toml
@@ -19,7 +20,6 @@ from canarm_protocol.runs.run_folder import (
     CanLog,
     EventLog,
     Rotation,
-    RunFolderError,
     SignalLog,
 )
 from canarm_protocol.runs.unwritten import Unwritten
@@ -57,7 +57,7 @@ SCRIPT = "fault-script"
 
 
 class Recorder:
-    """Writes the files of one run. `frame` takes the robot's bus, `cycle` the truth at each SYNC.
+    """Writes the files of one run. `frames` takes the robot's bus, `cycle` the truth at each SYNC.
 
     `on_failure` is told, once, why nothing more is written. `frames` and `signals` say when their files are parted.
     """
@@ -93,24 +93,21 @@ class Recorder:
     def begin_run(self) -> None:
         """The truth of the next `cycle` is that of cycle 0."""
 
-    def frame(self, record: Record) -> None:
-        """Append a frame of the robot's bus; EMCY messages and error frames are also events.
+    def frames(self, records: Sequence[Record]) -> None:
+        """Append frames of the robot's bus; EMCY messages and error frames are also events.
 
         The log has only error frames that are caused by an error on the bus (BUSERROR): python-can's reader takes the
         others, which report a better state, for data frames.
         """
-        if self._unwritten.why is not None:
+        if self._unwritten.why is not None or not records:
             return
-        time_ns, frame, _ = record
-        if _LAST_EMERGENCY < frame.can_id < ERROR_FLAG:  # the shorter way of nearly all
-            try:
-                self._log.write(time_ns, frame)
-            except (OSError, RunFolderError) as error:
-                with self._unwritten:
-                    raise error from None
-        else:
-            with self._unwritten:
-                self._frame(record)
+        with self._unwritten:
+            special = [each for each in records if not _LAST_EMERGENCY < each[1][0] < ERROR_FLAG]
+            if special and any(each.frame.can_id >= ERROR_FLAG for each in special):
+                records = [each for each in records if _is_logged(each.frame)]
+            self._log.write_all(records)
+            for each in special:
+                self._event_of(each)
 
     def cycle(self, truth: CycleTruth) -> None:
         """Append the true state at a SYNC."""
@@ -139,13 +136,11 @@ class Recorder:
             with self._unwritten:
                 file.close()
 
-    def _frame(self, record: Record) -> None:
+    def _event_of(self, record: Record) -> None:
+        """The event of an EMCY message or an error frame."""
         if record.frame.can_id >= ERROR_FLAG:
-            if record.frame.can_id & ErrorClass.BUSERROR:
-                self._log.write(record.time_ns, record.frame)
             self._error(record)
             return
-        self._log.write(record.time_ns, record.frame)
         node_id = record.frame.can_id - Cob.EMERGENCY
         if 0 < node_id <= HIGHEST_NODE_ID and len(record.frame.data) == EMERGENCY_LENGTH:
             emergency = Emergency.parse(record.frame.data)
@@ -164,7 +159,7 @@ class Recorder:
             self._begin_ns = truth.time_ns
             self._events.begin(truth.time_ns)
         self._cycle = truth.cycle
-        values = [truth.time_ns * 1e-9, *(value for joint in truth.joints for value in joint)]
+        values = [truth.time_ns * 1e-9, *chain.from_iterable(truth.joints)]
         if truth.object is not None:
             values += self._object(truth.time_ns, truth.object)
         self._signals.write(truth.cycle, truth.time_ns - self._begin_ns, values)
@@ -178,6 +173,10 @@ class Recorder:
         self._lost = lost
         vectors = (state.position_m, state.quaternion, state.master_force_n, state.slave_force_n)
         return [*(value for vector in vectors for value in vector), state.squeeze_n]
+
+
+def _is_logged(frame: Frame) -> bool:
+    return frame.can_id < ERROR_FLAG or bool(frame.can_id & ErrorClass.BUSERROR)
 
 
 def _party(name: Hashable) -> dict[str, object]:

@@ -282,8 +282,7 @@ class EmulatorRunner:
             hub.flush()
             self._send_to_ports(ROBOT_BUS, records)
             if self._recorder is not None:
-                for record in records:
-                    self._recorder.frame(record)
+                self._recorder.frames(records)
         if bench.bench_records:
             records, bench.bench_records = bench.bench_records, []
             for time_ns, frame, origin in records:

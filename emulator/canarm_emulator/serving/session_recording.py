@@ -3,10 +3,10 @@
 The first is recorded in the folder that was named, the second in `run-2` below it, and so on.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from canarm_protocol.canopen.frames import Cob, NmtCommand
+from canarm_protocol.canopen.frames import Cob, Frame, NmtCommand
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.runs.run_folder import CAN_LOG_FILE, Rotation, claim_later_run, later_run
 
@@ -14,6 +14,10 @@ from ..bench.bench import Record
 from .recording import Recorder
 
 _START = bytes((NmtCommand.START,))
+
+
+def _ends_a_run(frame: Frame) -> bool:
+    return frame.can_id == Cob.NMT and frame.data[:1] != _START
 
 
 class SessionRecorder(Recorder):
@@ -37,13 +41,17 @@ class SessionRecorder(Recorder):
         self._left: tuple[int, int] | None = None
         """In which part of this run's log, and where in it, the NMT command stands that has ended it."""
 
-    def frame(self, record: Record) -> None:
-        """As `Recorder.frame`."""
-        can_id, data, *_ = record.frame
-        if can_id == Cob.NMT and self._left is None and self._cycle >= 0 and data[:1] != _START:
-            with self._unwritten:
-                self._left = self._log.parts, self._log.size()
-        super().frame(record)
+    def frames(self, records: Sequence[Record]) -> None:
+        """As `Recorder.frames`."""
+        if self._left is None and self._cycle >= 0:
+            ends = (place for place, (_, frame, _) in enumerate(records) if _ends_a_run(frame))
+            place = next(ends, None)
+            if place is not None:
+                super().frames(records[:place])
+                with self._unwritten:
+                    self._left = self._log.parts, self._log.size()
+                records = records[place:]
+        super().frames(records)
 
     def begin_run(self) -> None:
         """As `Recorder.begin_run`; if there has been a run before, in a new folder."""

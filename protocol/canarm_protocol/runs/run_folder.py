@@ -5,11 +5,10 @@ formats only, so that can-utils, pandas and PlotJuggler read them without this p
 """
 
 import contextlib
-import functools
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -258,22 +257,25 @@ class _LineFile:
         self.close()
 
 
-_LINE = "(%010d.%06d) %s#%s\n"  # formatted by %: it takes half the time
+_STAMP = "(%010d.%06d) "  # formatted by %: it takes half the time
 
 
 def candump_line(time_ns: int, channel: str, frame: Frame) -> str:
     """One line of a candump log file (`candump -l`, can-utils lib.c): `(seconds.microseconds) channel id#data`."""
-    can_id, data, is_extended, is_remote = frame
+    return f"{_stamp(time_ns)}{_unstamped(channel, frame)}"
+
+
+def _stamp(time_ns: int) -> str:
     microseconds = time_ns // 1000
+    return _STAMP % (microseconds // 1_000_000, microseconds % 1_000_000)
+
+
+def _unstamped(channel: str, frame: Frame) -> str:
+    can_id, data, is_extended, is_remote = frame
     # candump writes R and the length that a remote frame asks for, unless that is 0 (can-utils, lib.c).
     payload = f"R{len(data) or ''}" if is_remote else data.hex().upper()
-    name = _name(channel, can_id, is_extended)
-    return _LINE % (microseconds // 1_000_000, microseconds % 1_000_000, name, payload)
-
-
-@functools.lru_cache(maxsize=4096)
-def _name(channel: str, can_id: int, is_extended: bool) -> str:
-    return f"{channel} {can_id:08X}" if is_extended else f"{channel} {can_id:03X}"
+    identifier = f"{can_id:08X}" if is_extended else f"{can_id:03X}"
+    return f"{channel} {identifier}#{payload}\n"
 
 
 class CanLog(_LineFile):
@@ -282,10 +284,29 @@ class CanLog(_LineFile):
     def __init__(self, path: Path, channel: str = "can0", rotation: Rotation | None = None) -> None:
         super().__init__(path, rotation=rotation)
         self._channel = channel
+        self._names: dict[int, str] = {}
+        self._time_ns, self._stamp = -1, ""
 
     def write(self, time_ns: int, frame: Frame) -> None:
         """Append one frame."""
-        self._write(candump_line(LOG_START_S * 1_000_000_000 + time_ns, self._channel, frame))
+        self.write_all([(time_ns, frame, None)])
+
+    def write_all(self, records: Iterable[tuple[int, Frame, object]]) -> None:
+        """Append frames, each with its time and whatever else."""
+        lines, names = self._lines, self._names
+        for time_ns, frame, _ in records:
+            if time_ns != self._time_ns:  # in lockstep most come with others of the same time
+                self._time_ns, self._stamp = time_ns, _stamp(LOG_START_S * 1_000_000_000 + time_ns)
+            can_id, data, is_extended, is_remote = frame
+            if is_extended or is_remote:
+                lines.append(self._stamp + _unstamped(self._channel, frame))
+                continue
+            name = names.get(can_id)
+            if name is None:
+                name = names[can_id] = f"{self._channel} {can_id:03X}#"
+            lines.append(f"{self._stamp}{name}{data.hex().upper()}\n")
+        if len(lines) >= FLUSH_EVERY:
+            self._flush()
 
     def size(self) -> int:
         """Bytes written so far; what has gathered is written out. Raises `OSError`."""
@@ -311,7 +332,7 @@ class SignalLog(_LineFile):
         self._flush()
         self._row = "%d,%.6f" + ",%.9g" * len(columns) + "\n"
 
-    def write(self, cycle: int, time_ns: int, values: Sequence[float]) -> None:
+    def write(self, cycle: int, time_ns: int, values: Iterable[float]) -> None:
         """Append one row; `time_ns` counts from cycle 0."""
         self._write(self._row % (cycle, time_ns * 1e-9, *values))
 
