@@ -1,6 +1,7 @@
 """The cell that a command or a rig is given: by name or file, with settings laid over it.
 
-Where these change the object that two robots carry, the slave is parked where it then holds it.
+Where these change the object that two robots carry, the slave is parked where it then holds it, and what the cards give
+robots that carry without a controller is that pose's.
 """
 
 from collections.abc import Mapping
@@ -11,7 +12,7 @@ from canarm_protocol.errors import CellError
 
 
 def open_cell(name_or_path: str, settings: Mapping[str, str] | None = None, *, option: str = "--set") -> Cell:
-    """As `load_cell`, and with the slave's `home_deg` where the settings move it.
+    """As `load_cell`, and with the slave's `home_deg`, and error values that carry, where the settings change them.
 
     Raises `CellError`, also for an object at which the slave cannot be parked, with the reason.
     """
@@ -22,14 +23,15 @@ def open_cell(name_or_path: str, settings: Mapping[str, str] | None = None, *, o
     from canarm_controller.errors import ControllerError
     from canarm_controller.reference.carried_motion import slave_home_deg
 
+    from .carrying_values import with_carrying_values
+
     try:
         home_deg = slave_home_deg(cell)
     except ControllerError as error:
         raise CellError(f"cell {cell.name} with {', '.join(moved)}: {error}") from None
     slave = cell.object.slave
-    return cell.model_copy(
-        update={"robot": tuple(_parked(robot, home_deg) if robot.name == slave else robot for robot in cell.robot)}
-    )
+    robots = tuple(_parked(robot, home_deg) if robot.name == slave else robot for robot in cell.robot)
+    return with_carrying_values(cell.model_copy(update={"robot": robots}))
 
 
 def _parked(robot: Robot, home_deg: tuple[float, ...]) -> Robot:

@@ -15,6 +15,8 @@ from canarm_protocol.cell.brakes import SpringBrake
 from canarm_protocol.cell.model import Cell, Joint
 from canarm_protocol.cell.sensing import joint_sensors
 
+from .carrying_values import carrying_problems
+
 CROSSOVER = 2.4
 """Gain crossover frequency of a joint's loop over its natural frequency: delay costs phase there."""
 PHASE_MARGIN_RAD, PHASE_SHARE = 1.3, 0.75
@@ -49,6 +51,7 @@ def unsound(cell: Cell) -> Iterator[str]:
     yield from _gain_problems(cell, arm, nominals, timing)
     yield from _override_problems(cell, nominals, timing)
     yield from _grip_problems(cell)
+    yield from carrying_problems(cell)
 
 
 def _grip_problems(cell: Cell) -> Iterator[str]:

@@ -24,7 +24,7 @@ FIRST_S, LAST_S = 1.0, 5.0
 WATCHED_S, AFTER_S = 2.0, 2.0
 """How long the controller has, and how long the cards are then left alone."""
 TOGETHER_MS = 20.0
-KINDS = ("jam", "encoder", "silent", "card", "grip", "controller")
+KINDS = ("jam", "encoder", "silent", "card", "grip", "controller", "none")
 
 Fault = tuple[str, str, dict[str, float]]
 

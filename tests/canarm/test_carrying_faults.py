@@ -12,6 +12,8 @@ from canarm.matrix.judgement import judge
 from canarm.matrix.plan import Scenario, cells_of
 from canarm.matrix.reasons import why
 from canarm.matrix.rig_run import AtOnset
+from canarm.open_cell import open_cell
+from canarm.soundness import unsound
 from canarm_protocol.cell import load_cell
 
 CELL = load_cell("rhino-pair")
@@ -106,3 +108,19 @@ def test_check_says_what_the_hands_may_seem_to_move(capsys: pytest.CaptureFixtur
     assert "object-lost              4.53 mm" in capsys.readouterr().out
     assert run(["check", "--detectors"]) == 0
     assert "object-lost              does not apply" in capsys.readouterr().out
+
+
+def test_error_values_that_do_not_carry_are_told_and_another_object_has_its_own() -> None:
+    assert not [line for line in unsound(CELL) if "when_lost" in line]
+    cards = tuple(
+        card.model_copy(update={"channel": tuple(each.model_copy(update={"error_value": 0}) for each in card.channel)})
+        for card in CELL.card
+    )
+    lines = [line for line in unsound(CELL.model_copy(update={"card": cards})) if "when_lost" in line]
+    assert [line.split("joint '")[1].split("'")[0] for line in lines] == [
+        "master_shoulder", "master_elbow", "slave_shoulder", "slave_elbow", "slave_pitch",
+    ]  # fmt: skip
+    assert "must be 136 and 1" in lines[2]
+    heavier = open_cell("rhino-pair", {"object.length_m": "0.8", "object.mass_kg": "0.8"})
+    assert not [line for line in unsound(heavier) if "when_lost" in line]
+    assert heavier.card != CELL.card
