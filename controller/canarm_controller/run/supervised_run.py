@@ -9,7 +9,7 @@ from canarm_protocol.cell.model import Cell
 
 from ..errors import ControllerError
 from ..supervision.arm_watch import ArmWatch
-from ..supervision.detection import DETECTORS, OF_A_DRIVE, Detection, Reaction
+from ..supervision.detection import DETECTORS, OF_A_DRIVE, OF_ALL_JOINTS, Detection, Reaction
 from ..supervision.supervisor import Verdict, law_verdict
 from .detection_log import DetectionLog
 from .loop import ControlLoop
@@ -89,8 +89,9 @@ class SupervisedRun:
             self._stop.begin(reaction is Reaction.HOLD)
         elif reaction is Reaction.OFF:
             self._stop.fail()
-        if reaction.stops and is_noted and where is not None:
-            self._stop.doubt(self._joints_of.get(where, ()), detector in OF_A_DRIVE)
+        if reaction.stops and is_noted:
+            everywhere = range(len(self.cell.joints)) if detector in OF_ALL_JOINTS else ()
+            self._stop.doubt(self._joints_of.get(where or "", everywhere), detector in OF_A_DRIVE)
         if is_noted:  # after the stop: what cannot be told is a reason to stop, and must not be one again and again
             detection = self._log.note(Detection(detector, where, max(self.tick, 0), detail, reaction), is_end)
             tell = self.on_detection

@@ -108,6 +108,9 @@ DETECTORS: dict[str, Detector] = dict(
 OF_A_DRIVE = frozenset(("current-mismatch", "wrong-direction", "drive-broken", "overspeed"))
 """Detectors of a drive that does not do what it is told, so that it cannot hold its joint."""
 
+OF_ALL_JOINTS = frozenset(("object-lost",))
+"""Detectors after which no sensor of position is followed: one of them may be what is wrong."""
+
 POSITION = "potentiometer"
 """The sensor of position by whose name its detectors go among themselves."""
 
