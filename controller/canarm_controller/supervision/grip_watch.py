@@ -24,7 +24,7 @@ SIGMAS = 3.0
 """Deviations of a converter's noise, beyond what rounding does."""
 SURE, UNSURE = 1.5, 2.0
 """Limits, as multiples of the worst that readings do to the distance at once. Off its mean a distance can be twice that
-at most, and was 1.0 in all runs; while the mean is the first reading it was 0.9."""
+at most; in runs without a fault it was 0.9."""
 TIMES = 2
 """So many looks in a row."""
 
