@@ -26,8 +26,8 @@ class StopRequest:
     """Tells a running loop whether it should end, and why. Takes over SIGINT, SIGTERM and SIGHUP.
 
     A loop that runs user code passes `place`, which tells how far it has come. Then the process ends at once, with
-    status 1, on a second SIGINT or SIGTERM, or if the loop does not ask for `STUCK_S` although it should end or
-    nobody watches it (`with_parent`).
+    status 1, on a second SIGINT or SIGTERM, or if the loop does not ask for `STUCK_S` although it should end, or for
+    `patience_s` where nobody watches it (`with_parent`).
     """
 
     def __init__(
@@ -36,7 +36,9 @@ class StopRequest:
         with_parent: bool = False,
         place: Callable[[], str] | None = None,
         parents_words: int | None = None,
+        patience_s: float = STUCK_S,
     ) -> None:
+        self._patience_s = max(patience_s, STUCK_S)
         self._reason: str | None = None
         self._deadline = None if seconds is None else time.monotonic() + seconds
         self._parent = os.getppid() if with_parent else None
@@ -123,7 +125,7 @@ class StopRequest:
     def _watch_questions(self, place: Callable[[], str]) -> None:
         """Count seconds in which the loop does not ask, without a clock: a suspended machine is not stuck."""
         asked, silent_s = -1, 0
-        while silent_s < STUCK_S:
+        while silent_s < (self._patience_s if self._signalled_s is None else STUCK_S):
             if self._is_over.wait(1.0):
                 return
             # Before the first question other limits apply, unless the end was requested.
@@ -131,7 +133,7 @@ class StopRequest:
                 asked, silent_s = self._questions, 0
             else:
                 silent_s += 1
-        _end_now(f"{place()} (does the law loop for ever?)")
+        _end_now(f"{place()} for {silent_s} s (does the law loop for ever? --sync-timeout sets how long it may take)")
 
 
 @contextlib.contextmanager

@@ -108,8 +108,7 @@ def controller(
     if warning is not None:
         _tell(warning)
     is_watched = math.isfinite(sync_timeout)
-    place = (lambda: f"the controller sent nothing after cycle {built.tick}") if is_watched else None
-    stop = StopRequest(None, with_parent, place, words)
+    stop = StopRequest(None, with_parent, _place_of(built) if is_watched else None, words, sync_timeout)
     made = Tentative()
     if output.out is not None:
         _make_folder(output.out, made)
@@ -224,6 +223,11 @@ def _run(
             return RunResult(controller.state, controller.reason, 0, 0, 0, 0.0, None)
         on_open()
         return Runner(controller, port, bench, follower.on_state, follower.should_stop, **pacing).run()
+
+
+def _place_of(built: Controller) -> Callable[[], str]:
+    """Tells how far a controller has come that does not go on."""
+    return lambda: f"the controller sent nothing after {'its start' if built.tick < 0 else f'cycle {built.tick}'}"
 
 
 def _make_folder(folder: Path, made: Tentative) -> None:

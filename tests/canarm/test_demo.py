@@ -217,10 +217,11 @@ def test_what_a_law_prints_and_starts_stays_out_of_the_summary(canarm):
 def test_a_law_that_loops_for_ever_ends_the_demo_with_a_hint(canarm):
     # Six seconds of it: asleep, they cost no processor.
     (canarm.folder / "laws.py").write_text(f"import time\n{LOOPING_LAW.replace('pass', 'time.sleep(0.01)')}")
-    demo = canarm(*IN_LOCKSTEP, "--seconds", "3600", "--law", "laws.py:Looping", "--out", "run")
+    options = ("--seconds", "3600", "--law", "laws.py:Looping", "--sync-timeout", "6", "--out", "run")
+    demo = canarm(*IN_LOCKSTEP, *options)
     assert demo.wait() == 1, demo
-    hint = "the controller sent nothing after cycle 100 (does the law loop for ever?): ended without a safe stop"
-    assert hint in demo.complaint
+    assert "the controller sent nothing after cycle 100 for 6 s (does the law loop for ever? " in demo.complaint
+    assert "--sync-timeout sets how long it may take): ended without a safe stop" in demo.complaint
     assert canarm.remaining() == []
 
 

@@ -177,17 +177,21 @@ class ControlLoop:
             self._shared.show(law_cycle)
         stopwatch = self.stopwatch
         begun_ns = 0 if stopwatch is None else stopwatch()
+        self._internals = None
         try:
-            torque_nm = self.law.update(law_cycle)
-        except BaseException as error:
-            raise law_failure(type(self.law), "update", error) from error
+            torque_nm = self._updated(law_cycle)
+            if self._checks_internals:
+                self._internals = self.internals()
         finally:
             if stopwatch is not None:
                 self.law_ns = stopwatch() - begun_ns
-        self._internals = None
-        if self._checks_internals:
-            self._internals = self.internals()
         return torque_nm
+
+    def _updated(self, law_cycle: Cycle) -> Sequence[float]:
+        try:
+            return self.law.update(law_cycle)
+        except BaseException as error:
+            raise law_failure(type(self.law), "update", error) from error
 
     def eased(self, torque_nm: Sequence[float]) -> list[float]:
         """The law's torques (N·m) without what would press two hands against each other at an object."""
@@ -224,15 +228,17 @@ class ControlLoop:
         if self._internals is not None:
             return self._internals
         try:
-            values = {name: [float(value) for value in row] for name, row in self.law.internals().items()}
-            names = tuple(values)
-            fit = all(len(row) == len(self._limits_a) for row in values.values())
+            given = self.law.internals()
         except BaseException as error:
             raise law_failure(type(self.law), "internals", error) from error
-        if names != self.internal_names or not fit:
+        try:
+            values = {name: [float(value) for value in row] for name, row in given.items()}
+        except (AttributeError, TypeError, ValueError):  # a number for all joints, a text, no dict
+            values = {}
+        if tuple(values) != self.internal_names or any(len(row) != len(self._limits_a) for row in values.values()):
             raise LawError(
-                f"law {type(self.law).__name__}: internals() must give {len(self._limits_a)} numbers for each of the "
-                f"names that it gave at first ({', '.join(self.internal_names) or 'none'})"
+                f"law {type(self.law).__name__}: internals() must give {len(self._limits_a)} numbers, one per joint, "
+                f"for each of the names that it gave at first ({', '.join(self.internal_names) or 'none'})"
             )
         return values
 

@@ -21,6 +21,8 @@ from .robot_bus import is_sync
 __all__ = ["Bench", "CycleTruth", "Record"]
 
 _SYNC = int(Cob.SYNC)
+_RESETS = NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION
+"""Where a new controller begins. In lockstep the arms have then come to rest, however the one before has ended."""
 
 
 class Bench(BenchTime):
@@ -54,6 +56,7 @@ class Bench(BenchTime):
         for slave in self.slaves:
             slave.boot(time.time_ns)
         time.cycle, time.begin_ns = -1, None
+        self._may_move = False
         self._next_sync_ns, self._may_move_on = max(time.time_ns, self.world.time_ns), False
         self.assessor.begin()
         self.device.truth = self.world.state()
@@ -172,6 +175,11 @@ class Bench(BenchTime):
             self.bus.ignored_frames += 1
             return
         time, was_operational = self._time, self.nodes.is_operational
+        if self.clock is Clock.SYNC and command in _RESETS and self._may_move and not was_operational:
+            before_ns = self.time_ns
+            self.run_on()
+            if self.on_rested is not None:
+                self.on_rested(self.time_ns - before_ns)
         time.catch_up()
         for slave in self.nodes.running:
             if node_id in (0, slave.node_id) and slave.bus_name not in self.bus.missed_by:
@@ -179,5 +187,6 @@ class Bench(BenchTime):
         self.device.truth = self.world.state()
         if command is NmtCommand.START and not was_operational:
             time.run, time.cycle, time.begin_ns = time.run + 1, -1, None
+            self._may_move = True
             self._next_sync_ns = max(time.time_ns, self.world.time_ns)
         self.nodes.refresh()

@@ -57,6 +57,10 @@ class BenchTime(ABC):
     def __init__(self, cell: Cell, truth: Truth, clock: Clock, seed: int, with_wire: bool = False) -> None:
         self.cell, self.clock = cell, clock
         self.on_cycle: Callable[[CycleTruth], None] | None = None
+        self.on_rested: Callable[[int], None] | None = None
+        """Called when time has run on before a new controller, with the ns that it took."""
+        self._may_move = False
+        """Whether the arms may have been left moving by a controller."""
         self.overruns = 0
         """SYNCs that arrived while the converters were still busy with the last one's scan."""
         self.world = World(cell, truth, seed)
@@ -179,7 +183,7 @@ class BenchTime(ABC):
             self.bus.carry(self.wire, until_ns)
 
     def run_on(self) -> None:
-        """In lockstep, after the loss of SYNC: let time run on until the cards are safe and the arms at rest."""
+        """In lockstep, without SYNC: let time run on until the cards are safe and the arms at rest."""
         time = self._time
         timeouts_ns = [slave.watch_due_ns for slave in self.slaves if slave.watch_due_ns != NEVER]
         timeouts_ns.append(time.time_ns + self.cell.bus.heartbeat_timeout_ms * 1_000_000)
@@ -194,6 +198,7 @@ class BenchTime(ABC):
             if self._faults is not None:
                 self._faults.update(time.time_ns, time.cycle)
         self._next_sync_ns = time.time_ns
+        self._may_move = False
 
     def settle(self) -> None:
         """At the end of a run, let the wire carry the frames that still wait."""

@@ -35,6 +35,7 @@ STALL_NS = 10_000_000
 """A wait that lasts this much longer than asked for is a stall of the machine, and not the robot's fault."""
 LONGEST_REPLAY_NS = 1_000_000_000
 """Longest part of a stall that is caught up; virtual time skips the rest."""
+RESTED = "a new controller begins after another"
 SHORTEST_FRAME_BITS = 47
 """Bits of a frame without data, with intermission (ISO 11898-1), which bounds the frames that a bus can carry."""
 
@@ -105,6 +106,7 @@ class EmulatorRunner:
         bench.device.faults.on_event = self._fault_event
         bench.device.on_emergency_stop = self._emergency_stop
         bench.device.on_power_cycle = self._powered_on
+        bench.on_rested = self._rested
 
     def run(self) -> None:
         """Power on, call `on_ready`, and serve until `should_stop`. Raises `BusError` when a port's bus is lost.
@@ -249,6 +251,10 @@ class EmulatorRunner:
                 if self._bench.clock is Clock.SYNC:
                     self._run_on("the sender of SYNC has left the bus")
                 self._sync_sender = None
+
+    def _rested(self, took_ns: int) -> None:
+        self._note("ran-on", why=RESTED, from_ns=self._bench.time_ns - took_ns)
+        self._on_event(f"{RESTED}: virtual time ran on by {took_ns / 1e6:.0f} ms")
 
     def _run_on(self, why: str) -> None:
         """In lockstep without SYNC, let time run on until the cards have protected themselves."""
