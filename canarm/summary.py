@@ -72,7 +72,9 @@ class Summary:
             )
         for name, joint in self.joints.items():
             saturated = (
-                f"saturated in {joint.saturated_cycles} cycles" if joint.saturated_cycles else "within its limit"
+                f"saturated in {joint.saturated_cycles} cycle{'s' * (joint.saturated_cycles != 1)}"
+                if joint.saturated_cycles
+                else "within its limit"
             )
             ripple = "-" if joint.speed_ripple is None else f"{100 * joint.speed_ripple:.1f} %"
             lines.append(

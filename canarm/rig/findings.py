@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from typing import Literal, NamedTuple
 
@@ -88,22 +87,44 @@ class Start(Enum):
     FAULT = "the beginning of the latest fault"
 
 
-@dataclass(frozen=True, slots=True, repr=False)
 class Detected:
     """The detections that answer a question. True if there are any.
 
-    `found` are those that match, `others` the rest, `begun` the latest fault; `since_s` is where `within` counts
-    from: the beginning of `begun` unless given.
+    `sought` is what was asked for, `begun` the latest fault; `since_s` is where `within` counts from: the beginning of
+    `begun` unless given. One that is discarded without having been asked warns: the `assert` was forgotten.
     """
 
-    sought: str
-    found: Sequence[Noticed]
-    others: Sequence[Noticed]
-    begun: Begun | None
-    since_s: float | None
+    def __init__(
+        self,
+        sought: str,
+        found: Sequence[Noticed],
+        others: Sequence[Noticed],
+        begun: Begun | None,
+        since_s: float | None,
+    ) -> None:
+        self.sought, self.begun, self.since_s = sought, begun, since_s
+        self._found, self._others = found, others
+        self._is_seen = False
+
+    @property
+    def found(self) -> Sequence[Noticed]:
+        """The detections that match."""
+        self._is_seen = True
+        return self._found
+
+    @property
+    def others(self) -> Sequence[Noticed]:
+        """The rest."""
+        self._is_seen = True
+        return self._others
 
     def __bool__(self) -> bool:
         return bool(self.found)
+
+    def __del__(self) -> None:
+        if not self._is_seen:
+            verdict = "was detected" if self._found else "was not detected"
+            warnings.warn(f"nobody has asked whether {self.sought} {verdict} (assert?)", RigWarning, stacklevel=2)
 
     def within(self, limit_s: float, of: float | Literal[Start.FAULT] | None = Start.FAULT) -> Finding:
         """Whether the first one came no later than `limit_s` after that time, or after the time `of` (s).
@@ -148,6 +169,7 @@ class Detected:
 
     @property
     def _first(self) -> Noticed | None:
+        self._is_seen = True
         if self.since_s is None:
             return None
         return next((each for each in self.found if each.time_s >= self.since_s - HALF_NS), None)

@@ -110,6 +110,35 @@ def test_a_law_whose_internals_change_ends_alike_recorded_or_not(tmp_path: Path)
     assert ends == [98, 98]  # the first call is at the start
 
 
+def test_internals_are_timed_as_the_laws_own() -> None:
+    now_ns = [0]
+
+    class Pondering(Pd):
+        def internals(self) -> dict[str, list[float]]:
+            now_ns[0] += 3_000_000_000
+            return {"thought": [0.0, 0.0]}
+
+    with Rig(law=Pondering) as rig:
+        rig.controller.loop.stopwatch = lambda: now_ns[0]
+        rig.run(0.01)
+        assert rig.controller.loop.law_ns == 3_000_000_000
+
+
+@pytest.mark.parametrize("given", [{"thought": 0.0}, {"thought": ["x", "y"]}, [0.0], {"thought": [0.0]}])
+def test_internals_of_another_form_are_told_what_to_be(given: Any) -> None:
+    class Odd(Pd):
+        calls = 0
+
+        def internals(self) -> Any:
+            self.calls += 1
+            return {"thought": [0.0, 0.0]} if self.calls < 3 else given
+
+    with Rig(law=Odd) as rig:
+        rig.run(0.1)
+        assert rig.reason is not None
+        assert "internals() must give 2 numbers, one per joint, for each of the names" in rig.reason
+
+
 @pytest.mark.parametrize("value", [True, 1, "1", "true", "True", np.True_])
 def test_a_switch_of_the_truth_may_be_written_in_any_way(value: object) -> None:
     rig = Rig(truth={"joint2.wire": value})
@@ -147,6 +176,19 @@ def test_a_finding_that_nobody_asks_warns_where_the_assert_is_missing() -> None:
             warnings.simplefilter("error")
             assert rig.joints["joint2"].stays_below("current_a", 9.0)
             assert not rig.joints["joint2"].stays_below("current_a", 0.0).holds
+
+
+def test_a_question_about_a_detection_that_nobody_looks_at_warns() -> None:
+    with Rig() as rig:
+        rig.run(0.01)
+        match = r"nobody has asked whether current-mismatch at joint2 was not detected \(assert\?\)"
+        with pytest.warns(RigWarning, match=match):
+            rig.detected("current-mismatch", "joint2")
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert not rig.detected()
+            assert rig.detected().latency_s is None
+            assert list(rig.detected().found) == []
 
 
 @pytest.mark.parametrize(
