@@ -4,6 +4,7 @@ Owns the estimate that stands in for a measured speed. What has failed and is re
 supervision; feedback must not enter.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -37,11 +38,14 @@ class SpeedObserver:
         gains: ObserverGains | None,
         period_s: float,
         chain: ClosedChain | None = None,
+        fastest_rad_s: Sequence[float] = (),
     ) -> None:
         """`joints` are those without a tachometer, `noise_rad` the deviation of a position sample of each joint.
 
-        `chain` is that of the object that the arms carry.
+        `chain` is that of the object that the arms carry. Speeds beyond `fastest_rad_s` of a joint, which a sensor that
+        lies makes believe, are not given to the model: their centrifugal forces would make more of them.
         """
+        self._fastest_rad_s = fastest_rad_s or (math.inf,) * arm.joint_count
         self._held = None if chain is None else HeldMotion(chain)
         self._parts = arm.parts if isinstance(arm, SeveralArms) else (arm,)
         self._refresh_in = 0
@@ -83,9 +87,10 @@ class SpeedObserver:
             b[joint] += by_bias * off
             found[joint] = v[joint]
         if not self._is_first:
-            model_rad_s2 = self._arm.acceleration_rad_s2(position_rad, found, torque_nm)
+            possible = [max(-most, min(speed, most)) for speed, most in zip(found, self._fastest_rad_s, strict=True)]
+            model_rad_s2 = self._arm.acceleration_rad_s2(position_rad, possible, torque_nm)
             if self._held is not None:
-                model_rad_s2 = self._carried(self._held, model_rad_s2, position_rad, found)
+                model_rad_s2 = self._carried(self._held, model_rad_s2, position_rad, possible)
             for joint in self._joints:
                 step_rad_s = self._period_s * (model_rad_s2[joint] + b[joint])
                 x[joint] += self._period_s * (v[joint] + 0.5 * step_rad_s)

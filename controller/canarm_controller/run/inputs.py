@@ -52,6 +52,7 @@ class JointInputs:
                 cell.control.observer,
                 cell.bus.cycle_s,
                 ClosedChain.of(cell),
+                [joint.fastest_rad_s for joint in cell.joints],
             )
             if self._without_speed
             else None
