@@ -5,7 +5,6 @@ Faults of cards, bus and clock are not judged: a lost card has the same effects 
 """
 
 import functools
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -132,6 +131,5 @@ def _places(cell: Cell, joint: int, reaches_inward: bool) -> Sequence[str]:
     """Name of the joint, and of those nearer to its arm's base if they count."""
     first = joint
     if reaches_inward:
-        begins = itertools.accumulate((len(robot.joint) for robot in cell.robot), initial=0)
-        first = max(begin for begin in begins if begin <= joint)
+        first = max(block.start for block in cell.blocks if block.start <= joint)
     return cell.joint_names[first : joint + 1]

@@ -35,9 +35,7 @@ class ClosedChain:
         self._sides: list[tuple[Chain, slice, tuple[Triple, ...], Triple, Triple, float]] = []
         for name, point_m, sign in ((carried.master, (x, y, z), 1.0), (carried.slave, (0.0, 0.0, 0.0), -1.0)):
             number = [robot.name for robot in cell.robot].index(name)
-            first = sum(len(robot.joint) for robot in cell.robot[:number])
-            robot = cell.robot[number]
-            own = slice(first, first + len(robot.joint))
+            robot, own = cell.robot[number], cell.blocks[number]
             base = from_rpy_deg(robot.base_rpy_deg)
             self._sides.append((chain_of(robot), own, base, robot.base_m, point_m, sign))
 

@@ -108,14 +108,11 @@ def _planned(path: Path, cell: Cell) -> tuple[Floats, Floats]:
     plan = plan_cooperation(pair, path, start)
     home = np.radians([joint.home_deg for joint in cell.joints])
     angles = np.tile(home, (len(plan.time_s), 1))
-    first = 0
-    for robot in cell.robot:
-        own = slice(first, first + len(robot.joint))
+    for robot, own in zip(cell.robot, cell.blocks, strict=True):
         if robot.name == carried.master:
             angles[:, own] = plan.master_rad
         elif robot.name == carried.slave:
             angles[:, own] = plan.slave_rad
-        first = own.stop
     return plan.time_s - plan.time_s[0], angles
 
 

@@ -19,8 +19,7 @@ class Support:
             joint.motor.torque_per_ampere * joint.drive.max_current_a * 0.5 / command_codec(cell, index).full_scale
             for index, joint in enumerate(cell.joints)
         ]
-        ends = [sum(len(robot.joint) for robot in cell.robot[: number + 1]) for number in range(len(cell.robot))]
-        self._robots = [range(end - len(robot.joint), end) for robot, end in zip(cell.robot, ends, strict=True)]
+        self._robots = [range(block.start, block.stop) for block in cell.blocks]
         self.start()
 
     def start(self) -> None:

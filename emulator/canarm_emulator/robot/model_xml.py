@@ -65,18 +65,16 @@ def model_xml(cell: Cell, truth: Truth) -> str:
     option = _add(root, "option", gravity=text_of(*world_gravity(cell)), **_OPTION)
     _add(option, "flag", **dict.fromkeys(_DISABLED, "disable"))
     world = _add(root, "worldbody")
-    first, names = 0, cell.joint_names
+    names = cell.joint_names
     carriers = () if cell.object is None else (cell.object.master, cell.object.slave)
-    for robot in cell.robot:
+    for robot, own in zip(cell.robot, cell.blocks, strict=True):
         pose = Pose(_base_m(cell, robot, truth), from_rpy_deg(robot.base_rpy_deg))
         base = _add(world, "body", name=robot.name, pos=text_of(*pose.position_m), quat=text_of(*pose.quaternion))
-        last = first + len(robot.joint)
-        tip = _add_chain(base, robot, names[first:last], truth.joints[first:last])
+        tip = _add_chain(base, robot, names[own], truth.joints[own])
         if robot.name in carriers:
             tip.set("name", hand(robot.name))
             if cell.object is not None and truth.object is not None and robot.name == cell.object.master:
                 add_object(tip, cell, truth.object)
-        first = last
     if cell.object is not None:
         add_pin(root, cell.object)
     tendons = _add(root, "tendon")

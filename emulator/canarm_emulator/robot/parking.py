@@ -16,8 +16,7 @@ class Parking:
     __slots__ = ("_resting",)
 
     def __init__(self, cell: Cell) -> None:
-        ends = [sum(len(robot.joint) for robot in cell.robot[: number + 1]) for number in range(len(cell.robot))]
-        resting = [list(range(end - len(robot.joint), end)) for robot, end in zip(cell.robot, ends, strict=True)]
+        resting = [list(range(block.start, block.stop)) for block in cell.blocks]
         if cell.object is not None:
             names = [robot.name for robot in cell.robot]
             master, slave = names.index(cell.object.master), names.index(cell.object.slave)

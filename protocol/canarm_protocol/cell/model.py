@@ -5,6 +5,7 @@ several values are in `cell_checks.py`; robots are described in `arm.py`, `drive
 key names. Angles are in degrees, because people write the file.
 """
 
+import itertools
 from collections import Counter
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -194,6 +195,12 @@ class Cell(Table):
     def joints(self) -> tuple[Joint, ...]:
         """All joints, robot by robot, base to tip."""
         return tuple(joint for robot in self.robot for joint in robot.joint)
+
+    @property
+    def blocks(self) -> tuple[slice, ...]:
+        """For each robot, where its joints stand in `joints`."""
+        ends = itertools.accumulate(len(robot.joint) for robot in self.robot)
+        return tuple(slice(end - len(robot.joint), end) for robot, end in zip(self.robot, ends, strict=True))
 
     @property
     def joint_names(self) -> tuple[str, ...]:
