@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 .PHONY: help setup demo test soak check check-format check-lint check-types check-imports check-lock check-wheels \
 	check-docs check-install \
-	check-socketcan bench ablation alarms matrix rhino robots fuzz docs notice format lock clean
+	check-socketcan bench ablation alarms matrix pair-matrix rhino robots fuzz docs notice format lock clean
 
 help: ## List the targets
 	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12] [NO_UV=1] [JOBS=2]'
@@ -88,6 +88,9 @@ alarms: setup ## Count false alarms of 3000 robots drawn from the box; takes an 
 
 matrix: setup ## Run the fault matrix of konkuk1 against its golden copy; takes minutes (ARGS=--update-golden)
 	$(BIN)/python scripts/fault_matrix.py $(ARGS)
+
+pair-matrix: setup ## Run a share of rhino-pair's fault matrix against its golden copy; takes minutes (ARGS=--update-golden)
+	$(BIN)/python scripts/pair_matrix.py $(ARGS)
 
 # atheris is 35 MB, and there is none for every system: it is only brought along for this.
 fuzz: setup ## Fuzz every door, guided by coverage: 10^7 inputs, an hour (ARGS="--inputs 100000 conditions")
