@@ -6,11 +6,14 @@ separately.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NoReturn
 
 import pytest
 
 from canarm import Rig
+from canarm.new_cell import Request, write_cell
+from canarm.new_cell.arms import made_up_arm
 from canarm_controller.supervision.detection import DETECTORS, Reaction
 from tests.resolutions import cell_of_encoders, homed
 
@@ -52,6 +55,7 @@ def disk_full() -> NoReturn:
 WIRE = {"wire": True}
 ENCODERS = {"cell": cell_of_encoders()}
 """Of 0.044 degrees a count: 80 counts are 3.5 degrees, 3.3 steps of a potentiometer."""
+ARM = write_cell(made_up_arm(2), Request(sensing=("encoder",)), Path())[1]
 LIGHTER = fault("joint3.link", "payload-change", mass=0.6)
 BLOW = fault("joint3.link", "collision", impulse=0.2)
 ADC, LATCH = "0x14", "latch"
@@ -67,6 +71,7 @@ SCENES: dict[str, Scene] = {
     "impossible-position": Scene("joint2", 2, fault("joint2.potentiometer", "short-to-supply")),
     "impossible-motion": Scene("joint2", 2, fault("joint2.potentiometer", "open-load")),
     "homing-failed": Scene("joint2", 0, rig={"cell": homed(cell_of_encoders()), "truth": {"joint2.initial_deg": 21.5}}),
+    "start-pose": Scene("shoulder", 0, rig={"cell": ARM, "truth": {"shoulder.initial_deg": -110}}),
     "law-output": Scene(None, 2, by_hand=breaks_law([float("nan"), 0.0])),
     "law-failed": Scene(None, 2, by_hand=breaks_law(ZeroDivisionError("of the law"))),
     "interrupted": Scene(None, 2, by_hand=lambda rig: rig.controller.interrupt("by the user")),

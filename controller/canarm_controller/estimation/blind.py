@@ -22,10 +22,12 @@ def observer_gains(period_s: float) -> tuple[float, float, float]:
 class BlindObserver:
     """x' = x + T·v + T²/2·(a + b),  v' = v + T·(a + b),  b' = b, corrected by the potentiometer.
 
-    The gains are `observer_gains`.
+    The gains are `observer_gains`; after `start_moving` those of the parabola that fits all readings since best, as
+    long as they are higher: the expanding-memory filter of degree 2 of Brookner, Tracking and Kalman Filtering Made
+    Easy (1998).
     """
 
-    __slots__ = ("_gains", "_period_s", "bias", "position_rad", "velocity_rad_s")
+    __slots__ = ("_gains", "_period_s", "_readings", "bias", "position_rad", "velocity_rad_s")
 
     def __init__(self, period_s: float) -> None:
         self._period_s, self._gains = period_s, observer_gains(period_s)
@@ -34,6 +36,12 @@ class BlindObserver:
     def start(self, position_rad: float, velocity_rad_s: float, bias_rad_s2: float) -> None:
         """Begin at the last known state."""
         self.position_rad, self.velocity_rad_s, self.bias = position_rad, velocity_rad_s, bias_rad_s2
+        self._readings = 0
+
+    def start_moving(self, position_rad: float, velocity_rad_s: float) -> None:
+        """Begin at a measured angle, of which `correct` is still told, and a speed from it and the one before."""
+        self.start(position_rad, velocity_rad_s, 0.0)
+        self._readings = 1
 
     def predict(self, acceleration_rad_s2: float) -> None:
         """One cycle on, by the model's acceleration."""
@@ -50,7 +58,20 @@ class BlindObserver:
     def correct(self, measured_rad: float) -> None:
         """Take the potentiometer's angle."""
         off = measured_rad - self.position_rad
-        by_position, by_speed, by_bias = self._gains
+        by_position, by_speed, by_bias = self._gains if not self._readings else self._growing_gains()
         self.position_rad += by_position * off
         self.velocity_rad_s += by_speed * off
         self.bias += by_bias * off
+
+    def _growing_gains(self) -> tuple[float, float, float]:
+        """Of the next reading after `_readings`."""
+        count, period_s = self._readings, self._period_s
+        share = 1.0 / ((count + 1) * (count + 2) * (count + 3))
+        growing = (
+            3.0 * (3 * count * count + 3 * count + 2) * share,
+            18.0 * (2 * count + 1) * share / period_s,
+            60.0 * share / period_s**2,
+        )
+        self._readings = count + 1 if growing[2] > self._gains[2] else 0
+        by_position, by_speed, by_bias = (max(each) for each in zip(growing, self._gains, strict=True))
+        return by_position, by_speed, by_bias

@@ -33,7 +33,10 @@ class SupervisedRun:
         self.starved_by: Callable[[str, str], str | None] = lambda detector, detail: None
         """Returns the lack of computing time that explains a detection; set by the owner of the clock."""
         self._log = DetectionLog()
-        self._watch = ArmWatch(cell, loop.arm, loop.law.following_error_lsb, self._detect_at_joint)
+        bears_weight = not loop.law.takes_feedforward or loop.feedforward_kind != "none"
+        self._watch = ArmWatch(
+            cell, loop.arm, loop.law.following_error_lsb, self._detect_at_joint, bears_weight=bears_weight
+        )
         keeps = [robot.holds for robot in cell.robot for _ in robot.joint]
         self._stop = SafeStop(loop, self._watch.safe_hold, self._watch.standing_rad_s, keeps)
         self._joints_of = _joints_by_place(cell)

@@ -15,12 +15,15 @@ from ..laws.base import Cycle
 from .currents import CurrentWatch
 from .detection import Reaction, named_for
 from .expectation import ArmExpectation, expectation
-from .following import FollowingWatch
+from .following import FollowingWatch, normal_rad
 from .grip_watch import GripWatch, grip_limits
 from .hold import SafeHold
 from .joint_state import Mode
 from .limits import Report
 from .nominal import joint_nominals
+from .start_pose import StartPose
+from .stops import Stops, held
+from .supply import Supply
 from .support import Support
 from .surprise import ArmReport, SurpriseWatch, Witness
 from .tachless import TachlessWitness
@@ -39,11 +42,16 @@ FORGOTTEN = 0.01
 class ArmWatch:
     """State of all joints' residuals. `step` may replace the cycle's measurements."""
 
-    def __init__(self, cell: Cell, arm: Arm, following_lsb: float, report: ArmReport) -> None:
-        self._arm, self._report, self._timing = arm, report, Timing.of(cell.bus.cycle_s)
+    def __init__(
+        self, cell: Cell, arm: Arm, following_lsb: float, report: ArmReport, *, bears_weight: bool = True
+    ) -> None:
+        """`following_lsb` is the law's; not `bears_weight`: neither law nor feed-forward knows the arm's weight."""
+        self._arm, self._timing = arm, Timing.of(cell.bus.cycle_s)
         parts = arm.parts if isinstance(arm, SeveralArms) else (arm,)
         timing = self._timing
         self._nominals = joint_nominals(cell, parts)
+        self._pose = StartPose(cell, self._nominals, timing)
+        report = self._report = self._pose.naming(report)
         limits = cell_thresholds(self._nominals, cell.supervision, timing)
         chain = ClosedChain.of(cell)
         self.grips: GripWatch | None = None
@@ -74,7 +82,9 @@ class ArmWatch:
         self._accelerate: Accelerate = self._robots[0].expected.accelerations if only else self._accelerate_all
         self._held = None if chain is None else HeldMotion(chain)
         self._following = FollowingWatch(
-            [cell.control.of_joint(name).natural_frequency_rad_s for name in cell.joint_names], following_lsb, limits,
+            [cell.control.of_joint(name).natural_frequency_rad_s for name in cell.joint_names],
+            [normal_rad(*each, following_lsb, bears_weight) for each in zip(self._nominals, limits, strict=True)],
+            limits,
             [nominal.position.step for nominal in self._nominals], timing, report,
             lambda index: self.joints[index].is_upset, self._may_saturate,
         )  # fmt: skip
@@ -85,7 +95,12 @@ class ArmWatch:
         self._settled_rad_s2: deque[list[float]] = deque(maxlen=SETTLED_REFRESHES)
         self._unseen: Collection[int] = ()
         self._cycle = 0
-        self._support = Support(cell, self.standing_rad_s, timing.calm)
+        self._support = Support(cell, self.standing_rad_s, [limit.moved for limit in limits], timing.calm)
+        refresh_s = timing.refresh * timing.period_s
+        self._supply = Supply(self._nominals)
+        self._stops = Stops(
+            cell, [limit.moved for limit in limits], [refresh_s * each.fastest_rad_s for each in self._nominals]
+        )
         self._last_nm: Sequence[float] = (0.0,) * len(self.joints)
         self._flowing_nm: Sequence[float] = self._last_nm
         """Torques of the currents that flowed at the last SYNC."""
@@ -94,9 +109,10 @@ class ArmWatch:
         """The arm rests at this pose; no torque acts yet."""
         for joint, position in zip(self.joints, position_rad, strict=True):
             joint.start(position)
-        self._support.start()
+        self._support.start(position_rad)
         self._settled_rad_s2.clear()
         self._unseen = ()
+        self._pose.start()
         if self.grips is not None:
             self.grips.start()
         self._refresh(position_rad, (0.0,) * len(self.joints))
@@ -109,9 +125,14 @@ class ArmWatch:
         applied_nm = self._last_nm = cycle.applied_nm
         flowing_nm = last_nm if self._decays is None else self._flow(last_nm, self._decays)
         measured_rad_s = cycle.velocity_rad_s
-        accelerations = self._accelerate(last_nm)
+        driven_nm = last_nm
+        if self._supply.is_short(measured_rad_s):
+            driven_nm = self._supply.driven_nm(last_nm, [joint.speed for joint in self.joints])
+        accelerations = self._accelerate(driven_nm)
         if self._support.joints:
-            accelerations = self._from_rest(accelerations, measured_rad_s, last_nm)
+            accelerations = self._from_rest(accelerations, cycle, last_nm)
+        if self._stops.near:
+            accelerations = self._at_stops(accelerations, cycle.position_rad)
         if self._pair is not None and not self._unseen:  # two joints without a loop: a fifth of the time of `step`
             first, second = self._pair
             (x1, x2), (v1, v2), (a1, a2) = cycle.position_rad, measured_rad_s, accelerations
@@ -223,17 +244,34 @@ class ArmWatch:
             [joint.compliance_rad_nm for joint in joints], start_rad_s2, self._timing.period_s,
         )  # fmt: skip
 
-    def _from_rest(
-        self, accelerations: Sequence[float], speed_rad_s: Sequence[float], acted_nm: Sequence[float]
-    ) -> Sequence[float]:
+    def _from_rest(self, accelerations: Sequence[float], cycle: Cycle, acted_nm: Sequence[float]) -> Sequence[float]:
         """The model's expectation, less what a support holds, which the model does not know."""
-        for index in self._support.leave(self._cycle, acted_nm, speed_rad_s):
+        for index in self._support.leave(self._cycle, acted_nm, cycle.position_rad, cycle.velocity_rad_s):
             self.joints[index].take_load()
             self._robot_of[index].surprise.calm_until = self._cycle + self._timing.calm
+            if self._support.began_moving:
+                self._following.recover(self._cycle)
         expected = list(accelerations)
         for index in self._support.joints:
             expected[index] = 0.0
         return expected
+
+    def _at_stops(self, accelerations: Sequence[float], position_rad: Sequence[float]) -> Sequence[float]:
+        """The model's expectation, with the end stops, which the model does not know."""
+        at = self._stops.at(position_rad)
+        if not at:
+            return accelerations
+        borne = list(accelerations)
+        for robot in self._robots:
+            first, end = robot.joints.start, robot.joints.stop
+            own = [(index - first, side) for index, side in at if first <= index < end]
+            if not own:
+                continue
+            borne[robot.joints] = held(borne[robot.joints], own, robot.expected.mobility)
+            if any(self.joints[first + joint].strikes(position_rad[first + joint], side) for joint, side in own):
+                for joint in self.joints[robot.joints]:
+                    joint.shake()
+        return borne
 
     def _look_into(self, count: int, speed_rad_s: Sequence[float], acted_nm: Sequence[float]) -> None:
         """A joint was agitated in this cycle or recently."""
@@ -277,6 +315,8 @@ class ArmWatch:
     def _refresh(self, position_rad: Sequence[float], speed_rad_s: Sequence[float]) -> None:
         self._refresh_at = self._cycle + self._timing.refresh
         self._settled_rad_s2.append([joint.bias for joint in self.joints])
+        self._stops.look(position_rad)
+        self._pose.look(self.joints, self._cycle)
         for robot in self._robots:
             speeds = speed_rad_s[robot.joints]
             robot.expected.refresh(position_rad[robot.joints], speeds)

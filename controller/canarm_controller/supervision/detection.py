@@ -65,6 +65,7 @@ DETECTORS: dict[str, Detector] = dict(
         _row("impossible-position", Reaction.HOLD, 1, "beyond the stops by more than range_margin_deg"),
         _row("impossible-motion", Reaction.HOLD, 1, "more than max_position_step_deg a cycle"),
         _row("homing-failed", Reaction.HOLD, 1, "no index, or none where it can be; no way from there"),
+        _row("start-pose", Reaction.OFF, 1, "the model lacks a load from the start on, and encoders are not homed"),
         _row("law-output", Reaction.OFF, 1, "not one finite torque per joint"),
         _row("law-failed", Reaction.OFF, 1, "the law raised an exception"),
         _row("interrupted", Reaction.OFF, 1, "the user stops the run"),

@@ -6,6 +6,7 @@ Owns what excuses an error. Of the sensors it only knows whether a joint is soun
 from collections.abc import Callable, Sequence
 
 from ..laws.base import Cycle
+from .nominal import JointNominal
 from .surprise import ArmReport
 from .thresholds import JUDGED_AT_RAD_S, Thresholds
 from .timing import Timing
@@ -14,13 +15,19 @@ NORMAL_FACTOR, FOLLOWING_CYCLES = 2.0, 4
 """A following error is abnormal at this factor of normal, if it grows in this many readings."""
 
 
+def normal_rad(nominal: JointNominal, limits: Thresholds, following_lsb: float, bears_weight: bool) -> float:
+    """The normal error of a joint in a loop of 12 rad/s: the law's, or the sag of an arm whose weight nothing bears."""
+    sag_rad = nominal.weight_nm * nominal.mobility_per_kg_m2[0] / JUDGED_AT_RAD_S**2
+    return max(following_lsb * limits.following_unit, 0.0 if bears_weight else sag_rad)
+
+
 class FollowingWatch:
-    """State of all joints. For joint `index`, `is_upset` tells whether its speed has recently been unexpected, and
-    `may_saturate` whether nothing else is wrong with it.
+    """State of all joints. `normal_rad` are normal errors in a loop of 12 rad/s. For joint `index`, `is_upset`
+    tells whether its speed has recently been unexpected, and `may_saturate` whether nothing else is wrong with it.
     """
 
     def __init__(
-        self, natural_frequency_rad_s: Sequence[float], following_lsb: float, joints: Sequence[Thresholds],
+        self, natural_frequency_rad_s: Sequence[float], normal_rad: Sequence[float], joints: Sequence[Thresholds],
         positions_lsb: Sequence[float], timing: Timing, report: ArmReport, is_upset: Callable[[int], bool],
         may_saturate: Callable[[int], bool],
     ) -> None:  # fmt: skip
@@ -28,8 +35,8 @@ class FollowingWatch:
         self._positions_lsb, self._timing = positions_lsb, timing
         self._standing_rad_s = [joint.standing for joint in joints]
         self._limits_rad = [
-            NORMAL_FACTOR * max(1.0, JUDGED_AT_RAD_S / omega) ** 2 * following_lsb * joint.following_unit
-            for joint, omega in zip(joints, natural_frequency_rad_s, strict=True)
+            NORMAL_FACTOR * max(1.0, JUDGED_AT_RAD_S / omega) ** 2 * normal
+            for normal, omega in zip(normal_rad, natural_frequency_rad_s, strict=True)
         ]
         self._following = [0] * len(joints)
         self._saturated = [0] * len(joints)
@@ -43,6 +50,10 @@ class FollowingWatch:
     def gap(self, count: int) -> None:
         """Measurements are missing."""
         self._excused_until = max(self._excused_until, count + self._timing.beginning)
+
+    def recover(self, count: int) -> None:
+        """The arm moved when the run began, and its reference stood."""
+        self._excused_until = max(self._excused_until, count + self._timing.recovery)
 
     def step(self, count: int, cycle: Cycle) -> None:
         """Judge the following error of cycle `count`, once its reference is known."""

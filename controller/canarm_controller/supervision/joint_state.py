@@ -124,6 +124,14 @@ class JointState:
         """The arm leaves its support: its payload is not known yet."""
         self._calm_at = self.cycles + self._timing.calm
 
+    def strikes(self, position_rad: float, side: int) -> bool:
+        """Whether it is at its stop on this side (-1 or 1) and moves into it; not if only its sensor says so."""
+        return self.speed * side > self._thresholds.standing
+
+    def shake(self) -> None:
+        """A joint of its robot strikes an end stop: it may go on in any way."""
+        self._calm_at = max(self._calm_at, self.cycles + self._timing.calm)
+
     @property
     def is_elastic(self) -> bool:
         """Whether its drive wire is known to be elastic."""

@@ -15,6 +15,8 @@ from .thresholds import Thresholds, unmodelled_rad_s2
 from .timing import Timing
 from .uncertainty import COULOMB
 
+STRUCK_S = 0.02
+"""How long a joint that strikes a stop is pushed back: five times the 4 ms of a bumper."""
 STUCK_FACTOR, STUCK_CYCLES = 1.6, 6
 """Factor on the travel over which a code may stand still, and the least number of cycles of a stuck code."""
 UNLEARNED_SHARE = 0.2
@@ -37,8 +39,9 @@ class TachlessWitness(SensorLess):
     """
 
     __slots__ = (
-        "_doubt_rad_s", "_gone_bias", "_gone_rad", "_gone_rad_s", "_lasting_cycles", "_learning", "_rubbed_rad_s",
-        "_rubs_rad_s2", "_slow_at", "_slow_rad_s", "_stood_cycles", "_unmodelled", "_x_code",
+        "_doubt_rad_s", "_gone_bias", "_gone_rad", "_gone_rad_s", "_has_moved", "_last_off_rad", "_last_rad",
+        "_lasting_cycles", "_learning", "_rubbed_rad_s", "_rubs_rad_s2", "_shaken_until", "_slow_at", "_slow_rad_s",
+        "_stood_cycles", "_struck_cycles", "_unmodelled", "_x_code",
     )  # fmt: skip
 
     def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
@@ -49,6 +52,7 @@ class TachlessWitness(SensorLess):
         self._rubs_rad_s2 = (COULOMB[1] - 1.0) * nominal.coulomb_nm * mobility
         self._slow_rad_s = math.sqrt(2.0 * self._rubs_rad_s2 * self._position_lsb)
         self._doubt_rad_s = SPEED_SHARE * self._rubs_rad_s2 / blind_pole_rad_s(self._period_s)
+        self._struck_cycles = max(round(STRUCK_S / timing.period_s), 2)
         self.start(0.0)
 
     def start(self, position_rad: float) -> None:
@@ -59,6 +63,17 @@ class TachlessWitness(SensorLess):
         self._gone_rad = self._gone_rad_s = self._gone_bias = self._rubbed_rad_s = 0.0
         self._x_code, self._stood_cycles, self._lasting_cycles = -1, 0, 0
         self._slow_at = 0
+        self._has_moved, self._last_rad, self._last_off_rad, self._shaken_until = False, position_rad, 0.0, 0
+
+    def strikes(self, position_rad: float, side: int) -> bool:
+        """Whether it is at its stop on this side (-1 or 1) and moves into it; not if only its sensor says so."""
+        is_near = abs(position_rad - self._blind.position_rad) <= BLIND_FACTOR * self._limits.jump
+        return is_near and self.cycles >= self._shaken_until and super().strikes(position_rad, side)
+
+    def shake(self) -> None:
+        """A joint of its robot strikes an end stop: for a while its speed is the difference of two angles."""
+        super().shake()
+        self._shaken_until = self.cycles + self._struck_cycles
 
     def step(self, x: float, v: float, acceleration: float, x_code: int, v_code: int) -> bool:
         """Take one cycle: angle, the speed that the loop's observer gives, the model's acceleration since the last.
@@ -69,9 +84,10 @@ class TachlessWitness(SensorLess):
         self.model_rad_s += self._period_s * acceleration
         blind = self._blind
         blind.predict(acceleration)
-        is_astray = self.mode is Mode.BLIND or self._is_astray(x, x_code)
+        is_astray = self.mode is Mode.BLIND or (not self._begins_anew(x) and self._is_astray(x, x_code))
         if not is_astray:
             blind.correct(x)
+        self._last_rad = x
         self.speed, self.bias = blind.velocity_rad_s, blind.bias
         if abs(self.speed) < self._slow_rad_s:
             self._slow_at = self.cycles
@@ -99,6 +115,25 @@ class TachlessWitness(SensorLess):
 
     def settle(self, bias_rad_s2: float) -> None:
         """There is nothing to settle: the observer learns the model's error by itself."""
+
+    def _begins_anew(self, x: float) -> bool:
+        """Whether the joint moves as nothing that is known explains, and may do so: the observer begins again.
+
+        It has just struck a stop; or it moved when the run began: its first reading is off, or its readings leave the
+        model one by one, which no jump does.
+        """
+        off = x - self._blind.position_rad
+        last_off, self._last_off_rad = self._last_off_rad, off
+        if self.cycles > self._shaken_until:
+            if self._has_moved or self.cycles > self._timing.calm:
+                return False
+            moved = self._thresholds.moved
+            is_first = self.cycles == 1
+            if abs(off) <= moved or not (is_first or (off * last_off > 0.0 and abs(last_off) > 0.5 * abs(off))):
+                return False
+            self._has_moved = True
+        self._blind.start_moving(x, (x - self._last_rad) / self._period_s)
+        return True
 
     def _is_astray(self, x: float, x_code: int) -> bool:
         off = x - self._blind.position_rad

@@ -50,6 +50,9 @@ the tachometer's travel must change while a code does not; and the travel at whi
 STANDING, TOLD, TOLD_SHARE = 3.06, 25.0, 0.2
 """Grains of speed: below, a joint stands; above, in both directions, a tachometer has proved itself again, or at a
 fifth of its range if that is less."""
+STANDING_SHARE = 0.024
+"""Of the fastest speed, konkuk1's 0.06 of 2.5 rad/s: a joint stands below that, or below what its sensors can tell,
+whatever its model may lack."""
 ACCELERATION_SIGMAS, FRICTION_REVERSALS = 3.5, 2.0
 """An unexpected acceleration exceeds these: deviations of two readings `assessed` cycles apart, and friction."""
 START_FACTOR, WIRE_OVERSHOOT = 4.0, 2.0
@@ -101,6 +104,8 @@ class Thresholds:
     stuck_travel: float
     stuck_suspect: float
     standing: float
+    moved: float
+    """An angle that noise does not make: a joint is no longer where it was."""
     told_speed: float
     acceleration: float
     start_acceleration: float
@@ -155,7 +160,8 @@ def thresholds(joint: JointNominal, limits: Supervision, timing: Timing, falling
         stuck_speed=STUCK_SPEED * speed_grain,
         stuck_travel=STUCK_TRAVEL * position_grain,
         stuck_suspect=STUCK_SUSPECT * position_grain,
-        standing=STANDING * speed_grain,
+        standing=standing_rad_s(joint, timing),
+        moved=STANDING * position.noise / REFERENCE_NOISE,
         told_speed=min(TOLD * speed_grain, TOLD_SHARE * joint.fastest_rad_s),
         acceleration=acceleration,
         start_acceleration=max(START_FACTOR * acceleration, wire_swing_rad_s2(joint)),
@@ -226,6 +232,12 @@ def speed_grain_rad_s(joint: JointNominal, timing: Timing) -> float:
     """Grain of a speed: noise of the tachometer, a turning payload, or reversing friction."""
     noise = speed_noise_rad_s(joint, timing) / REFERENCE_NOISE
     return max(noise, payload_speed_rad_s(joint, timing), friction_speed_rad_s(joint, timing))
+
+
+def standing_rad_s(joint: JointNominal, timing: Timing) -> float:
+    """The speed below which a joint stands: of noise alone, or a small part of its fastest; not what a model lacks."""
+    noise = STANDING * speed_noise_rad_s(joint, timing) / REFERENCE_NOISE
+    return min(STANDING * speed_grain_rad_s(joint, timing), max(noise, STANDING_SHARE * joint.fastest_rad_s))
 
 
 def speed_noise_rad_s(joint: JointNominal, timing: Timing) -> float:
@@ -312,9 +324,13 @@ def flutter_limit_a(joint: JointNominal, current_a: float) -> float:
 
 
 def following_unit_rad(joint: JointNominal, position_grain: float) -> float:
-    """The unit of laws' normal following errors: a grain, or a share of a loop's sag under a wrong payload."""
+    """The unit of laws' normal following errors: a grain, or a share of a loop's sag under a wrong payload or friction.
+
+    A loop is as stiff in any pose, so friction is seen by the greatest inertia.
+    """
     sag = joint.payload_rad_s2 / JUDGED_AT_RAD_S**2
-    return max(position_grain, 2.0 * SAG_SHARE * sag)
+    rubbed = turned_nm(joint) * joint.mobility_per_kg_m2[0] / JUDGED_AT_RAD_S**2
+    return max(position_grain, 2.0 * SAG_SHARE * sag, SAG_SHARE * rubbed)
 
 
 def _chosen(override_lsb: float | None, step: float, derived: float) -> float:
