@@ -189,12 +189,8 @@ def test_only_joints_that_may_reach_their_stop_are_looked_at() -> None:
     assert stops.near == []
 
 
-KNOWN = {1}
-"""Draws that are accused wrongly: a tachometer that was at the end of its range when the run began. None may come."""
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("number", sorted(set(range(24)) - KNOWN))
+@pytest.mark.parametrize("number", range(24))
 def test_of_drawn_cells_and_starts_no_encoder_is_blamed(number: int) -> None:
     rng = random.Random(f"encoders {number}")
     joints, cycle_us = rng.randint(1, 7), rng.choice((800, 1000, 2500, 5000, 10_000))
