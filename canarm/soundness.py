@@ -30,6 +30,8 @@ SENSE_SHARE = 0.5
 """Highest current that the sense may miss, as a share of the amplifier's: else it shows no failing current."""
 SUPPLY_SHARE = 0.9
 """Share of the supply that holding may take: the rest is for motion."""
+MOST_TWIST_RAD = 0.1
+"""Most twist of a wire under the arm's weight: the models know no arm that hangs beside its motor's angle."""
 POSITION_OCCURS, POSITION_DRIFT_OCCURS, SPEED_OCCURS, SPEED_DRIFT_OCCURS = 2.5, 0.55, 3.3, 1.6
 """In grains: a sound robot's residuals plus a third, see `supervision.thresholds`."""
 CURRENT_SIGMAS, ACCELERATION_SIGMAS = 5.0, 2.5
@@ -47,6 +49,7 @@ def unsound(cell: Cell) -> Iterator[str]:
     for nominal, joint in zip(nominals, cell.joints, strict=True):
         where = f"joint {nominal.name!r}"
         yield from _drive_problems(where, nominal, joint)
+        yield from _wire_problems(where, nominal)
         yield from _sense_problems(where, nominal, joint)
     yield from _gain_problems(cell, arm, nominals, timing)
     yield from _override_problems(cell, nominals, timing)
@@ -80,6 +83,17 @@ def _drive_problems(where: str, nominal: JointNominal, joint: Joint) -> Iterator
         yield (
             f"{where}.drive.supply_v = {nominal.supply_v:g}: the {held_a:.3g} A that hold the arm take {held_v:.3g} V "
             f"in motor.winding_ohm = {nominal.winding_ohm:g}; must be at least {held_v / SUPPLY_SHARE:.3g} V"
+        )
+
+
+def _wire_problems(where: str, nominal: JointNominal) -> Iterator[str]:
+    stiffness = nominal.wire_stiffness_nm_rad
+    twist_rad = nominal.weight_nm / stiffness
+    if twist_rad > MOST_TWIST_RAD:
+        yield (
+            f"{where}.motor.wire_stiffness_nm_rad = {stiffness:g}: the weight of {nominal.weight_nm:.3g} N m in the worst "
+            f"pose would twist an elastic wire by {math.degrees(twist_rad):.3g} degrees; must be at least "
+            f"{nominal.weight_nm / MOST_TWIST_RAD:.3g}"
         )
 
 

@@ -81,6 +81,8 @@ def test_an_amplifier_too_weak_to_hold_the_arm_is_found(check: Check) -> None:
             "supply_v = 1.5e-5",
             "joint 'joint2'.drive.supply_v = 1.5e-05: the 0.634 A that hold the arm",
         ),
+        # 2.4 N m of weight (2.59 with friction) over 1e-6 N m/rad: more than any wire can turn; 0.1 rad may be.
+        ("wire_stiffness_nm_rad = 200.0 ", "wire_stiffness_nm_rad = 1e-6", "degrees; must be at least 2"),
         # 2.4 x 12 rad/s x (2 x 2.5 ms + 500 ms) = 14.5 rad.
         ("winding_mh = 1.25 ", "winding_mh = 1250.0 ", "505 ms, cost 14.5 rad of phase; must be at most 0.975 rad"),
         # 2.4 x 12e6 rad/s x 5.5 ms = 158 000 rad; 0.975 rad / 2.4 / 5.5 ms = 73.9 rad/s.
