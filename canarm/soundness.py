@@ -91,8 +91,8 @@ def _wire_problems(where: str, nominal: JointNominal) -> Iterator[str]:
     twist_rad = nominal.weight_nm / stiffness
     if twist_rad > MOST_TWIST_RAD:
         yield (
-            f"{where}.motor.wire_stiffness_nm_rad = {stiffness:g}: the weight of {nominal.weight_nm:.3g} N m in the worst "
-            f"pose would twist an elastic wire by {math.degrees(twist_rad):.3g} degrees; must be at least "
+            f"{where}.motor.wire_stiffness_nm_rad = {stiffness:g}: the weight of {nominal.weight_nm:.3g} N m in the "
+            f"worst pose would twist an elastic wire by {math.degrees(twist_rad):.3g} degrees; must be at least "
             f"{nominal.weight_nm / MOST_TWIST_RAD:.3g}"
         )
 

@@ -241,7 +241,7 @@ def test_an_array_that_is_no_motion_is_answered_with_the_shape_and_unit_that_wou
 
 def test_the_package_says_what_it_has_and_which_version_it_is() -> None:
     names = [name for name in dir(canarm) if not name.startswith("__")]
-    assert names == ["BenchClient", "BusRig", "Rig", "State"]
+    assert names == ["BenchClient", "BusRig", "Rig", "Run", "State", "open_run"]
     assert {"__all__", "__doc__", "__version__"} <= set(dir(canarm))
     assert canarm.__version__.count(".") == 2
 

@@ -71,7 +71,7 @@ def test_what_is_there_is_emptied_where_it_is_written_anew(tmp_path: Path) -> No
     path.write_text("x" * 999)
     with SignalLog(path, ["joint2.a"]):
         pass
-    assert path.read_text() == "tick,time_s,joint2.a\n"
+    assert path.read_text() == "cycle,time_s,joint2.a\n"
 
 
 def test_a_folder_in_the_place_of_a_file_is_said(tmp_path: Path) -> None:

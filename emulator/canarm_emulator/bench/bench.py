@@ -175,11 +175,8 @@ class Bench(BenchTime):
             self.bus.ignored_frames += 1
             return
         time, was_operational = self._time, self.nodes.is_operational
-        if self.clock is Clock.SYNC and command in _RESETS and self._may_move and not was_operational:
-            before_ns = self.time_ns
-            self.run_on()
-            if self.on_rested is not None:
-                self.on_rested(self.time_ns - before_ns)
+        if command in _RESETS:
+            self.come_to_rest()
         time.catch_up()
         for slave in self.nodes.running:
             if node_id in (0, slave.node_id) and slave.bus_name not in self.bus.missed_by:

@@ -200,6 +200,14 @@ class BenchTime(ABC):
         self._next_sync_ns = time.time_ns
         self._may_move = False
 
+    def come_to_rest(self) -> None:
+        """In lockstep, let time run on if a controller has ended while the arms moved, however it has."""
+        if self.clock is Clock.SYNC and self._may_move and not self.is_operational:
+            before_ns = self._time.time_ns
+            self.run_on()
+            if self.on_rested is not None:
+                self.on_rested(self._time.time_ns - before_ns)
+
     def settle(self) -> None:
         """At the end of a run, let the wire carry the frames that still wait."""
         wire, limit_ns = self.wire, self._time.time_ns + SETTLE_NS

@@ -80,6 +80,8 @@ class EmulatorRunner:
         self._sync_sender: object = None
         self._last_heard_ns = 0
         self._last_sync_time_ns = 0
+        self._origin: object = None
+        """Who has sent the frame that is being taken."""
         self._is_behind = False
         self._gap_ns = 0
         self._queued_syncs = 0
@@ -206,6 +208,7 @@ class EmulatorRunner:
 
     def _take(self, bus: str, frame: Frame, origin: object, now_ns: int) -> None:
         if bus == ROBOT_BUS:
+            self._origin = origin
             if is_sync(frame):
                 self._sync_sender, self._last_heard_ns = origin, now_ns
                 if self._bench.clock is Clock.WALL:
@@ -253,6 +256,7 @@ class EmulatorRunner:
                 self._sync_sender = None
 
     def _rested(self, took_ns: int) -> None:
+        self._deliver(newcomer=self._origin)
         self._note("ran-on", why=RESTED, from_ns=self._bench.time_ns - took_ns)
         self._on_event(f"{RESTED}: virtual time ran on by {took_ns / 1e6:.0f} ms")
 
@@ -275,14 +279,17 @@ class EmulatorRunner:
             self._next_idle_telemetry_ns = now_ns + IDLE_TELEMETRY_NS
             self._bench.send_telemetry()
 
-    def _deliver(self) -> None:
-        """Send the bench's frames, in the order of each bus, to everybody but their senders, then to the log."""
+    def _deliver(self, newcomer: object = None) -> None:
+        """Send the bench's frames, in the order of each bus, to everybody but their senders, then to the log.
+
+        For a `newcomer` they are history, and too many at once for some clients.
+        """
         bench, hub = self._bench, self._hub
         if bench.records:
             records, bench.records = bench.records, []
             for time_ns, frame, origin in records:
                 if frame.can_id < ERROR_FLAG:
-                    hub.send(ROBOT_BUS, time_ns, frame, exclude=origin)  # type: ignore[arg-type]
+                    hub.send(ROBOT_BUS, time_ns, frame, exclude=origin if newcomer is None else newcomer)  # type: ignore[arg-type]
                 else:
                     hub.send_error(ROBOT_BUS, time_ns, frame.can_id - ERROR_FLAG)
             hub.flush()
