@@ -7,6 +7,7 @@ import pytest
 
 from canarm.rig.rig import Rig
 from canarm_protocol.errors import ProtocolError
+from canarm_protocol.runs import own_file
 from canarm_protocol.runs.own_file import open_own, replace_file
 from canarm_protocol.runs.run_folder import EventLog, RunFolderError, SignalLog, create_run_folder
 
@@ -77,3 +78,29 @@ def test_what_is_there_is_emptied_where_it_is_written_anew(tmp_path: Path) -> No
 def test_a_folder_in_the_place_of_a_file_is_said(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="Is a directory"):
         open_own(tmp_path)
+
+
+def test_only_a_line_that_crosses_a_page_could_be_cut_and_it_is_written_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Linux ends the write of a killed process between two pages (generic_perform_write, fatal_signal_pending)."""
+    written: list[tuple[int, bytes]] = []
+    write_all = own_file.write_all
+
+    def noted(descriptor: int, data: bytes) -> None:
+        written.append((os.fstat(descriptor).st_size, data))
+        write_all(descriptor, data)
+
+    monkeypatch.setattr(own_file, "write_all", noted)
+    lines = [f"{number} {'x' * (number * 37 % 301)}\n".encode() for number in range(400)]
+    lines += [b"long " * 3000 + b"\n", b"last\n"]
+    path = tmp_path / "log"
+    with path.open("ab", buffering=0) as file:
+        for first in range(0, len(lines), 64):
+            own_file.append_lines(file.fileno(), b"".join(lines[first : first + 64]))
+    assert path.read_bytes() == b"".join(lines)
+    for offset, piece in written:
+        assert piece.endswith(b"\n")
+        is_within = offset // own_file.PAGE == (offset + len(piece) - 1) // own_file.PAGE
+        assert is_within or piece.count(b"\n") == 1
+    assert len(written) < len(lines) / 5, "a call for each line"

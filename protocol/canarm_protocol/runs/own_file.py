@@ -6,6 +6,7 @@ A disk that fills up leaves whole lines and whole files. What is written belongs
 
 import contextlib
 import errno
+import mmap
 import os
 import stat
 import time
@@ -22,6 +23,7 @@ except ImportError:  # no POSIX: processes that share a file on a full disk may 
 _NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
 _NO_WAIT = getattr(os, "O_NONBLOCK", 0)
 """A pipe that nobody reads would hold up whoever opens it."""
+PAGE = mmap.PAGESIZE
 LONGEST_TURN_S = 0.1
 """How long one that appends is waited for: a line takes microseconds."""
 
@@ -104,16 +106,31 @@ def append_lines(descriptor: int, data: bytes) -> None:
     """Write `data`, which ends with a line end, at the end of an open file, in whole lines however full the disk is.
 
     Processes that append to one file take turns. Raises `OSError`; the lines that fitted are then in the file.
+
+    A kernel that kills a process ends its write between two pages. So only a line that crosses from one into the next
+    could be cut, and it is written alone.
     """
     with _turn(descriptor):
         size = os.fstat(descriptor).st_size
         try:
-            write_all(descriptor, data)
+            for piece in _within_pages(data, size):
+                write_all(descriptor, piece)
         except OSError:
             with contextlib.suppress(OSError):
                 written = os.fstat(descriptor).st_size - size
                 os.ftruncate(descriptor, size + data.rfind(b"\n", 0, written) + 1)
             raise
+
+
+def _within_pages(data: bytes, offset: int) -> Iterator[bytes]:
+    """Whole lines of `data`, to be written at `offset`, in pieces that cross no page, or are one line that does."""
+    begin = 0
+    while begin < len(data):
+        end = begin + PAGE - (offset + begin) % PAGE
+        if end < len(data):
+            end = data.rfind(b"\n", begin, end) + 1 or data.find(b"\n", begin) + 1 or len(data)
+        yield data[begin:end]
+        begin = end
 
 
 def write_all(descriptor: int, data: bytes) -> None:
