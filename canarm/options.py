@@ -2,7 +2,7 @@
 
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -72,16 +72,20 @@ def _seconds_or_none(type_: object, tokens: Sequence[Token]) -> float:
     return value
 
 
-def _pace(type_: object, tokens: Sequence[Token]) -> float:
-    """A multiple of real time, or `max`: infinity."""
-    text = tokens[0].value
-    try:
-        value = math.inf if text.lower() == "max" else float(text)
-    except ValueError:
-        value = math.nan
-    if not value >= SLOWEST_PACE or (math.isinf(value) and text.lower() != "max"):
-        raise ValueError(f"must be a multiple of real time, {SLOWEST_PACE:g} or more, or max.")
-    return value
+def multiple_or_max(of: str, least: float) -> Callable[[object, Sequence[Token]], float]:
+    """A converter to a multiple of `of`, at least `least`, or `max`: infinity."""
+
+    def convert(type_: object, tokens: Sequence[Token]) -> float:
+        text = tokens[0].value
+        try:
+            value = math.inf if text.lower() == "max" else float(text)
+        except ValueError:
+            value = math.nan
+        if not value >= least or (math.isinf(value) and text.lower() != "max"):
+            raise ValueError(f"must be a multiple of {of}, {least:g} or more, or max.")
+        return value
+
+    return convert
 
 
 def whole_number(type_: object, tokens: Sequence[Token]) -> int:
@@ -121,7 +125,7 @@ Pace = Annotated[
     float,
     Parameter(
         metavar="X|max",
-        converter=_pace,
+        converter=multiple_or_max("real time", SLOWEST_PACE),
         show_default=pace_text,
         help="Lockstep: virtual time passes at most X times as fast as the wall clock; max does not wait.",
     ),

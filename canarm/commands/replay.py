@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter, Token
+from cyclopts import Parameter
 
 from canarm_protocol.canopen.frames import Cob
 from canarm_protocol.cell.cell_file import load_cell
@@ -17,24 +17,13 @@ from canarm_protocol.errors import ExitStatus
 from canarm_protocol.runs.can_log import log_frames
 from canarm_protocol.runs.run_folder import CAN_LOG_FILE, RunFolderError
 
-from ..options import BusOptions, Flag, MoreBusWords, named_file
+from ..options import BusOptions, Flag, MoreBusWords, multiple_or_max, named_file
 from ..runs.decoding import Decoder
 from ..runs.replaying import of_master, replay_lockstep, replay_timed, without_errors
 from ..runs.run import Run
 from ..usage import UsageError
 
 SLOWEST_SPEED = 1e-3
-
-
-def _speed(type_: object, tokens: Sequence[Token]) -> float:
-    text = tokens[0].value
-    try:
-        value = math.inf if text.lower() == "max" else float(text)
-    except ValueError:
-        value = math.nan
-    if not value >= SLOWEST_SPEED or (math.isinf(value) and text.lower() != "max"):
-        raise ValueError(f"must be a multiple of the recorded speed, {SLOWEST_SPEED:g} or more, or max.")
-    return value
 
 
 def replay(
@@ -53,7 +42,11 @@ def replay(
     bus: BusOptions = BusOptions(),
     speed: Annotated[
         float,
-        Parameter(metavar="X|max", converter=_speed, help="So many times as fast as recorded; max waits for nothing."),
+        Parameter(
+            metavar="X|max",
+            converter=multiple_or_max("the recorded speed", SLOWEST_SPEED),
+            help="So many times as fast as recorded; max waits for nothing.",
+        ),
     ] = 1.0,
     master: Annotated[
         Flag,

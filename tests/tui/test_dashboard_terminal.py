@@ -16,7 +16,7 @@ import pytest
 
 from canarm_emulator.serving.hub import Hub
 from canarm_emulator.serving.hub_events import Received
-from canarm_tui.synthetic import SyntheticBench
+from tests.tui.synthetic_bench import SyntheticBench
 
 PROGRAM = Path(__file__).with_name("dashboard_program.py")
 DEADLINE_S = 60.0

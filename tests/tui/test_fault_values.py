@@ -4,11 +4,12 @@ import pytest
 
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.script import parse_faults
+from canarm_tui import fault_texts
 from canarm_tui.event_texts import event_lines, marks_of
 from canarm_tui.events import happenings
 from canarm_tui.fault_catalogue import FaultKind, Parameter, catalogue_of, injection, matching
 from canarm_tui.fault_desk import Refusal
-from canarm_tui.fault_texts import answer_word, panel_lines
+from canarm_tui.fault_texts import answer_word
 from canarm_tui.faults import ActingFault, Faults, FaultSignal, faults_of
 from canarm_tui.texts import SEPARATOR, Tone
 
@@ -76,6 +77,10 @@ def status(active=(), sets=()):
 
 def text_of(lines):
     return [SEPARATOR.join(word.text for word in line) for line in lines]
+
+
+def panel_lines(signal, faults, refusal, cycle_s):
+    return fault_texts.panel_lines(signal, faults, refusal, happenings(faults or Faults()), cycle_s)
 
 
 # What the bench says

@@ -22,7 +22,7 @@ from canarm_protocol.transport.port import BusPort, open_port
 from . import texts
 from .errors import TerminalError
 from .event_texts import event_lines
-from .events import happenings
+from .events import Happening, happenings
 from .events_pane import EventsPane
 from .fault_desk import FaultDesk, Refusal
 from .fault_screens import ClearScreen, ResetScreen, StopScreen
@@ -103,6 +103,8 @@ class DashboardApp(App[None]):
         self._answer: texts.Word | None = None
         self._answer_until_ns = 0
         self._drawn: tuple[object, ...] = ()
+        self._happened: tuple[Happening, ...] = ()
+        self._happened_to: Faults | None = None
         self._redraw_ns = 0
 
     def compose(self) -> ComposeResult:
@@ -184,12 +186,15 @@ class DashboardApp(App[None]):
         counted = texts.counter_words(snapshot.counters, self.link.discarded, self.size.width - 2)
         screen.query_one("#counters", WordLine).show(counted)
         screen.query_one(OutcomePanel).show(self.outcome)
-        cycle_s, is_events = self.cell.bus.cycle_s, screen.query_one(ContentSwitcher).current == EVENTS
+        faults, cycle_s = self.desk.faults, self.cell.bus.cycle_s
+        is_events = screen.query_one(ContentSwitcher).current == EVENTS
+        if faults is not self._happened_to:
+            self._happened_to, self._happened = faults, happenings(faults or Faults())
+        happened = self._happened
         # The pane of events has them all.
-        lines = panel_lines(snapshot.faults, self.desk.faults, self.desk.refusal, cycle_s)
-        screen.query_one(FaultPanel).show(() if is_events else lines)
+        lines = () if is_events else panel_lines(snapshot.faults, faults, self.desk.refusal, happened, cycle_s)
+        screen.query_one(FaultPanel).show(lines)
         if not self.is_paused:
-            happened = happenings(self.desk.faults or Faults())
             screen.query_one(JointsPane).show(snapshot, happened)
             screen.query_one(EventsPane).show(event_lines(happened, cycle_s))
 

@@ -1,11 +1,11 @@
 """The dashboard's texts about faults and detections: the lines of the panel, as words with a tone. Pure functions."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 from canarm_protocol.faults.fault_events import fault_label
 
 from .event_texts import Line, event_line, when
-from .events import happenings
+from .events import Happening
 from .fault_desk import Refusal
 from .faults import ActingFault, Faults, FaultSignal
 from .texts import Tone, Word
@@ -17,9 +17,15 @@ MORE_THAN_A_BYTE = 255
 
 
 def panel_lines(
-    signal: FaultSignal | None, faults: Faults | None, refusal: Refusal | None, cycle_s: float
+    signal: FaultSignal | None,
+    faults: Faults | None,
+    refusal: Refusal | None,
+    happened: Sequence[Happening],
+    cycle_s: float,
 ) -> tuple[Line, ...]:
-    """The panel: nothing before the first fault or detection, then what acts, what waits, and the last events."""
+    """The panel: nothing before the first fault or detection, then what acts, what waits, and the last of what has
+    `happened`, which is newest first.
+    """
     if signal is None:
         return ()
     faults = faults or Faults()
@@ -29,13 +35,12 @@ def panel_lines(
         _summary(signal, faults, refusal),
         *_acting_lines(faults.acting),
         *_waiting_lines(faults.waiting),
-        *_event_lines(faults, cycle_s),
+        *_event_lines(happened[:MOST_EVENTS], cycle_s),
     )
 
 
-def _event_lines(faults: Faults, cycle_s: float) -> Iterator[Line]:
-    """The last events, newest first."""
-    for each in happenings(faults)[:MOST_EVENTS]:
+def _event_lines(happened: Iterable[Happening], cycle_s: float) -> Iterator[Line]:
+    for each in happened:
         first, *rest = event_line(each, cycle_s)
         yield Word(f"  {first.text}", first.tone), *rest
 

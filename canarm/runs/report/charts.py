@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from canarm_controller.run.recording import JOINT_COLUMNS
 from canarm_protocol.cell.sensing import position_steps_rad
 from canarm_protocol.errors import CanarmError
 from canarm_protocol.shown import printable
@@ -140,17 +141,8 @@ def _of_joint(runs: Sequence[Run], names: Sequence[str], joint: str) -> Iterable
 
 def _internals(runs: Sequence[Run], joint: str) -> list[str]:
     """What the law adapts: the columns after those that every controller has."""
-    known = {
-        "reference_rad",
-        "reference_rad_s",
-        "measured_rad",
-        "measured_rad_s",
-        "measured_a",
-        "command_a",
-        "feedforward_nm",
-    }
     found = (name.removeprefix(f"{joint}.") for run in runs for name in run.controller if name.startswith(f"{joint}."))
-    return [each for each in dict.fromkeys(found) if each not in known][:MOST_INTERNALS]
+    return [each for each in dict.fromkeys(found) if each not in JOINT_COLUMNS][:MOST_INTERNALS]
 
 
 def _object(runs: Sequence[Run], names: Sequence[str]) -> Iterable[Chart]:

@@ -15,7 +15,7 @@ from .controller import Controller
 from .state import State
 
 SIGNALS_FILE, MEMORY_FILE = "controller.csv", "memory.bin"
-_COLUMNS = (
+JOINT_COLUMNS = (
     "reference_rad",
     "reference_rad_s",
     "measured_rad",
@@ -24,6 +24,7 @@ _COLUMNS = (
     "command_a",
     "feedforward_nm",
 )
+"""The columns of each joint, before those of the law's internal values."""
 
 
 class ControllerRecorder:
@@ -44,7 +45,7 @@ class ControllerRecorder:
         self._controller, self._folder, self._now_ns = controller, folder, now_ns
         self._unwritten = Unwritten(folder, on_failure)
         names = controller.cell.joint_names
-        columns = [f"{name}.{column}" for name in names for column in (*_COLUMNS, *controller.loop.internal_names)]
+        columns = [f"{name}.{column}" for name in names for column in (*JOINT_COLUMNS, *controller.loop.internal_names)]
         self._signals = SignalLog(folder / SIGNALS_FOLDER / SIGNALS_FILE, columns, signals)
         self._events = EventLog(folder / EVENTS_FILE, "controller")
         self._begun_ns: int | None = None

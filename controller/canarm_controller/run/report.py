@@ -76,7 +76,10 @@ class BenchReport:
 
     def _detections(self) -> None:
         """Those that are new; the batch need not become full for them."""
-        detections, layout = self._controller.detections, self._pdos.detection
+        detections = self._controller.detections
+        if len(detections) == self._told:
+            return
+        layout = self._pdos.detection
         for each in detections[self._told :]:
             event = DetectionEvent(each.tick, each.detector, each.where, each.detail, each.reaction.value)
             self._frames += (Frame(layout.cob_id, layout.pack(piece)) for piece in pieces_of(event))
