@@ -7,10 +7,11 @@ import pytest
 
 from canarm_protocol.errors import BusError
 from canarm_tui import DashboardApp, TerminalError, run_dashboard
+from canarm_tui.joints_view import JointsTable
 from canarm_tui.outcome import Outcome, OutcomePanel
 from canarm_tui.texts import Word
 from canarm_tui.trace import ErrorTrace
-from canarm_tui.widgets import JointsTable, WordLine
+from canarm_tui.widgets import WordLine
 
 LSB_RAD = math.radians(270.0 / 255.0)
 WIDE, NARROW = (120, 36), (90, 30)

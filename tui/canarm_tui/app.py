@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Any, ClassVar
 
 from textual.app import App, ComposeResult, SystemCommand
@@ -21,9 +22,7 @@ from canarm_protocol.transport.port import BusPort, open_port
 
 from . import texts
 from .errors import TerminalError
-from .event_texts import event_lines
 from .events import Happening, happenings
-from .events_pane import EventsPane
 from .fault_desk import FaultDesk, Refusal
 from .fault_screens import ClearScreen, ResetScreen, StopScreen
 from .fault_texts import answer_word, panel_lines
@@ -33,7 +32,10 @@ from .help import HelpScreen
 from .inject_screen import InjectScreen
 from .link import InBackground, Link, in_thread
 from .outcome import Outcome, OutcomePanel
-from .widgets import FaultPanel, JointsPane, WordLine
+from .view_registry import VIEWS
+from .view_tabs import ViewTabs
+from .views import Context, Pane, Scene
+from .widgets import FaultPanel, WordLine
 
 DRAIN_HZ = 20
 REDRAW_HZ = 10
@@ -42,7 +44,7 @@ IDLE_NS = 1_000_000_000
 ANSWER_NS = 6_000_000_000
 """How long the bench's answer to a request stays below the header."""
 LEFT = "the dashboard was left"
-EVENTS = "pane-events"
+FIRST = VIEWS[0]
 
 
 class DashboardApp(App[None]):
@@ -69,8 +71,10 @@ class DashboardApp(App[None]):
         Binding("x", "clear", "Clear", id="fault.clear", tooltip="End faults, all or those of one set"),
         Binding("e", "stop", "Stop", id="bench.stop", tooltip="Emergency stop: asks first, then opens all supplies"),
         Binding("r", "reset", "Reset", id="bench.reset", tooltip="Switch the robot off and on again; asks first"),
-        Binding("2", "pane('events')", "Events", id="view.events", tooltip="Faults and detections, newest first"),
-        Binding("1", "pane('joints')", "Joints", id="view.joints", tooltip="The joints and their errors"),
+        *(
+            Binding(view.key, f"pane('{view.name}')", view.title, id=f"view.{view.name}", tooltip=view.what, show=False)
+            for view in VIEWS
+        ),
     ]
 
     def __init__(
@@ -91,7 +95,11 @@ class DashboardApp(App[None]):
         self.feed = Feed(cell)
         self.link = Link(open_feed_port, where, in_background=in_background)
         self.desk = FaultDesk(cell, self.link, in_background)
+        self.context = Context(cell, self.feed)
         self.is_paused = False
+        self.view = FIRST
+        """What is on the screen."""
+        self._scene: Scene | None = None
         self._clock_ns = clock_ns
         self._on_start, self._until, self._signals = on_start, until, signals
         self._outcome_of = outcome_of
@@ -112,9 +120,12 @@ class DashboardApp(App[None]):
         yield WordLine(id="header")
         yield WordLine(id="notice", may_wrap=True)
         yield OutcomePanel()
-        with ContentSwitcher(initial="pane-joints", id="panes"):
-            yield JointsPane(self.cell)
-            yield EventsPane()
+        yield ViewTabs(VIEWS)
+        with ContentSwitcher(initial=FIRST.pane_id, id="panes"):
+            for view in VIEWS:
+                pane = view.make(self.context)
+                pane.id = view.pane_id
+                yield pane
         yield FaultPanel()
         yield WordLine(id="counters")
         yield Footer()
@@ -142,8 +153,10 @@ class DashboardApp(App[None]):
             self._on_start()
 
     def on_unmount(self) -> None:
-        """Close the bus."""
+        """Close the buses."""
         self.link.close()
+        for source in self.context.sources:
+            source.close()
 
     def drain(self) -> None:
         """Take what has arrived on the bus."""
@@ -155,6 +168,8 @@ class DashboardApp(App[None]):
             self.desk.reconnected()
         self.feed.receive(frames, now_ns)
         self.desk.poll(self.feed.faults, now_ns)
+        for source in self.context.sources:
+            source.poll(now_ns)
         if self.outcome is None:
             self.outcome = self._outcome_of()
         if self._until is not None and self._until():
@@ -165,7 +180,7 @@ class DashboardApp(App[None]):
         now_ns = self._clock_ns()
         news = (
             *(self.link.state, self.feed.changes, self.feed.faults, self.desk.faults, self.desk.refusal),
-            *(self._answer, self.outcome),
+            *(self._answer, self.outcome, [source.changes for source in self.context.sources]),
         )
         if news != self._drawn or now_ns >= self._redraw_ns:
             self._drawn, self._redraw_ns = news, now_ns + IDLE_NS
@@ -187,22 +202,28 @@ class DashboardApp(App[None]):
         screen.query_one("#counters", WordLine).show(counted)
         screen.query_one(OutcomePanel).show(self.outcome)
         faults, cycle_s = self.desk.faults, self.cell.bus.cycle_s
-        is_events = screen.query_one(ContentSwitcher).current == EVENTS
         if faults is not self._happened_to:
             self._happened_to, self._happened = faults, happenings(faults or Faults())
         happened = self._happened
-        # The pane of events has them all.
+        # The view of events has them all.
+        is_events = self.view.name == "events"
         lines = () if is_events else panel_lines(snapshot.faults, faults, self.desk.refusal, happened, cycle_s)
         screen.query_one(FaultPanel).show(lines)
+        screen.query_one(ViewTabs).show(self.view)
         if not self.is_paused:
-            screen.query_one(JointsPane).show(snapshot, happened)
-            screen.query_one(EventsPane).show(event_lines(happened, cycle_s))
+            self._scene = Scene(snapshot, happened, faults, self._clock_ns())
+            self._pane().show(self._scene)
+
+    def _pane(self) -> Pane:
+        return self.screen_stack[0].query_one(f"#{self.view.pane_id}", Pane)
 
     def action_pane(self, name: str) -> None:
-        """Show a pane."""
-        self.screen_stack[0].query_one(ContentSwitcher).current = f"pane-{name}"
-        if name == "events":
-            self.screen_stack[0].query_one(EventsPane).focus()
+        """Show a view. While paused, it stands still as of now."""
+        self.view = next(view for view in VIEWS if view.name == name)
+        self.screen_stack[0].query_one(ContentSwitcher).current = self.view.pane_id
+        self._pane().chosen()
+        if self.is_paused and self._scene is not None:
+            self._pane().show(self._scene)
         self.redraw()
 
     def action_pause(self) -> None:
@@ -212,7 +233,7 @@ class DashboardApp(App[None]):
 
     def action_help(self) -> None:
         """Show the help screen."""
-        self.push_screen(HelpScreen())
+        self.push_screen(HelpScreen(VIEWS))
 
     def action_inject(self) -> None:
         """Inject a fault, chosen in a dialog."""
@@ -254,8 +275,8 @@ class DashboardApp(App[None]):
     def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:
         """The commands of the palette, as "area: action"."""
         yield SystemCommand("View: pause", "Hold the panes, or let them go on", self.action_pause)
-        yield SystemCommand("View: joints", "The joints and their errors", lambda: self.action_pane("joints"))
-        yield SystemCommand("View: events", "Faults and detections", lambda: self.action_pane("events"))
+        for view in VIEWS:
+            yield SystemCommand(f"View: {view.title.lower()}", view.what, partial(self.action_pane, view.name))
         yield SystemCommand("View: theme", "Choose other colours", self.action_change_theme)
         yield SystemCommand("View: picture", "Save the screen as an SVG file", self._save_picture)
         yield SystemCommand("Fault: inject", "Inject a fault, chosen in a dialog", self.action_inject)

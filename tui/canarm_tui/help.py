@@ -1,5 +1,7 @@
-"""The help screen: keys, and the meaning of the texts on the screen."""
+"""The help screen: keys, and the meaning of the texts on the screen. Each view brings its own part."""
 
+from collections.abc import Iterable
+from textwrap import indent
 from typing import ClassVar
 
 from textual.app import ComposeResult
@@ -8,16 +10,17 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
-HELP = """\
+from .views import View
+
+_KEYS = """\
 [b]Keys[/b]
   q  quit      space  pause and go on      ctrl+p  all commands      ?  this help
   f  inject a fault      x  clear faults      e  emergency stop, on and off; it asks first
   r  reset: the robot off and on again, as canarm reset does; it asks first
-  1  the joints      2  events: faults and detections, newest first; the arrows scroll
   q and ctrl+c leave the dashboard; of canarm demo they stop the robot, of canarm tui nothing else.
   When the run of canarm demo is over, the dashboard stays, with how it went at the top.
-  Paused, the panes stand still; data are still received, and the header stays live.
-
+  Paused, the panes stand still; data are still received, and the header stays live."""
+_SCREEN = """\
 [b]Header[/b]
   connected      the bus is open and the bench sends
   no data        the bus is open, but no bench has sent telemetry on it
@@ -32,16 +35,14 @@ HELP = """\
   ◆ detected     what a controller has detected, what it did, and how long after the last fault began
   Times are seconds since power-on, cycles count from NMT start. Without any there is no such part.
   f asks the bench what it can inject where: type a part of a name, choose with ↑ and ↓, go on with enter.
-  A field that is left as it is keeps its default. What the bench refuses, it says in the dialog.
+  A field that is left as it is keeps its default. What the bench refuses, it says in the dialog."""
 
-[b]Joints[/b]
-  Angle, reference and error belong to the same cycle: the newest whose reference has arrived.
-  While no cycles come, the angle is the present one, without reference and error.
-  Error          true angle minus reference, in steps (LSB) of the joint's position sensor
-  RMS            of the error over the last 10 s of the run, as are the traces
-  saturated +/−  the amplifier is at its limit, in that direction
-  ▲ ◆ ○          above a trace: a fault began, a detector answered, a fault ended; of this joint, or of none
-  The traces need a terminal of 100 columns."""
+
+def help_text(views: Iterable[View]) -> str:
+    """Keys, what the screen says, and what each of `views` shows, in textual's markup."""
+    tabs = "\n".join(f"  {view.key}  {view.title}: {view.what[:1].lower()}{view.what[1:]}" for view in views)
+    parts = [f"[b]{view.title}[/b]\n{indent(view.help, '  ')}" for view in views if view.help]
+    return "\n\n".join([f"{_KEYS}\n{tabs}", _SCREEN, *parts])
 
 
 class HelpScreen(ModalScreen[None]):
@@ -59,8 +60,12 @@ class HelpScreen(ModalScreen[None]):
     }
     """
 
+    def __init__(self, views: Iterable[View]) -> None:
+        super().__init__()
+        self._views = tuple(views)
+
     def compose(self) -> ComposeResult:
         """The text, and how to close it."""
         with VerticalScroll() as box:
             box.border_title, box.border_subtitle = "canarm dashboard", "escape closes"
-            yield Static(HELP)
+            yield Static(help_text(self._views))
