@@ -8,6 +8,7 @@ from canarm_controller.errors import ControllerError
 from canarm_protocol.canopen.dictionary import ERROR_REGISTER, variable_at
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.canopen.sdo import LARGEST_NUMBER, download, upload
+from canarm_protocol.canopen.values import value_text
 from canarm_protocol.cards import Wire
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.sensing import joint_sensors
@@ -58,12 +59,7 @@ def access_object(command: SdoRead | SdoWrite) -> Generator[Ask, Frame, str]:
         yield from carry_out(node, download(index, subindex, command.value), JogError, SILENCE)
         return f"{where}: written"
     data = yield from carry_out(node, upload(index, subindex), JogError, SILENCE)
-    text = data.hex(" ")
-    if variable is not None and not variable.fixed_size:
-        text = data.decode("ascii", "replace")
-    elif variable is not None and len(data) * 8 == len(variable):
-        text = f"{variable.decode_raw(data)!s} (0x{data[::-1].hex().upper()})"
-    return f"{where} = {text}"
+    return f"{where} = {value_text(variable, data)}"
 
 
 def input_text(cell: Cell, slot: InputSlot, code: int) -> str:

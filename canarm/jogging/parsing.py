@@ -5,14 +5,13 @@ Nothing is driven here. A wrong line raises `UsageError` with one line and has n
 
 import difflib
 import math
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from canopen.objectdictionary import INTEGER_TYPES
-from canopen.objectdictionary.datatypes import SIGNED_TYPES
 
 from canarm_protocol.canopen.dictionary import variable_at
+from canarm_protocol.canopen.values import ValueTextError, value_bytes, whole_number
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.wiring import CardNode, DirectionBits, bridge_directions, command_codec
 from canarm_protocol.shown import quoted
@@ -27,9 +26,6 @@ DIRECTIONS = {
     "off": DirectionBits.OFF,
 }
 DIRECTION_NAMES = {bits: name for name, bits in DIRECTIONS.items()}
-LONGEST_NUMBER = 40
-"""Characters; `int` refuses a few thousand."""
-_INTEGER = re.compile(r"[+-]?(0[xX][0-9a-fA-F]+|[0-9]+)", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +202,7 @@ class Parser:
         return names.index(words[0]), words[1]
 
     def _node(self, text: str) -> CardNode:
-        number = _number(text)
+        number = whole_number(text)
         for node in self._nodes:
             if text == node.card.name or number == node.card.node_id:
                 return node
@@ -257,14 +253,8 @@ def _wrong(command: str) -> UsageError:
     return UsageError(f"{command}: write {USAGE[command][0]}")
 
 
-def _number(text: str) -> int | None:
-    if len(text) > LONGEST_NUMBER or not _INTEGER.fullmatch(text):
-        return None
-    return int(text, 16 if "x" in text.lower() else 10)
-
-
 def _integer(command: str, what: str, text: str, low: int, high: int) -> int:
-    value = _number(text)
+    value = whole_number(text)
     if value is None or not low <= value <= high:
         raise UsageError(f"{command} {text}: {what} must be a whole number from {low} to {high} (0x.. is hexadecimal)")
     return value
@@ -278,6 +268,7 @@ def _value(node: CardNode, index: int, subindex: int, text: str) -> bytes:
         raise UsageError(f"{where}: the EDS of {node.card.model} has no such object")
     if variable.data_type not in INTEGER_TYPES:
         raise UsageError(f"{where}: {quoted(variable.name)} is no integer; only integers can be written here")
-    bits, is_signed = len(variable), variable.data_type in SIGNED_TYPES
-    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if is_signed else (0, (1 << bits) - 1)
-    return _integer(where, "VALUE", text, low, high).to_bytes(bits // 8, "little", signed=is_signed)
+    try:  # beyond the limits in the EDS it is the card that refuses
+        return value_bytes(variable, text, is_limited=False)
+    except ValueTextError as error:
+        raise UsageError(f"{where}: VALUE {error}") from None

@@ -22,6 +22,7 @@ FACES = [
     "canarm_emulator.faults",
     "canarm_protocol.canopen",
     "canarm_protocol.cell",
+    "canarm_protocol.decoding",
     "canarm_protocol.faults",
     "canarm_protocol.runs",
     "canarm_protocol.transport",

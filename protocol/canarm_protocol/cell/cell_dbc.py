@@ -109,7 +109,7 @@ def robot_database(cell: Cell) -> Database:
         messages += _sdo_messages(card, node.dictionary, {0: CONTROLLER})
         for layout in (*node.rpdos, *node.tpdos):
             signals = tuple(
-                _wired_signal(wired, joints[cell.joint_names[wired.joint]], cell.joints[wired.joint])
+                wired_signal(wired, joints[cell.joint_names[wired.joint]], cell.joints[wired.joint])
                 for wired in wired_signals(cell, node, layout)
             )
             messages.append(_pdo(cell, card, CONTROLLER, layout, signals))
@@ -210,7 +210,8 @@ def _telemetry_ms(cell: Cell, layout: PdoLayout) -> float | None:
     return DIVIDER * cell.bus.cycle_us / 1000 if layout.kind == "tpdo" else None
 
 
-def _wired_signal(wired: WiredSignal, joint: str, driven: Joint) -> Signal:
+def wired_signal(wired: WiredSignal, joint: str, driven: Joint) -> Signal:
+    """A wired signal in physical units; `joint` is the name of its joint in the format, `driven` the joint."""
     is_direction = wired.leaf == Command.DIRECTION
     per_unit = 1.0 / DEGREE if wired.quantity is Quantity.POSITION else 1.0
     factor, offset = wired.factor * per_unit, _tidy(wired.offset * per_unit)
