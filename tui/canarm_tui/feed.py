@@ -17,17 +17,19 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.sensing import position_steps_rad
 
 from .faults import FaultSignal
-from .rings import FIELDS, ReferenceRing, SampleRing
-from .snapshot import Counters, JointNow, Rates, Report, Snapshot
+from .history import COLUMNS, REPORTED_COLUMNS, Column, History
+from .joints_now import JointReader
+from .rings import ReferenceRing, RowStore
+from .snapshot import BusNow, Counters, Rates, Report, Snapshot
 
 WINDOW_S = 10.0
 """Traces and RMS cover this much of the run, in cycles of nominal length."""
 MATCH_S = 0.5
-"""A reference that lags the newest sample by more is no longer shown as current."""
+"""A reference that lags the newest sample by more is no longer shown as current, nor are a controller's values."""
+KEPT_S = 120.0
+"""This much of the run is kept, so that one can look back."""
 RATE_WINDOW_NS = 2_000_000_000
-_ANGLE, _SPEED, _CURRENT, _COMMAND = range(FIELDS)
-_LIMIT_TOLERANCE = 1e-6
-"""Commands travel as REAL32: a command at the limit differs from it by up to 6e-8 of its value."""
+_REPORTED = slice(Column.MEASURED, Column.MEASURED + REPORTED_COLUMNS)
 
 
 class _Mark(NamedTuple):
@@ -38,47 +40,39 @@ class _Mark(NamedTuple):
     cycle: int
 
 
-class _Window(NamedTuple):
-    """Samples, oldest first: cycles (n,), values (n, joints, FIELDS), references (n, joints), errors (n, joints)."""
-
-    cycles: NDArray[np.int64]
-    values: NDArray[np.float64]
-    references: NDArray[np.float64]
-    error_lsb: NDArray[np.float64]
-
-
 class Feed:
     """The state of the dashboard's data. A cycle or tick that goes backwards begins a new run."""
 
     def __init__(self, cell: Cell) -> None:
-        joints = cell.joints
+        joints = len(cell.joints)
         self._cycle_s = cell.bus.cycle_s
         self._window = max(1, round(WINDOW_S / cell.bus.cycle_s))
         self._match = max(1, round(MATCH_S / cell.bus.cycle_s))
         self._lsb_rad = np.array(position_steps_rad(cell))
-        self._limit_a = np.array([joint.drive.max_current_a for joint in joints]) * (1.0 - _LIMIT_TOLERANCE)
-        self._samples = SampleRing(self._window, len(joints))
-        self._references = ReferenceRing(2 * self._window, len(joints))
-        self._row = [0.0] * (FIELDS * len(joints))
+        self._reader = JointReader(cell, self._match)
+        self._rows = RowStore(max(1, round(KEPT_S / cell.bus.cycle_s / DIVIDER)), joints)
+        self._references = ReferenceRing(2 * self._window, joints)
+        self._row = np.full((joints, COLUMNS), np.nan, dtype=np.float32)
         self._row_parts = 0
-        self._all_parts = (1 << 2 * len(joints)) - 1
+        self._all_parts = (1 << 2 * joints) - 1
         self._wall_ns = self._bus_ns = 0
         self._cycle: int | None = None
         self._cycle_ns = 0
         self._sample: tuple[int, int] | None = None
-        self._idle: NDArray[np.float64] | None = None
+        self._idle: NDArray[np.float32] | None = None
         self._telemetry_wall_ns: int | None = None
-        self._previous_ticks: list[int | None] = [None] * len(joints)
+        self._previous_ticks: list[int | None] = [None] * joints
         self._marks: deque[_Mark] = deque()
-        self._drawn: tuple[tuple[int, int], _Window] | None = None
+        self._drawn: tuple[tuple[int, int], History, NDArray[np.float64]] | None = None
+        self._bus: BusNow | None = None
         self._report: tuple[int, int, int] | None = None
         self._report_wall_ns = 0
         self.faults: FaultSignal | None = None
         """The bench's latest report of its faults since the bus was opened."""
         self._received = self._unknown = self._malformed = 0
         self._dropped_samples = self._dropped_references = 0
-        self._reported = np.full((len(joints), 4), np.nan)
-        self._internals = np.full((len(joints), INTERNALS), np.nan)
+        self._reported = np.full((joints, REPORTED_COLUMNS), np.nan)
+        self._reported_at: int | None = None
         self._handlers = self._make_handlers(cell)
         self._not_ours = _other_services(cell)
 
@@ -88,17 +82,17 @@ class Feed:
             pdos.status.cob_id: (pdos.status, self._on_status),
             pdos.controller.cob_id: (pdos.controller, self._on_controller),
             pdos.faults.cob_id: (pdos.faults, self._on_faults),
+            pdos.bus.cob_id: (pdos.bus, self._on_bus),
         }
         for joint in range(len(cell.joints)):
-            place = FIELDS * joint
             parts = (
-                (pdos.truth[joint], self._part(1 << 2 * joint, place + _ANGLE)),
-                (pdos.drive[joint], self._part(2 << 2 * joint, place + _CURRENT)),
+                (pdos.truth[joint], self._part(1 << 2 * joint, joint, Column.ANGLE)),
+                (pdos.drive[joint], self._part(2 << 2 * joint, joint, Column.CURRENT)),
                 (pdos.reference[joint], self._reference_of(joint)),
-                (pdos.measured[joint], _store_pair(self._reported, joint, 0)),
-                (pdos.command[joint], _store_pair(self._reported, joint, 2)),
-                (pdos.internals[joint][0], _store_pair(self._internals, joint, 0)),
-                (pdos.internals[joint][1], _store_pair(self._internals, joint, 2)),
+                (pdos.measured[joint], self._report_of(joint, 0)),
+                (pdos.command[joint], self._report_of(joint, 2)),
+                (pdos.internals[joint][0], self._report_of(joint, 4)),
+                (pdos.internals[joint][1], self._report_of(joint, 6)),
             )
             handlers |= {layout.cob_id: (layout, handler) for layout, handler in parts}
         return handlers
@@ -106,7 +100,7 @@ class Feed:
     @property
     def changes(self) -> tuple[int, int, tuple[int, int, int] | None]:
         """Is another one as soon as a cycle, a reference or a report of the controller has come."""
-        return self._samples.changes, self._references.changes, self._report
+        return self._rows.changes, self._references.changes, self._report
 
     def receive(self, frames: Iterable[tuple[int, Frame]], wall_ns: int) -> None:
         """Take (bus time in ns, frame) as a port gives them, at the wall time `wall_ns`."""
@@ -135,15 +129,12 @@ class Feed:
 
     def snapshot(self, wall_ns: int) -> Snapshot:
         """The run as received so far, at the wall time `wall_ns`."""
-        cycles, values, references, error_lsb = self._window_now()
-        reported, internals = self._reported.copy(), self._internals.copy()
-        for array in (reported, internals):
-            array.flags.writeable = False
-        report = self._report
+        window, error_lsb = self._window_now()
+        reported = self._reported.copy()
+        reported.flags.writeable = False
+        report, cycles = self._report, window.cycles
         return Snapshot(
-            joints=tuple(
-                self._joint(joint, cycles, values, references, error_lsb) for joint in range(len(self._lsb_rad))
-            ),
+            joints=self._reader.read(window, error_lsb, self._idle),
             age_ns=None if self._telemetry_wall_ns is None else wall_ns - self._telemetry_wall_ns,
             cycle=int(cycles[-1]) if len(cycles) else None,
             rates=self._rates(wall_ns),
@@ -155,55 +146,25 @@ class Feed:
             cycles=cycles,
             error_lsb=error_lsb,
             window_cycles=self._window,
-            reported=reported,
-            internals=internals,
+            reported=reported[:, :-INTERNALS],
+            internals=reported[:, -INTERNALS:],
+            history=self._rows.history(),
+            bus=self._bus,
         )
 
-    def _window_now(self) -> _Window:
-        """The window as it is; the same arrays as long as nothing has come, so that nobody draws them again."""
+    def _window_now(self) -> tuple[History, NDArray[np.float64]]:
+        """The window as it is, and its errors (n, joints); the same arrays as long as nothing has come, so that nobody
+        draws them again.
+        """
         changes = self.changes[:2]
         if self._drawn is None or self._drawn[0] != changes:
-            cycles, values = self._samples.since(0 if self._sample is None else self._sample[0] - self._window)
-            references = self._references.at(cycles)
-            with np.errstate(invalid="ignore", over="ignore"):
-                error_lsb = (values[:, :, _ANGLE] - references) / self._lsb_rad
-            error_lsb[~np.isfinite(error_lsb)] = np.nan
-            for array in (cycles, error_lsb):
-                array.flags.writeable = False
-            self._drawn = changes, _Window(cycles, values, references, error_lsb)
-        return self._drawn[1]
-
-    def _joint(
-        self,
-        joint: int,
-        cycles: NDArray[np.int64],
-        values: NDArray[np.float64],
-        references: NDArray[np.float64],
-        error_lsb: NDArray[np.float64],
-    ) -> JointNow:
-        if not len(cycles):
-            return JointNow()
-        errors = error_lsb[:, joint]
-        matched = np.flatnonzero(np.isfinite(errors))
-        row = len(cycles) - 1
-        if len(matched) and cycles[-1] - cycles[matched[-1]] <= self._match:
-            row = int(matched[-1])
-        finite = errors[matched]
-        now, reference_rad, error = values[row, joint], references[row, joint], errors[row]
-        if self._idle is not None:
-            now, reference_rad, error = self._idle[joint], np.nan, np.nan
-        angle, speed, current, command = now.tolist()
-        return JointNow(
-            angle_rad=angle,
-            speed_rad_s=speed,
-            reference_rad=float(reference_rad),
-            error_lsb=float(error),
-            rms_lsb=float(np.sqrt(np.mean(finite * finite))) if len(finite) else np.nan,
-            max_lsb=float(np.max(np.abs(finite))) if len(finite) else np.nan,
-            current_a=current,
-            command_a=command,
-            saturation=int(np.sign(command)) if abs(command) >= self._limit_a[joint] else 0,
-        )
+            self._rows.fill_references(self._references, self._window, self._lsb_rad)
+            last = 0 if self._sample is None else self._sample[0]
+            window = self._rows.history().between(last - self._window, last)
+            error_lsb = window.values[:, :, Column.ERROR].astype(np.float64)
+            error_lsb.flags.writeable = False
+            self._drawn = changes, window, error_lsb
+        return self._drawn[1:]
 
     def _on_status(self, cycle: int) -> None:
         previous = self._cycle
@@ -217,16 +178,16 @@ class Feed:
         self._cycle, self._cycle_ns, self._row_parts = cycle, self._bus_ns, 0
 
     def _begin_run(self, cycle: int) -> None:
-        self._samples.clear()
+        self._rows.clear()
         self._marks.clear()
-        self._sample = self._idle = None
+        self._sample = self._idle = self._reported_at = None
         for joint, tick in enumerate(self._references.last_ticks):
             # The new run's first references may arrive shortly before its first telemetry.
             if tick > cycle + self._match:
                 self._references.clear(joint)
 
-    def _part(self, bit: int, place: int) -> Callable[..., None]:
-        row = self._row
+    def _part(self, bit: int, joint: int, place: int) -> Callable[..., None]:
+        row = self._row[joint]
 
         def store(first: float, second: float) -> None:
             if self._cycle is None:
@@ -240,11 +201,13 @@ class Feed:
 
     def _take_row(self, cycle: int) -> None:
         if self._sample is None or self._sample[0] != cycle:
-            self._samples.append(cycle, self._row)
+            is_fresh = self._reported_at is not None and cycle - self._reported_at <= self._match
+            self._row[:, _REPORTED] = self._reported if is_fresh else np.nan
+            self._rows.append(cycle, self._row)
             self._sample, self._idle = (cycle, self._cycle_ns), None
         else:
             # The bench sends without a SYNC: the robot may move, and no reference belongs to that.
-            self._idle = np.array(self._row).reshape(-1, FIELDS)
+            self._idle = self._row.copy()
 
     def _reference_of(self, joint: int) -> Callable[..., None]:
         ring = self._references
@@ -259,6 +222,18 @@ class Feed:
             self._previous_ticks[joint] = tick
 
         return store
+
+    def _report_of(self, joint: int, place: int) -> Callable[..., None]:
+        row = self._reported[joint]
+
+        def store(first: float, second: float) -> None:
+            row[place], row[place + 1] = first, second
+            self._reported_at = self._cycle
+
+        return store
+
+    def _on_bus(self, load: float, error_frames: int) -> None:
+        self._bus = BusNow(load, error_frames)
 
     def _on_controller(self, tick: int, late: int, state: int) -> None:
         self._report = tick, late, state
@@ -287,21 +262,12 @@ class Feed:
         return Rates(count / bus_s if bus_s > 0.0 else np.nan, per_wall_s, per_wall_s * self._cycle_s)
 
 
-def _store_pair(array: NDArray[np.float64], joint: int, place: int) -> Callable[..., None]:
-    row = array[joint]
-
-    def store(first: float, second: float) -> None:
-        row[place], row[place + 1] = first, second
-
-    return store
-
-
 def _other_services(cell: Cell) -> frozenset[int]:
-    """COB-IDs of the bench bus that are neither shown nor unknown: NMT, heartbeats, the bench's EMCY and SDO, figures
-    of the wire, detections (which are read by SDO).
+    """COB-IDs of the bench bus that are neither shown nor unknown: NMT, heartbeats, the bench's EMCY and SDO,
+    detections (which are read by SDO).
     """
     node_id, pdos = cell.bus.bench_node_id, bench_pdos(cell)
     channels = [cob_id for channel in range(SDO_CHANNELS + 1) for cob_id in sdo_channel(node_id, channel)]
     heartbeats = range(Cob.HEARTBEAT + 1, Cob.HEARTBEAT + 128)
-    others = (Cob.NMT, Cob.EMERGENCY + node_id, pdos.bus.cob_id, pdos.detection.cob_id)
+    others = (Cob.NMT, Cob.EMERGENCY + node_id, pdos.detection.cob_id)
     return frozenset([*others, *channels, *heartbeats])

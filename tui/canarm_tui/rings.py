@@ -1,49 +1,74 @@
-"""Bounded memory of a run: the bench's samples and the controller's references in preallocated arrays.
+"""Bounded memory of a run: the rows that are kept, and the controller's references until their rows have come.
 
 Only received values by cycle; errors, rates and texts are derived elsewhere.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
-FIELDS = 4
-"""Values per joint in a sample: angle (rad), speed (rad/s), current (A), command (A)."""
+from .history import COLUMNS, Column, History
+
 _NO_TICK = -1
 
 
-class SampleRing:
-    """The last `capacity` samples: cycle and `FIELDS` values per joint, in order of arrival."""
+class RowStore:
+    """The last `capacity` rows at least, as one stretch of an array, so that a `History` needs no copy.
+
+    A full array is not overwritten but left to those who draw from it: a screen that stands still keeps its data.
+    """
 
     def __init__(self, capacity: int, joints: int) -> None:
-        self._cycles = np.zeros(capacity, dtype=np.int64)
-        self._rows = np.zeros((capacity, joints * FIELDS), dtype=np.float64)
-        self._values = self._rows.reshape(capacity, joints, FIELDS)
-        self._capacity = capacity
-        self._written = 0
+        self._capacity, self._joints = capacity, joints
+        self._begin = self._end = 0
         self.changes = 0
         """Grows with each addition and each clearing."""
+        self._allocate()
 
-    def append(self, cycle: int, row: Sequence[float]) -> None:
-        """Add one sample; `row` has `FIELDS` values for each joint in turn."""
-        slot = self._written % self._capacity
-        self._cycles[slot] = cycle
-        self._rows[slot] = row
-        self._written += 1
+    def append(self, cycle: int, row: NDArray[np.float32]) -> None:
+        """Add a row (joints, COLUMNS); it is copied."""
+        if self._end == len(self._cycles):
+            old = self._rows(self._capacity - 1)
+            self._allocate()
+            self._begin, self._end = 0, len(old.cycles)
+            self._cycles[: self._end], self._values[: self._end] = old.cycles, old.values
+        self._cycles[self._end], self._values[self._end] = cycle, row
+        self._end += 1
+        self._begin = max(self._begin, self._end - self._capacity)
         self.changes += 1
 
     def clear(self) -> None:
-        """Forget all samples."""
-        self._written = 0
+        """Forget all rows; whoever draws from them keeps them."""
+        self._allocate()
+        self._begin = self._end = 0
         self.changes += 1
 
-    def since(self, cycle: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Copies of the samples from `cycle` on, oldest first: cycles (n,) and values (n, joints, FIELDS)."""
-        count = min(self._written, self._capacity)
-        order = np.arange(self._written - count, self._written) % self._capacity
-        order = order[self._cycles[order] >= cycle]
-        return self._cycles[order], self._values[order]
+    def history(self, most: int | None = None) -> History:
+        """The rows that are kept, or the last `most` of them; read-only. References may still be filled in."""
+        rows = self._rows(most)
+        for array in (rows.cycles, rows.values):
+            array.flags.writeable = False
+        return rows
+
+    def fill_references(self, references: "ReferenceRing", most: int, lsb_rad: NDArray[np.float64]) -> None:
+        """Fill in references, and errors, of those of the last `most` rows whose reference has come since."""
+        rows = self._rows(most)
+        open_rows = np.flatnonzero(np.isnan(rows.values[:, :, Column.REFERENCE]).any(axis=1))
+        if not len(open_rows):
+            return
+        found = references.at(rows.cycles[open_rows])
+        with np.errstate(invalid="ignore", over="ignore"):
+            error = (rows.values[open_rows, :, Column.ANGLE] - found) / lsb_rad
+            error[~np.isfinite(error)] = np.nan
+            rows.values[open_rows, :, Column.REFERENCE] = found
+            rows.values[open_rows, :, Column.ERROR] = error
+
+    def _rows(self, most: int | None) -> History:
+        begin = self._begin if most is None else max(self._begin, self._end - most)
+        return History(self._cycles[begin : self._end], self._values[begin : self._end])
+
+    def _allocate(self) -> None:
+        self._cycles = np.zeros(2 * self._capacity, dtype=np.int64)
+        self._values = np.full((2 * self._capacity, self._joints, COLUMNS), np.nan, dtype=np.float32)
 
 
 class ReferenceRing:

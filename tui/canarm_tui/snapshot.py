@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .faults import FaultSignal
+from .history import History
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +31,14 @@ class JointNow:
     command_a: float = np.nan
     saturation: int = 0
     """Sign of the amplifier's command where it is at its limit, else 0."""
+    measured_rad: float = np.nan
+    """Angle that the controller has measured."""
+    limit_a: float = np.nan
+    """Highest current of its amplifier."""
+    code: int | None = None
+    """Code of the DAC that gives the amplifier's command."""
+    internals: tuple[float, ...] = ()
+    """The law's own values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +74,14 @@ class Rates:
     real_time_factor: float
 
 
+@dataclass(frozen=True, slots=True)
+class BusNow:
+    """The robot's bus as the wire model has it: load in the last second (0 to 1), error frames so far."""
+
+    load: float
+    error_frames: int
+
+
 def _no_cycles() -> NDArray[np.int64]:
     return np.zeros(0, dtype=np.int64)
 
@@ -81,7 +98,8 @@ class Snapshot:
     `error_lsb` (n, joints) are the samples of the window, oldest first; NaN where the reference is not known.
     `reported` (joints, 4) is what the controller last said of each joint: measured angle (rad) and speed (rad/s),
     current asked for (A), feed-forward torque (N m); `internals` (joints, 4) are the law's own quantities.
-    `faults` is what the telemetry says of them, None before it does. The arrays are read-only.
+    `faults` is what the telemetry says of them, None before it does. `history` is all that is kept, of which the window
+    is a part. `bus` is None without a wire model. The arrays are read-only.
     """
 
     joints: tuple[JointNow, ...]
@@ -96,3 +114,5 @@ class Snapshot:
     window_cycles: int = 1
     reported: NDArray[np.float64] = field(default_factory=_no_values)
     internals: NDArray[np.float64] = field(default_factory=_no_values)
+    history: History = field(default_factory=History)
+    bus: BusNow | None = None
