@@ -6,9 +6,8 @@ import pytest
 
 from canarm_tui import texts
 from canarm_tui.link import Link
-from canarm_tui.snapshot import Counters, JointNow, Rates, Report, Snapshot
+from canarm_tui.snapshot import Counters, Rates, Report, Snapshot
 from canarm_tui.texts import SEPARATOR, Tone
-from canarm_tui.trace import nice_scale, scale_labels
 
 S = 1_000_000_000
 
@@ -89,33 +88,6 @@ def test_the_header_leaves_out_the_end_where_it_does_not_fit(link):
     assert len(SEPARATOR.join(word.text for word in narrow)) <= 50
 
 
-@pytest.mark.parametrize(
-    ("joint", "text"),
-    [
-        (JointNow(command_a=1.5, saturation=1), " saturated +"),
-        (JointNow(command_a=-1.5, saturation=-1), " saturated −"),
-        (JointNow(command_a=0.2), " within"),
-        (JointNow(), " –"),
-    ],
-)
-def test_saturation_is_a_word_with_a_sign(joint, text):
-    assert texts.saturation_word(joint).text == text
-
-
-def test_a_row_is_in_degrees_and_marks_an_error_beyond_one_step():
-    joint = JointNow(math.pi / 6, -0.5, math.pi / 4, -1.25, 0.5, 1.25, 0.75, -1.5, -1)
-    assert [word.text for word in texts.joint_words("joint2", joint)] == [
-        "joint2", "+30.00", "+45.00", "▲ −1.25", "0.50", "−0.500", "+0.750", "−1.500", " saturated −",
-    ]  # fmt: skip
-
-
-def test_every_text_of_a_row_fits_its_column():
-    far = JointNow(-math.pi, -10.0, -math.pi, -255.0, 255.0, 255.0, -10.0, -10.0, -1)
-    for word, (title, width) in list(zip(texts.joint_words("joint2", far), texts.JOINT_COLUMNS, strict=True))[1:]:
-        assert len(word.text) <= width, title
-    assert sum(width for _, width in texts.JOINT_COLUMNS) + len("joint2") == 79
-
-
 def test_counters_that_are_zero_go_where_room_is_short():
     counters = Counters(received=10, dropped_references=3)
     wide = texts.counter_words(counters, 0, width=100)
@@ -131,18 +103,3 @@ def test_counters_that_are_zero_go_where_room_is_short():
 )
 def test_numbers_are_signed_and_have_no_negative_zero(value, text):
     assert texts.number(value, 2) == text
-
-
-@pytest.mark.parametrize(
-    ("greatest", "scale"), [(math.nan, 2), (0.3, 2), (2.0, 2), (2.1, 5), (5.1, 10), (11, 20), (49, 50), (51, 100)]
-)
-def test_the_scale_is_the_least_of_2_5_10_that_holds_the_error(greatest, scale):
-    assert nice_scale(greatest) == scale
-
-
-def test_scale_labels_name_the_ends_the_limits_and_zero():
-    assert scale_labels(2.0, 9) == ["+2", "", "+1", "", "0", "", "−1", "", "−2"]
-
-
-def test_the_limits_keep_their_label_where_there_is_no_room_for_all():
-    assert scale_labels(50.0, 4) == ["+50", "+1", "−1", "−50"]

@@ -63,14 +63,14 @@ class DashboardApp(App[None]):
     #panes { height: 1fr; }
     """
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("q", "quit", "Quit", id="app.quit", tooltip="Leave the dashboard; that ends a demo, and nothing else"),
-        Binding("ctrl+c", "interrupt", "Quit", id="app.interrupt", show=False, priority=True),
-        Binding("question_mark", "help", "Help", key_display="?", id="app.help", tooltip="What the screen means"),
-        Binding("space", "pause", "Pause", id="view.pause", tooltip="Hold the panes; data are still received"),
+        Binding("e", "stop", "Stop", id="bench.stop", tooltip="Emergency stop: asks first, then opens all supplies"),
         Binding("f", "inject", "Inject", id="fault.inject", tooltip="Inject a fault, chosen in a dialog"),
         Binding("x", "clear", "Clear", id="fault.clear", tooltip="End faults, all or those of one set"),
-        Binding("e", "stop", "Stop", id="bench.stop", tooltip="Emergency stop: asks first, then opens all supplies"),
         Binding("r", "reset", "Reset", id="bench.reset", tooltip="Switch the robot off and on again; asks first"),
+        Binding("q", "quit", "Quit", id="app.quit", tooltip="Leave the dashboard; that ends a demo, and nothing else"),
+        Binding("question_mark", "help", "Help", key_display="?", id="app.help", tooltip="What the screen means"),
+        Binding("space", "pause", "Pause", id="view.pause", tooltip="Hold the panes; data are still received"),
+        Binding("ctrl+c", "interrupt", "Quit", id="app.interrupt", show=False, priority=True),
         *(
             Binding(view.key, f"pane('{view.name}')", view.title, id=f"view.{view.name}", tooltip=view.what, show=False)
             for view in VIEWS
@@ -128,7 +128,7 @@ class DashboardApp(App[None]):
                 yield pane
         yield FaultPanel()
         yield WordLine(id="counters")
-        yield Footer()
+        yield Footer(show_command_palette=False)
 
     def on_mount(self) -> None:
         """Start the timers."""

@@ -13,19 +13,24 @@ _DOT_BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], d
 
 
 def decimate(
-    cycles: NDArray[np.int64], values: NDArray[np.float64], columns: int, cycles_a_column: int
+    cycles: NDArray[np.int64],
+    values: NDArray[np.floating],
+    columns: int,
+    cycles_a_column: int,
+    last: int | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Minimum and maximum of `values` (n,) in each of `columns` columns, newest at the right; NaN where empty.
+    """Minimum and maximum of `values` (n,) in each of `columns` columns; NaN where empty.
 
-    `cycles` (n,) do not decrease. Columns begin at multiples of `cycles_a_column`, so that a trace keeps its shape
-    while it moves on. Each column includes the last value before it, so that the line is connected.
+    The cycle `last` is in the column at the right; unless given, the newest. `cycles` (n,) do not decrease. Columns
+    begin at multiples of `cycles_a_column`, so that a trace keeps its shape while it moves on. Each column
+    includes the last value before it, so that the line is connected.
     """
     # One more column at the left, cut off at the end, so that the first one shown is connected too.
     low, high = np.full(columns + 1, np.nan), np.full(columns + 1, np.nan)
     if len(cycles):
         bins = cycles // cycles_a_column
-        bins = bins - (bins[-1] - columns)
-        wanted = np.isfinite(values) & (bins >= 0)
+        bins = bins - ((bins[-1] if last is None else last // cycles_a_column) - columns)
+        wanted = np.isfinite(values) & (bins >= 0) & (bins <= columns)
         bins, values = bins[wanted], values[wanted]
         starts = np.flatnonzero(np.diff(bins, prepend=-1))
         if len(starts):

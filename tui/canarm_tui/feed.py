@@ -25,11 +25,10 @@ from .snapshot import BusNow, Counters, Rates, Report, Snapshot
 WINDOW_S = 10.0
 """Traces and RMS cover this much of the run, in cycles of nominal length."""
 MATCH_S = 0.5
-"""A reference that lags the newest sample by more is no longer shown as current, nor are a controller's values."""
+"""A reference that lags the newest sample by more is no longer shown as current."""
 KEPT_S = 120.0
 """This much of the run is kept, so that one can look back."""
 RATE_WINDOW_NS = 2_000_000_000
-_REPORTED = slice(Column.MEASURED, Column.MEASURED + REPORTED_COLUMNS)
 
 
 class _Mark(NamedTuple):
@@ -69,10 +68,11 @@ class Feed:
         self._report_wall_ns = 0
         self.faults: FaultSignal | None = None
         """The bench's latest report of its faults since the bus was opened."""
+        self.internal_names: tuple[str, ...] = ()
+        """What the law calls its own values, as the bench has been told; set from outside."""
         self._received = self._unknown = self._malformed = 0
         self._dropped_samples = self._dropped_references = 0
         self._reported = np.full((joints, REPORTED_COLUMNS), np.nan)
-        self._reported_at: int | None = None
         self._handlers = self._make_handlers(cell)
         self._not_ours = _other_services(cell)
 
@@ -150,6 +150,7 @@ class Feed:
             internals=reported[:, -INTERNALS:],
             history=self._rows.history(),
             bus=self._bus,
+            internal_names=self.internal_names,
         )
 
     def _window_now(self) -> tuple[History, NDArray[np.float64]]:
@@ -180,7 +181,7 @@ class Feed:
     def _begin_run(self, cycle: int) -> None:
         self._rows.clear()
         self._marks.clear()
-        self._sample = self._idle = self._reported_at = None
+        self._sample = self._idle = None
         for joint, tick in enumerate(self._references.last_ticks):
             # The new run's first references may arrive shortly before its first telemetry.
             if tick > cycle + self._match:
@@ -201,8 +202,6 @@ class Feed:
 
     def _take_row(self, cycle: int) -> None:
         if self._sample is None or self._sample[0] != cycle:
-            is_fresh = self._reported_at is not None and cycle - self._reported_at <= self._match
-            self._row[:, _REPORTED] = self._reported if is_fresh else np.nan
             self._rows.append(cycle, self._row)
             self._sample, self._idle = (cycle, self._cycle_ns), None
         else:
@@ -224,11 +223,12 @@ class Feed:
         return store
 
     def _report_of(self, joint: int, place: int) -> Callable[..., None]:
-        row = self._reported[joint]
+        row, rows, ticks = self._reported[joint], self._rows, self._references.last_ticks
 
         def store(first: float, second: float) -> None:
             row[place], row[place + 1] = first, second
-            self._reported_at = self._cycle
+            # They have no tick of their own: a controller sends them after the references of their tick.
+            rows.put(ticks[joint], joint, Column.MEASURED + place, (first, second))
 
         return store
 

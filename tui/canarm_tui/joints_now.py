@@ -12,6 +12,7 @@ from .snapshot import JointNow
 
 _LIMIT_TOLERANCE = 1e-6
 """Commands travel as REAL32: a command at the limit differs from it by up to 6e-8 of its value."""
+MOST_ROWS_BACK = 4
 _INTERNALS = slice(Column.INTERNAL, Column.INTERNAL + INTERNALS)
 
 
@@ -42,6 +43,10 @@ class JointReader:
         row = len(cycles) - 1
         if len(matched) and cycles[-1] - cycles[matched[-1]] <= self._match:
             row = int(matched[-1])
+            # The controller tells what it has measured of fewer cycles than its references.
+            told = matched[np.isfinite(window.values[matched, joint, Column.MEASURED])]
+            if len(told) and row - told[-1] <= MOST_ROWS_BACK:
+                row = int(told[-1])
         finite = errors[matched]
         now = window.values[row, joint].tolist()
         reference_rad, error, measured_rad = now[Column.REFERENCE], float(errors[row]), now[Column.MEASURED]

@@ -3,12 +3,16 @@
 Only received values by cycle; errors, rates and texts are derived elsewhere.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from .history import COLUMNS, Column, History
 
 _NO_TICK = -1
+RECENT_ROWS = 256
+"""What comes later than so many rows after its own is not kept."""
 
 
 class RowStore:
@@ -48,6 +52,13 @@ class RowStore:
         for array in (rows.cycles, rows.values):
             array.flags.writeable = False
         return rows
+
+    def put(self, cycle: int, joint: int, column: int, values: Sequence[float]) -> None:
+        """Write further values of `joint`, from `column` on, into the row of `cycle`, if there is one."""
+        rows = self._rows(RECENT_ROWS)
+        row = int(np.searchsorted(rows.cycles, cycle))
+        if row < len(rows.cycles) and rows.cycles[row] == cycle:
+            rows.values[row, joint, column : column + len(values)] = values
 
     def fill_references(self, references: "ReferenceRing", most: int, lsb_rad: NDArray[np.float64]) -> None:
         """Fill in references, and errors, of those of the last `most` rows whose reference has come since."""

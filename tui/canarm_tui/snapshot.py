@@ -116,3 +116,5 @@ class Snapshot:
     internals: NDArray[np.float64] = field(default_factory=_no_values)
     history: History = field(default_factory=History)
     bus: BusNow | None = None
+    internal_names: tuple[str, ...] = ()
+    """Of the law's own values; empty if they are not known."""

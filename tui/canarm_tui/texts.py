@@ -12,14 +12,13 @@ from typing import NamedTuple
 from canarm_protocol.cell.bench_objects import CONTROLLER_STATES
 
 from .link import Link, LinkState
+from .signals import LIMIT_LSB
 from .snapshot import Counters, JointNow, Rates, Report, Snapshot
 
 STALE_NS = 500_000_000
 """Telemetry older than this is shown as stale."""
 REPORT_STALE_NS = 2_000_000_000
 """The controller reports a few times per second; a state older than this is shown as stale."""
-LIMIT_LSB = 1.0
-"""An error within one step of the position sensor is below its resolution."""
 SEPARATOR = " │ "
 LEAST_PLACE = 18
 """The bus is left out if it would be cut shorter than "-i canarm -c bench"."""
@@ -172,50 +171,6 @@ def counter_words(counters: Counters, discarded: int, width: int) -> tuple[Word,
     return words[0], *(word for word in words[1:] if word.tone is Tone.WARNING)
 
 
-JOINT_COLUMNS = (
-    ("joint", 0),
-    ("angle °", 8),
-    ("ref. °", 9),
-    ("error LSB", 10),
-    ("RMS LSB", 8),
-    ("rad/s", 8),
-    ("motor A", 8),
-    ("command A", 10),
-    (" amplifier", 12),
-)
-"""Heading and width of each column of the joints table; the first is as wide as the longest name."""
-
-
-def joint_words(name: str, joint: JointNow) -> tuple[Word, ...]:
-    """One row of the joints table."""
-    return (
-        Word(name),
-        Word(number(math.degrees(joint.angle_rad), 2)),
-        Word(number(math.degrees(joint.reference_rad), 2)),
-        _error_word(joint.error_lsb),
-        Word(number(joint.rms_lsb, 2, signed=False)),
-        Word(number(joint.speed_rad_s, 3)),
-        Word(number(joint.current_a, 3)),
-        Word(number(joint.command_a, 3)),
-        saturation_word(joint),
-    )
-
-
-def _error_word(error_lsb: float) -> Word:
-    if abs(error_lsb) > LIMIT_LSB:
-        return Word(f"▲ {number(error_lsb, 2)}", Tone.WARNING)
-    return Word(number(error_lsb, 2))
-
-
-def saturation_word(joint: JointNow) -> Word:
-    """Whether the amplifier is at its limit, and on which side."""
-    if math.isnan(joint.command_a):
-        return Word(f" {ABSENT}", Tone.DIM)
-    if joint.saturation == 0:
-        return Word(" within", Tone.DIM)
-    return Word(f" saturated {'+' if joint.saturation > 0 else '−'}", Tone.WARNING)
-
-
 def trace_words(name: str, joint: JointNow) -> tuple[Word, ...]:
     """The title of an error trace."""
     if math.isnan(joint.max_lsb):
@@ -226,9 +181,9 @@ def trace_words(name: str, joint: JointNow) -> tuple[Word, ...]:
         verdict = Word(f"▲ beyond {limit}", Tone.WARNING)
     return (
         Word(f"{name} error {number(joint.error_lsb, 2)} LSB"),
+        verdict,
         Word(f"rms {joint.rms_lsb:.2f}", Tone.DIM),
         Word(f"max {joint.max_lsb:.2f}", Tone.DIM),
-        verdict,
     )
 
 

@@ -1,70 +1,157 @@
-"""The error trace: a widget that draws the window of a snapshot in braille, line by line.
+"""One trace: a widget that draws a signal of a joint, or of two joints over each other, against the axis of time.
 
-Only here do decimated values become styled text. It keeps nothing but the snapshot it draws.
+Only here do plots become styled text. It keeps nothing but the scene it draws.
 """
 
-import itertools
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.segment import Segment
 from rich.style import Style
+from textual.events import Click
+from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
 
 from . import texts
-from .braille import BLANK, DOTS_X, DOTS_Y, decimate, dot_rows, limit_cells, trace_cells
+from .braille import DOTS_X, decimate
 from .event_texts import Mark
-from .snapshot import JointNow, Snapshot
+from .history import History
+from .plot import LABEL_WIDTH, MARKED, Part, Plot, Stroke, columns_of, nice_range, nice_scale, plot_rows, time_row
+from .signals import Line, Signal
+from .snapshot import JointNow
 from .styles import line_of
-from .texts import LIMIT_LSB, Tone, Word
+from .texts import Tone, Word
 
-MARKED = (Tone.GOOD, Tone.WARNING, Tone.BAD, Tone.PLAIN)
-"""Tones of signs at the top of a trace."""
+ROOM_BEYOND_LIMITS = 1.2
+LATE_CYCLES = 64
+"""Where a line has no newer value than so many cycles ago, none is given for now."""
+_SIGNS = ("━", "┄")
 
 
-class ErrorTrace(Widget):
-    """The error of one joint over the window: a title, a scale in LSB, a braille line, dotted lines at the limits, and
-    at the top signs where faults began or ended and detectors answered.
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """One line of a trace: whose, and which."""
+
+    joint: int
+    name: str
+    line: Line
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TraceScene:
+    """What a trace draws: `shown` lines of `signal` in the cycles `first` to `last`.
+
+    It is drawn again when one of its fields is another object; `data` is one as soon as `history` has news.
     """
+
+    history: History
+    data: object
+    first: int
+    last: int
+    cursor: int | None
+    cycle_s: float
+    signal: Signal
+    shown: tuple[Shown, ...]
+    limits: tuple[float, ...]
+    now: JointNow
+    marks: tuple[Mark, ...] = ()
+    has_axis: bool = False
+
+    def words(self) -> tuple[Word, ...]:
+        """The title: values at the cursor, or now."""
+        signal, name = self.signal, self.shown[0].name
+        is_of_two = self.shown[-1].joint != self.shown[0].joint
+        if self.cursor is None and len(self.shown) == 1 and signal.name == "error":
+            return texts.trace_words(name, self.now)
+        at = self.last if self.cursor is None else self.cursor
+        when = () if self.cursor is None else (Word(f"┃ {at * self.cycle_s:.3f} s", Tone.WARNING),)
+        values = self.values_at(at if self.cursor is not None else self._last_known())
+        labels = [each.name if is_of_two else each.line.label for each in self.shown]
+        parts = [
+            Word(f"{sign} {label} {texts.number(value, signal.decimals)}")
+            for sign, label, value in zip(_SIGNS, labels, values, strict=False)
+        ]
+        title = signal.name if is_of_two else f"{name} {signal.name}"
+        return Word(f"{title} {signal.unit}".strip()), *when, *parts
+
+    def _last_known(self) -> int:
+        """The last cycle shown of which every line is known, or the last one: references come a little later."""
+        rows = self.history.between(self.last - LATE_CYCLES, self.last)
+        known = np.ones(len(rows.cycles), dtype=np.bool_)
+        for each in self.shown:
+            known &= np.isfinite(rows.values[:, each.joint, each.line.column])
+        return int(rows.cycles[np.flatnonzero(known)[-1]]) if known.any() else self.last
+
+    def values_at(self, cycle: int) -> list[float]:
+        """The value of each line, in the unit of the signal; NaN where not known."""
+        row = self.history.row_at(cycle)
+        if row is None:
+            return [np.nan] * len(self.shown)
+        values = self.history.values[row]
+        return [float(values[each.joint, each.line.column]) * self.signal.factor for each in self.shown]
+
+    def is_as(self, other: "TraceScene | None") -> bool:
+        """Whether it looks the same."""
+        return (
+            other is not None
+            and all(
+                getattr(self, name) is getattr(other, name) or getattr(self, name) == getattr(other, name)
+                for name in ("first", "last", "cursor", "signal", "shown", "marks", "has_axis")
+            )
+            and self.data is other.data
+            and self.words() == other.words()
+        )
+
+
+class Trace(Widget):
+    """A title, a scale, the lines, dotted limits, signs of events, a cursor, and the times below."""
+
+    class Pointed(Message):
+        """The user has clicked on a cycle."""
+
+        def __init__(self, cycle: int) -> None:
+            super().__init__()
+            self.cycle = cycle
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
-        "error-trace--line",
-        "error-trace--limit",
-        "error-trace--scale",
-        *(f"error-trace--{tone.value}" for tone in MARKED),
+        *(f"trace--{part}" for part in ("first", "second", "limit", "scale", "cursor")),
+        *(f"trace--{tone.value}" for tone in MARKED),
     }
     DEFAULT_CSS = """
-    ErrorTrace { height: 1fr; min-height: 6; padding: 0 1; }
-    ErrorTrace .error-trace--line { color: $text-primary; }
-    ErrorTrace .error-trace--limit { color: $warning 70%; }
-    ErrorTrace .error-trace--scale { color: $foreground 60%; }
-    ErrorTrace .error-trace--good { color: $text-success; }
-    ErrorTrace .error-trace--warning { color: $text-warning; text-style: bold; }
-    ErrorTrace .error-trace--bad { color: $text-error; text-style: bold; }
+    Trace { height: 1fr; min-height: 5; padding: 0 1; }
+    Trace .trace--first { color: $text-primary; }
+    Trace .trace--second { color: $text-warning; }
+    Trace .trace--limit { color: $text-error 70%; }
+    Trace .trace--scale { color: $foreground 60%; }
+    Trace .trace--cursor { background: $foreground 25%; text-style: bold; }
+    Trace .trace--good { color: $text-success; }
+    Trace .trace--warning { color: $text-warning; text-style: bold; }
+    Trace .trace--bad { color: $text-error; text-style: bold; }
     """
-    SCALE_WIDTH = 7
 
-    def __init__(self, name: str, joint: int) -> None:
-        super().__init__(id=f"trace-{name}")
-        self._joint_name, self._joint = name, joint
-        self._snapshot: Snapshot | None = None
-        self._marks: tuple[Mark, ...] = ()
-        self._drawn: tuple[tuple[Snapshot | None, tuple[Mark, ...], int, int], list[Strip]] | None = None
+    def __init__(self, name: str, place: int) -> None:
+        super().__init__(id=f"trace-{name}-{place}")
+        self._scene: TraceScene | None = None
+        self._drawn: tuple[TraceScene | None, int, int, list[Strip]] | None = None
 
-    def show(self, snapshot: Snapshot, marks: tuple[Mark, ...] = ()) -> None:
-        """Show the window of `snapshot`, and `marks`, newest first, unless that is what is shown."""
-        before, self._snapshot = self._snapshot, snapshot
-        had, self._marks = self._marks, marks
-        if before is None or had != marks or self._looks_other(before, snapshot):
+    def show(self, scene: TraceScene) -> None:
+        """Show `scene`, unless it looks like what is shown."""
+        if not scene.is_as(self._scene):
+            self._scene = scene
             self.refresh()
 
-    def _looks_other(self, before: Snapshot, now: Snapshot) -> bool:
-        titles = (texts.trace_words(self._joint_name, each.joints[self._joint]) for each in (before, now))
-        return before.error_lsb is not now.error_lsb or len(set(titles)) > 1
+    def on_click(self, event: Click) -> None:
+        """Say which cycle was pointed at."""
+        scene, cells = self._scene, self.size.width - LABEL_WIDTH
+        offset = event.get_content_offset(self)
+        if scene is not None and offset is not None and 0 <= (cell := offset.x - LABEL_WIDTH) < cells:
+            a_column = columns_of(cells, scene.last - scene.first + 1)
+            column = scene.last // a_column - (DOTS_X * cells - 1 - DOTS_X * cell)
+            self.post_message(self.Pointed(column * a_column))
 
     def notify_style_update(self) -> None:
         """The theme has changed: discard everything drawn before."""
@@ -72,89 +159,94 @@ class ErrorTrace(Widget):
         self._drawn = None
 
     def render_line(self, y: int) -> Strip:
-        """One line of the widget; all lines of a snapshot are drawn together."""
-        key = (self._snapshot, self._marks, self.size.width, self.size.height)
-        if self._drawn is None or self._drawn[0] != key:
-            self._drawn = (key, self._draw(self.size.width, self.size.height))
-        strips = self._drawn[1]
-        return strips[y] if y < len(strips) else Strip.blank(self.size.width, self.rich_style)
+        """One line of the widget; all lines of a scene are drawn together."""
+        scene, (width, height) = self._scene, self.size
+        if self._drawn is None or self._drawn[0] is not scene or self._drawn[1:3] != (width, height):
+            self._drawn = scene, width, height, [] if scene is None else self._draw(scene, width, height)
+        strips = self._drawn[3]
+        return strips[y] if y < len(strips) else Strip.blank(width, self.rich_style)
 
-    def _draw(self, width: int, height: int) -> list[Strip]:
-        snapshot = self._snapshot
-        joint = JointNow() if snapshot is None else snapshot.joints[self._joint]
-        title = line_of(texts.trace_words(self._joint_name, joint))
-        # Looking up a style costs more than drawing a row, so each is looked up once.
+    def _draw(self, scene: TraceScene, width: int, height: int) -> list[Strip]:
+        title = line_of(scene.words())
         plain = self.rich_style
         strips = [Strip(title.render_segments(self.visual_style)).adjust_cell_length(width, plain)]
-        rows, cells = height - 1, width - self.SCALE_WIDTH
+        rows, cells = height - 1 - scene.has_axis, width - LABEL_WIDTH
         if rows < 1 or cells < 1:
             return strips
-        scale = nice_scale(joint.max_lsb)
-        low = high = np.full(DOTS_X * cells, np.nan)
-        signs: dict[int, Word] = {}
-        if snapshot is not None and len(snapshot.cycles):
-            cycles_a_column = math.ceil(snapshot.window_cycles / (DOTS_X * cells))
-            errors = snapshot.error_lsb[:, self._joint]
-            low, high = decimate(snapshot.cycles, errors, DOTS_X * cells, cycles_a_column)
-            signs = _signs(self._marks, int(snapshot.cycles[-1]), cycles_a_column, cells)
-        line = trace_cells(low, high, scale, rows)
-        limit = limit_cells(np.array([LIMIT_LSB, -LIMIT_LSB]), scale, rows, cells)
-        labels = scale_labels(scale, rows)
-        scale_style = self.get_component_rich_style("error-trace--scale")
-        styles = (
-            self.get_component_rich_style("error-trace--line"),
-            self.get_component_rich_style("error-trace--limit"),
-            plain,
-            *(self.get_component_rich_style(f"error-trace--{tone.value}") for tone in MARKED),
-        )
-        for row in range(rows):
-            label = Segment(labels[row].rjust(self.SCALE_WIDTH - 1) + "│", scale_style)
-            strips.append(Strip([label, *_segments(line[row], limit[row], {} if row else signs, styles)], width))
+        styles = self._styles()
+        plot, times = plot_of(scene, cells)
+        for row in plot_rows(plot, rows, cells):
+            segments = [Segment(run.text, styles[run.part]) for run in row]
+            strips.append(Strip(segments, width))
+        if scene.has_axis:
+            strips.append(Strip([Segment(" " * LABEL_WIDTH + times, styles[Part.SCALE])], width))
         return strips
 
+    def _styles(self) -> list[Style]:
+        # Looking up a style costs more than drawing a row, so each is looked up once.
+        def of(name: str) -> Style:
+            return self.get_component_rich_style(f"trace--{name}")
 
-def _signs(marks: Iterable[Mark], newest_cycle: int, cycles_a_column: int, cells: int) -> dict[int, Word]:
-    """The signs by the cell that they stand in, or the next free one. Columns are those of `decimate`."""
-    last = newest_cycle // cycles_a_column
+        plain = [of("first"), of("second"), of("limit"), self.rich_style, of("cursor"), of("scale")]
+        return plain + [of(tone.value) for tone in MARKED]
+
+
+def plot_of(scene: TraceScene, cells: int) -> tuple[Plot, str]:
+    """The plot of `scene` for so many cells, and its axis of time."""
+    a_column = columns_of(cells, scene.last - scene.first + 1)
+    columns = DOTS_X * cells
+    first = (scene.last // a_column - columns) * a_column
+    rows = scene.history.between(first, scene.last)
+    strokes = []
+    for each in scene.shown:
+        values = rows.values[:, each.joint, each.line.column] * scene.signal.factor
+        strokes.append(Stroke(*decimate(*_filled(rows.cycles, values, a_column), columns, a_column, scene.last)))
+    low, high = _range(scene, strokes)
+    cursor = None if scene.cursor is None else cell_of(scene.cursor, scene.last, a_column, cells)
+    signs = signs_of(scene.marks, scene.last, a_column, cells) if len(rows.cycles) else {}
+    begin_s = (first + a_column) * scene.cycle_s
+    times = time_row(begin_s, begin_s + columns * a_column * scene.cycle_s, cells)
+    return Plot(strokes, low, high, scene.limits, signs, cursor), times
+
+
+def _filled(
+    cycles: NDArray[np.int64], values: NDArray[np.floating], a_column: int
+) -> tuple[NDArray[np.int64], NDArray[np.floating]]:
+    """With values in between where they are further apart than columns, up to `LATE_CYCLES`."""
+    known = np.isfinite(values)
+    cycles, values = cycles[known], values[known]
+    if not len(cycles) or np.max(np.diff(cycles), initial=0) <= a_column:
+        return cycles, values
+    wanted = np.arange(cycles[0], cycles[-1] + 1, a_column)
+    place = np.searchsorted(cycles, wanted)
+    gap = cycles[place] - cycles[np.maximum(place - 1, 0)]
+    between = np.where(gap <= LATE_CYCLES, np.interp(wanted, cycles, values), np.nan)
+    return wanted, between
+
+
+def _range(scene: TraceScene, strokes: Iterable[Stroke]) -> tuple[float, float]:
+    ends: list[NDArray[np.float64]] = [end for stroke in strokes for end in stroke]
+    values = np.concatenate(ends)
+    values = values[np.isfinite(values)]
+    if not scene.signal.is_about_zero:
+        return nice_range(float(values.min()), float(values.max())) if len(values) else (-1.0, 1.0)
+    greatest = float(np.abs(values).max()) if len(values) else 0.0
+    scale = nice_scale(max([greatest, *(ROOM_BEYOND_LIMITS * each for each in scene.limits)]))
+    return -scale, scale
+
+
+def cell_of(cycle: int, last: int, a_column: int, cells: int) -> int:
+    """The cell in which `cycle` is drawn; below 0 or from `cells` on if it is not. Columns are those of `decimate`."""
+    return (DOTS_X * cells - 1 - (last // a_column - cycle // a_column)) // DOTS_X
+
+
+def signs_of(marks: Iterable[Mark], last: int, a_column: int, cells: int) -> dict[int, Word]:
+    """The signs by the cell that they stand in, or the next free one."""
     found: dict[int, Word] = {}
     for cycle, sign in sorted(marks, key=lambda mark: mark[0]):
-        column = DOTS_X * cells - 1 - (last - cycle // cycles_a_column)
-        if 0 <= cycle <= newest_cycle and column >= 0:
-            cell = next((each for each in range(column // DOTS_X, cells) if each not in found), None)
+        begin = cell_of(cycle, last, a_column, cells)
+        if 0 <= cycle <= last and begin >= 0:
+            cell = next((each for each in range(begin, cells) if each not in found), None)
             if cell is not None:
                 found[cell] = sign
     return found
-
-
-def _segments(
-    line: NDArray[np.uint8], limit: NDArray[np.uint8], signs: Mapping[int, Word], styles: Sequence[Style]
-) -> list[Segment]:
-    """One row of the plot, split where the style changes: `styles` are for the line, the limits, the rest, and the
-    tones of signs, which stand over all.
-    """
-    kinds = np.where(line != 0, 0, np.where(limit != 0, 1, 2))
-    shown = (BLANK + (line | limit).astype(np.int32)).tolist()
-    for cell, sign in signs.items():
-        kinds[cell], shown[cell] = 3 + MARKED.index(sign.tone), ord(sign.text)
-    text = "".join(map(chr, shown)).replace(chr(BLANK), " ")
-    cuts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(text)]
-    return [Segment(text[start:end], styles[kinds[start]]) for start, end in itertools.pairwise(cuts)]
-
-
-def nice_scale(greatest_lsb: float) -> float:
-    """End of the symmetric scale: the smallest of 2, 5, 10, 20, 50, … LSB that contains `greatest_lsb`; 2 for NaN."""
-    scale, step = 2.0, 0
-    factors = (2.5, 2.0, 2.0)
-    while greatest_lsb > scale:
-        scale *= factors[step % 3]
-        step += 1
-    return scale
-
-
-def scale_labels(scale: float, rows: int) -> list[str]:
-    """The label of each character row of a plot: its ends, the limits, and zero if there is room."""
-    values = (0.0, -scale, scale, -LIMIT_LSB, LIMIT_LSB)
-    labels = [""] * rows
-    for value, row in zip(values, dot_rows(np.array(values), scale, rows) // DOTS_Y, strict=True):
-        labels[row] = texts.number(value, 0)
-    return labels

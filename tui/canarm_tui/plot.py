@@ -1,0 +1,144 @@
+"""A plot in characters: lines in braille over dotted limits, signs above, a cursor, labels of both axes.
+
+Arrays and words in, runs of characters with the part that each belongs to out; no widget, no colour, no data of a run.
+"""
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import texts
+from .braille import BLANK, DOTS_X, DOTS_Y, dot_rows, limit_cells, trace_cells
+from .texts import Tone, Word
+
+LABEL_WIDTH = 7
+MARKED = (Tone.GOOD, Tone.WARNING, Tone.BAD, Tone.PLAIN)
+"""Tones of signs at the top of a plot."""
+LEAST_BETWEEN_TIMES = 12
+
+
+class Part(IntEnum):
+    """What a run of characters belongs to; signs come after, in the order of `MARKED`."""
+
+    FIRST = 0
+    SECOND = 1
+    LIMIT = 2
+    BLANK = 3
+    CURSOR = 4
+    SCALE = 5
+    SIGN = 6
+
+
+class Run(NamedTuple):
+    """Characters in a row, and their part: a `Part`, or from `Part.SIGN` on the tone of a sign."""
+
+    text: str
+    part: int
+
+
+class Stroke(NamedTuple):
+    """A line, as the least and the greatest value of each dot column; NaN where there is none."""
+
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """What is to be drawn. `strokes` are at most two: the second is dotted, and the first covers it."""
+
+    strokes: Sequence[Stroke]
+    low: float
+    high: float
+    limits: Sequence[float] = ()
+    signs: Mapping[int, Word] = field(default_factory=dict)
+    """Signs by the cell in which they stand."""
+    cursor: int | None = None
+    """Cell of the cursor."""
+
+
+def plot_rows(plot: Plot, rows: int, cells: int) -> list[list[Run]]:
+    """`rows` rows of labels and `cells` cells."""
+    middle, half = 0.5 * (plot.low + plot.high), 0.5 * (plot.high - plot.low)
+    drawn = [trace_cells(stroke.low - middle, stroke.high - middle, half, rows) for stroke in plot.strokes]
+    for second in drawn[1:]:
+        second &= 0x47  # only its left dots, so that it is told from the first without a colour
+    inside = [each for each in plot.limits if plot.low <= each <= plot.high]
+    limit = limit_cells(np.array(inside) - middle, half, rows, cells)
+    labels = scale_labels(plot.low, plot.high, rows, inside)
+    found = []
+    for row in range(rows):
+        first = drawn[0][row] if drawn else np.zeros(cells, dtype=np.uint8)
+        second = drawn[1][row] if len(drawn) > 1 else np.zeros(cells, dtype=np.uint8)
+        kinds = np.where(
+            first != 0,
+            Part.FIRST,
+            np.where(second != 0, Part.SECOND, np.where(limit[row] != 0, Part.LIMIT, Part.BLANK)),
+        )
+        shown = (BLANK + (first | second | limit[row]).astype(np.int32)).tolist()
+        if plot.cursor is not None and 0 <= plot.cursor < cells:
+            kinds[plot.cursor] = Part.CURSOR
+            shown[plot.cursor] = ord("│") if shown[plot.cursor] == BLANK else shown[plot.cursor]
+        for cell, sign in plot.signs.items() if row == 0 else ():
+            kinds[cell], shown[cell] = Part.SIGN + MARKED.index(sign.tone), ord(sign.text)
+        text = "".join(map(chr, shown)).replace(chr(BLANK), " ")
+        cuts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(text)]
+        label = Run(labels[row].rjust(LABEL_WIDTH - 1) + "│", Part.SCALE)
+        found.append([label, *(Run(text[start:end], int(kinds[start])) for start, end in itertools.pairwise(cuts))])
+    return found
+
+
+def nice_scale(greatest: float) -> float:
+    """End of a scale about zero: the smallest of …, 0.2, 0.5, 1, 2, 5, 10, … that contains `greatest`; 2 for NaN."""
+    if not greatest > 0.0 or not math.isfinite(greatest):
+        return 2.0
+    power = 10.0 ** math.floor(math.log10(greatest))
+    return next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if greatest <= factor * power * (1.0 + 1e-9))
+
+
+def nice_range(low: float, high: float) -> tuple[float, float]:
+    """A scale that contains `low` to `high`, from one round number to another; −1 to 1 without numbers."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return -1.0, 1.0
+    step = nice_scale(max(high - low, 1e-6 * max(abs(low), abs(high)), 1e-9)) / 10.0
+    least, most = math.floor(low / step) * step, math.ceil(high / step) * step
+    return (least, most) if most > least else (least - step, least + step)
+
+
+def scale_labels(low: float, high: float, rows: int, inside: Sequence[float] = ()) -> list[str]:
+    """The label of each row: the ends, what is `inside`, and zero if there is room; that named last wins a row."""
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    values = [*([0.0] if low < 0.0 < high else []), low, high, *sorted(inside)]
+    labels = [""] * rows
+    decimals = max(0, min(4, 1 - math.floor(math.log10(high - low)))) if high - low < 10.0 else 0
+    for value, row in zip(values, dot_rows(np.array(values) - middle, half, rows) // DOTS_Y, strict=True):
+        text = texts.number(value, decimals)
+        labels[row] = text.rstrip("0").rstrip(".") if "." in text else text
+    return labels
+
+
+def time_row(first_s: float, last_s: float, cells: int) -> str:
+    """The axis of time below the cells: round numbers of seconds, each beginning where it belongs."""
+    seconds = last_s - first_s
+    if cells < LEAST_BETWEEN_TIMES or not seconds > 0.0:
+        return " " * cells
+    step = nice_scale(seconds * LEAST_BETWEEN_TIMES / cells)
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    line = [" "] * cells
+    for number in range(math.ceil(first_s / step - 1e-9), math.floor(last_s / step + 1e-9) + 1):
+        label = f"╵{number * step:.{decimals}f} s"
+        cell = int((number * step - first_s) / seconds * cells)
+        if cell + len(label) <= cells:
+            line[cell : cell + len(label)] = label
+    return "".join(line)
+
+
+def columns_of(cells: int, span: int) -> int:
+    """Cycles in a dot column, so that `span` of them fit into `cells` cells."""
+    return max(1, math.ceil(span / (DOTS_X * cells)))
