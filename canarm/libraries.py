@@ -8,7 +8,16 @@ from canarm_protocol.shown import first_line, quoted
 
 from .usage import UsageError
 
-EXTRAS = {"pandas": "pandas", "polars": "polars", "pyarrow": "parquet", "mcap": "mcap", "asammdf": "mf4"}
+EXTRAS = {
+    "pandas": "pandas",
+    "polars": "polars",
+    "pyarrow": "parquet",
+    "mcap": "mcap",
+    "asammdf": "mf4",
+    "distributed": "dask",
+    "scipy": "tune",
+    "matplotlib": "figures",
+}
 """Which extra of the distribution brings each."""
 TABLES = ("pandas", "polars")
 

@@ -30,11 +30,11 @@ from canarm.draws import (
     robot_box,
     truth_of,
 )
-from canarm.matrix.pool import results_of
 from canarm.new_cell import Request, write_cell
 from canarm.new_cell.arms import made_up_arm
 from canarm.rig.arguments import RigWarning
 from canarm.rig.rig import Rig
+from canarm.workers.pool import results_of
 from canarm_controller.laws.loading import LAWS
 from canarm_controller.reference.trajectory import BUILT_IN
 from canarm_controller.run.state import State

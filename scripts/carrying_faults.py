@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from canarm import Rig, State
-from canarm.matrix.forking import in_copy
+from canarm.workers.forking import in_copy
 from canarm_protocol.cell import Cell, load_cell
 from canarm_protocol.cell.sensing import position_steps_rad
 

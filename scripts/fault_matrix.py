@@ -16,12 +16,12 @@ from canarm.matrix.campaign import Campaign, run_campaign
 from canarm.matrix.golden import differences, draws_of, golden_text, read_golden
 from canarm.matrix.naming import Part
 from canarm.matrix.plan import Scenario, cells_of
-from canarm.matrix.progress import Progress
 from canarm.matrix.scenarios import command_of, drawn
 from canarm.matrix.shares import Share
 from canarm.matrix.table import Matrix, Tally, named_right
 from canarm.matrix.text_report import as_text, as_they_should_be, part_of, wrong_names
 from canarm.matrix.undetectable import BEYOND_CONTROL, DECLARED_UNDETECTABLE, Declared
+from canarm.workers.progress import Progress
 
 ROOT = Path(__file__).parent.parent
 GOLDEN = ROOT / "tests" / "canarm" / "golden" / "matrix-konkuk1.csv"

@@ -12,9 +12,9 @@ from pathlib import Path
 from canarm.matrix.campaign import Campaign, run_campaign
 from canarm.matrix.golden import differences, golden_text, read_golden
 from canarm.matrix.plan import Scenario, cells_of
-from canarm.matrix.progress import Progress
 from canarm.matrix.table import Matrix
 from canarm.matrix.text_report import as_text, part_of
+from canarm.workers.progress import Progress
 
 GOLDEN = Path(__file__).parent.parent / "tests" / "canarm" / "golden" / "matrix-rhino-pair.csv"
 EVERY, FIRST = 40, 7

@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import os
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,25 +15,18 @@ from canarm_protocol.shown import printable
 from ..options import CellOptions, Flag
 from ..stdout import keep_stdout
 from ..usage import UsageError
+from ..workers.jobs import Jobs, cores
 from .matrix_options import ScenarioOptions
 
 if TYPE_CHECKING:
     from ..matrix.plan import MatrixCell
 
 
-def _at_least_one(type_: object, value: int | None) -> None:
-    if value is not None and value < 1:
-        raise ValueError("must be 1 or more.")
-
-
 def matrix(
     *,
     cell: CellOptions = CellOptions(),
     scenario: ScenarioOptions = ScenarioOptions(),
-    jobs: Annotated[
-        int | None,
-        Parameter(validator=_at_least_one, metavar="NUMBER", help="Processes; one a core unless given."),
-    ] = None,
+    jobs: Jobs = None,
     only: Annotated[
         list[str] | None,
         Parameter(
@@ -72,8 +64,8 @@ def matrix(
     from ..matrix.campaign import FAULT_FREE_RUNS, Campaign, run_campaign
     from ..matrix.files import claimed, write
     from ..matrix.foreign_run import words_of
-    from ..matrix.progress import Progress
     from ..matrix.text_report import as_text, part_of
+    from ..workers.progress import Progress
 
     nominal = cell.load()
     scenarios, about = scenario.scenarios(cell, nominal, controller is None)
@@ -81,7 +73,7 @@ def matrix(
         words_of(controller)
     cells = _chosen(nominal, only or (), cell.cell)
     campaign = Campaign(scenarios, cells, controller, 0 if only else FAULT_FREE_RUNS, about)
-    processes, progress = jobs or _cores(), Progress()
+    processes, progress = jobs or cores(), Progress()
     say = keep_stdout()
     with contextlib.nullcontext() if out is None else claimed(out):
         with_fault, without = campaign.runs
@@ -116,11 +108,6 @@ def _chosen(nominal: Cell, only: Sequence[str], name: str) -> "tuple[MatrixCell,
         words = " ".join(f"--only {printable(shlex.quote(pattern))}" for pattern in idle)
         raise UsageError(f"{words}: fits no fault; see `canarm fault list --cell {name}`")
     return tuple(cells_of(nominal, only))
-
-
-def _cores() -> int:
-    """Number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _plain(result: Any) -> dict[str, Any]:

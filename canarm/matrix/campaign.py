@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 
 from canarm_protocol.cell.model import Cell
 
+from ..workers.forking import CAN_FORK, in_copy
+from ..workers.pool import results_of
 from .bus_reactions import beside_twin, is_same
 from .evidence import Evidence
 from .foreign_run import FIRST_SYNC_S, require_whole, run_foreign
-from .forking import CAN_FORK, in_copy
 from .judgement import judge
 from .naming import is_named_right, part_of
 from .plan import MatrixCell, Scenario
-from .pool import results_of
 from .rig_run import AtOnset, false_alarms, run_in_rig
 from .scenarios import command_of, fault_free_command
 from .table import FalseAlarm, Matrix, Row

@@ -17,16 +17,16 @@ from canarm.matrix import campaign as machinery
 from canarm.matrix.campaign import Campaign, run_campaign
 from canarm.matrix.evidence import Notice
 from canarm.matrix.files import claimed, write
-from canarm.matrix.forking import CAN_FORK, in_copy
 from canarm.matrix.golden import draws_of, golden_text, read_golden
 from canarm.matrix.html_report import as_html
 from canarm.matrix.judgement import Verdict
 from canarm.matrix.naming import FITTING, Part, is_named_right, part_of
 from canarm.matrix.plan import INJECTED_S, MatrixCell, Scenario, cells_of
-from canarm.matrix.pool import LostWorkerError
 from canarm.matrix.scenarios import ONSET, command_of, drawn, one_a_seed
 from canarm.matrix.table import Matrix, Row, Tally, cells_csv
 from canarm.matrix.text_report import as_text
+from canarm.workers.forking import CAN_FORK, in_copy
+from canarm.workers.pool import LostWorkerError
 from canarm_controller.supervision.detection import DETECTORS
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Cell

@@ -23,12 +23,12 @@ from canarm.matrix.golden import differences, golden_text, read_golden
 from canarm.matrix.html_report import as_html
 from canarm.matrix.judgement import Findings, Verdict, judge
 from canarm.matrix.plan import Scenario, cells_of
-from canarm.matrix.progress import Progress
 from canarm.matrix.reasons import why
 from canarm.matrix.table import Matrix, Row, Tally, as_csv
 from canarm.matrix.text_report import as_text
 from canarm.matrix.undetectable import DECLARED_UNDETECTABLE, HIGHEST_SHARE
 from canarm.usage import UsageError
+from canarm.workers.progress import Progress
 from canarm_emulator.faults.catalogue import catalogue_of
 from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame
 from canarm_protocol.cell.cell_file import load_cell

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from canarm.matrix.golden import read_golden
-from canarm.matrix.progress import Progress
+from canarm.workers.progress import Progress
 
 sys.path.append(str(Path(__file__).parents[2] / "scripts"))
 pair_matrix = importlib.import_module("pair_matrix")

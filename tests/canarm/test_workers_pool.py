@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from canarm.matrix.pool import LostWorkerError, results_of
+from canarm.workers.pool import LostWorkerError, results_of
 
 HERE = Path(__file__).parent
 DEADLINE_S = 60.0
@@ -76,7 +76,7 @@ def test_without_anybody_to_tell_a_lost_task_is_an_error() -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_no_worker_outlives_the_process_that_wants_its_results(number: signal.Signals, tmp_path: Path, until) -> None:
     script = (
-        "from test_matrix_pool import results_of, write_and_wait\n"
+        "from test_workers_pool import results_of, write_and_wait\n"
         "import pathlib, sys\n"
         "if __name__ == '__main__':\n"
         "    list(results_of(write_and_wait, [pathlib.Path(sys.argv[1])] * 4, 2))\n"

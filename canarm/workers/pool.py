@@ -14,6 +14,8 @@ from typing import TypeVar
 
 from ..stopping import HANGUP
 
+AHEAD = 4
+"""Tasks for each worker that are handed over at a time: a million of them are not kept in memory."""
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
 ORPHAN_S = 5.0
@@ -71,11 +73,18 @@ def _until_broken(
     executor = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _begin_worker)
     # Not `concurrent.futures.wait`: an interrupt inside it leaves futures locked, and shutdown would hang.
     done: SimpleQueue[Future[_Result]] = SimpleQueue()
-    try:
+    places: dict[Future[_Result], int] = {}
+    coming = iter(waiting[:])
+
+    def hand_over(count: int) -> None:
         with _interrupts_ignored():  # by the workers from their beginning: they inherit it
-            places = {executor.submit(_run_until_told, run, tasks[place]): place for place in waiting}
-            for future in places:
+            for _, place in zip(range(count), coming, strict=False):
+                future = executor.submit(_run_until_told, run, tasks[place])
+                places[future] = place
                 future.add_done_callback(done.put)
+
+    try:
+        hand_over(AHEAD * jobs)
         while places:
             future = done.get()
             try:
@@ -87,7 +96,10 @@ def _until_broken(
                 break
             except LostWorkerError as error:
                 result = error
-            yield places.pop(future), result
+            place = places.pop(future)
+            with contextlib.suppress(BrokenProcessPool):  # its tasks are told of that in their turn
+                hand_over(1)
+            yield place, result
     except BaseException:
         with _interrupts_ignored():  # an impatient second one would leave processes behind
             for worker in set(multiprocessing.active_children()) - strangers:
