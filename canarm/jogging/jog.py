@@ -250,7 +250,7 @@ class Jog:
         if self.clock is Clock.SYNC and is_due:
             frames.append(self._heartbeat())
         if with_outputs and not self._are_sent:
-            frames += [Frame(cob_id, data) for cob_id, data in self._outputs.pack(self.codes, self.directions)]
+            frames += self._outputs.frames(self.codes, self.directions)
             self._are_sent = True
         frames.append(sync_frame(self.cycle % self._overflow + 1 if self._overflow else None))
         self._awaited = set(self._layouts) if self.is_driving else set()

@@ -50,6 +50,7 @@ from .rig_joint import TRUE_SIGNALS, Joints, RigJoint
 from .rig_object import Carrying, RigObject
 
 FRAMES_KEPT = 10_000
+_STOPPING = State.STOPPING  # looking it up is slow
 
 
 class Rig(Carrying, AnyRig):
@@ -77,6 +78,7 @@ class Rig(Carrying, AnyRig):
         self._bench = make_bench(self.cell, self._true_settings, Clock.SYNC, self._seed, self._wire, "truth")
         self._controller = make_controller(self.cell, self._law, self._trajectory, self._feedforward, Clock.SYNC)
         self._assessor: Assessor = self._bench.assessor
+        self._detections = self._controller.detections
         size = tick_count(self.cell, self._history_s, "history_s")
         controller = self._controller
         try:
@@ -263,37 +265,35 @@ class Rig(Carrying, AnyRig):
         After an interruption (Ctrl-C, a diverging integration) it cannot go on: the run has failed.
         """
         try:
-            self._carry()
+            bench, controller = self._bench, self._controller
+            if controller.outbox:
+                frames, controller.outbox = controller.outbox, []
+                for frame in frames:
+                    bench.receive(frame, controller)
+            elif controller.deadline_ns is not None:
+                controller.time_out(controller.deadline_ns)
+            bus = bench.bus
+            records, bus.records = bus.records, []
+            bench.node.records.clear()
+            self._records += records
+            if self._recorders is not None:
+                self._recorders[0].frames(records)
+            receive = controller.receive
+            for time_ns, frame, origin in records:
+                # As between the two processes: everybody hears all others, and error frames are no data.
+                if origin is None or (origin is not controller and frame.can_id < ERROR_FLAG):
+                    receive(frame, time_ns)
+            if len(self._detections) > len(self.noticed):
+                self._note_detections()
+            if controller.state is not self._state:
+                self._note_state()
         except BaseException as error:
             text = named_error(error)
             self._controller.lose(ControllerError(f"the run was broken off: {text}"))
             raise
 
-    def _carry(self) -> None:
-        bench, controller = self._bench, self._controller
-        if controller.outbox:
-            frames, controller.outbox = controller.outbox, []
-            for frame in frames:
-                bench.receive(frame, controller)
-        elif controller.deadline_ns is not None:
-            controller.time_out(controller.deadline_ns)
-        records, bench.records = bench.records, []
-        bench.bench_records.clear()
-        self._records += records
-        if self._recorders is not None:
-            self._recorders[0].frames(records)
-        receive = controller.receive
-        for time_ns, frame, origin in records:
-            # As between the two processes: everybody hears all others, and error frames are no data.
-            if origin is None or (origin is not controller and frame.can_id < ERROR_FLAG):
-                receive(frame, time_ns)
-        if len(controller.detections) > len(self.noticed):
-            self._note_detections()
-        if controller.state is not self._state:
-            self._note_state()
-
     def _keep_truth(self, truth: CycleTruth) -> None:
-        if self._controller.state >= State.STOPPING:
+        if self._controller.state >= _STOPPING:
             self._history.stopping(self._truth, truth)
         self._truth = truth
         if self._object is not None and truth.object is not None:
@@ -303,14 +303,18 @@ class Rig(Carrying, AnyRig):
             self._recorders[0].cycle(truth)
 
     def _on_tick(self) -> None:
-        cycle, truth = self._controller.loop.cycle, self._truth
+        controller, truth, assess = self._controller, self._truth, self._assessor.reference
         assert truth is not None
+        cycle = controller.loop.cycle
+        tick, references_rad, measured_rad = cycle.tick, cycle.reference_rad, cycle.position_rad
         row = [truth.time_ns * 1e-9]
         for joint, true in enumerate(truth.joints):
-            reference = cycle.reference_rad[joint]
-            row += (*true[:TRUE_SIGNALS], reference, cycle.position_rad[joint])
-            self._assessor.reference(cycle.tick, joint, reference)
-        self._history.tick(self._controller.controlled_ticks - 1, row)
+            reference_rad = references_rad[joint]
+            row += true[:TRUE_SIGNALS]
+            row.append(reference_rad)
+            row.append(measured_rad[joint])
+            assess(tick, joint, reference_rad)
+        self._history.tick(controller.controlled_ticks - 1, row)
         if self._recorders is not None:
             self._recorders[1].tick()
 

@@ -16,9 +16,5 @@ class Record(NamedTuple):
     origin: object = None
 
 
-_new = tuple.__new__  # takes a third of the time of a named tuple's own
-
-
-def record(time_ns: int, frame: Frame, origin: object = None) -> Record:
-    """`Record(time_ns, frame, origin)`, faster, for frames that are sent every cycle."""
-    return _new(Record, (time_ns, frame, origin))
+new_record = tuple.__new__
+"""`new_record(Record, (time_ns, frame, origin))` takes a third of the time of `Record`: for frames of every cycle."""

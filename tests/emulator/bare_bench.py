@@ -48,7 +48,7 @@ def watch(bench: FaultBench, node_id: int, watched: int, timeout_ms: int) -> Non
 
 
 def send_outputs(bench: FaultBench, codes: tuple[int, int], directions: tuple[int, int]) -> None:
-    for cob_id, data in OutputFrames(CELL, NODES).pack(codes, directions):
+    for cob_id, data, *_ in OutputFrames(CELL, NODES).frames(codes, directions):
         bench.receive(Frame(cob_id, data + bytes(8 - len(data)) if cob_id == 0x312 else data))
 
 

@@ -35,7 +35,7 @@ class Run:
 
     def cycles(self, count: int, codes: tuple[int, int] = (120, 60)) -> None:
         for _ in range(count):
-            for cob_id, data in OUTPUTS.pack(codes, (COUNTER_CLOCKWISE, COUNTER_CLOCKWISE)):
+            for cob_id, data, *_ in OUTPUTS.frames(codes, (COUNTER_CLOCKWISE, COUNTER_CLOCKWISE)):
                 self.bench.receive(Frame(cob_id, data.ljust(8, b"\0") if cob_id == DAC_COB_ID else data))
             self.bench.receive(sync_frame(None))
             self.codes.append(tuple(joint.command_a for joint in self.bench.world.state()))

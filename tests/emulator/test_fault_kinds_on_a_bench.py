@@ -53,7 +53,7 @@ def run(text: str = "") -> tuple[FaultBench, list[Cycle]]:
         bench.inject(parse_faults(text))
     cycles = []
     for cycle in range(CYCLES):
-        for cob_id, data in OUTPUTS.pack(*outputs(cycle)):
+        for cob_id, data, *_ in OUTPUTS.frames(*outputs(cycle)):
             bench.receive(Frame(cob_id, data.ljust(8, b"\0") if cob_id == DAC_COB_ID else data))
         bench.records.clear()
         bench.receive(sync_frame(None))

@@ -52,7 +52,7 @@ def run_cycles(bench: FaultBench, count: int, codes: tuple[int, int] = (0, 0)) -
     if bench.cycle < 0:
         bench.receive(nmt_frame(NmtCommand.START))
     for _ in range(count):
-        for cob_id, data in OutputFrames(CELL, card_nodes(CELL)).pack(codes, (2, 2)):
+        for cob_id, data, *_ in OutputFrames(CELL, card_nodes(CELL)).frames(codes, (2, 2)):
             bench.receive(Frame(cob_id, data.ljust(8, b"\0")))  # cards that nobody has configured map all channels
         bench.receive(sync_frame(None))
 

@@ -21,7 +21,7 @@ def bench_that_has_moved(clock: Clock, last: NmtCommand) -> FaultBench:
     for cycle in range(100):
         if clock is Clock.WALL:
             bench.advance(cycle * CELL.bus.cycle_ns)
-        for cob_id, data in OutputFrames(CELL, card_nodes(CELL)).pack((120, 0), (2, 2)):
+        for cob_id, data, *_ in OutputFrames(CELL, card_nodes(CELL)).frames((120, 0), (2, 2)):
             bench.receive(Frame(cob_id, data.ljust(8, b"\0")))
         bench.receive(sync_frame(None))
     bench.receive(nmt_frame(last))

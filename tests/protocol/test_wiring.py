@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cards import Codec
 from canarm_protocol.cell.cell_file import load_cell, parse_cell, shipped_cells
 from canarm_protocol.cell.model import Quantity
@@ -33,13 +34,13 @@ def swapped() -> str:
 
 
 def test_a_code_travels_shifted_left_by_seven_and_directions_two_bits_a_joint() -> None:
-    frames = OutputFrames(CELL, NODES).pack([0x80, 0xFF], [0b10, 0b01])
-    assert frames == [(0x312, bytes.fromhex("0040807f")), (0x213, bytes([0b0110]))]
+    frames = OutputFrames(CELL, NODES).frames([0x80, 0xFF], [0b10, 0b01])
+    assert frames == [Frame(0x312, bytes.fromhex("0040807f")), Frame(0x213, bytes([0b0110]))]
 
 
 @given(st.tuples(CODES, CODES), st.tuples(BITS, BITS))
 def test_outputs_are_read_back_from_their_bytes(codes: tuple[int, int], directions: tuple[int, int]) -> None:
-    (_, analogue), (_, digital) = OutputFrames(CELL, NODES).pack(codes, directions)
+    (_, analogue, *_), (_, digital, *_) = OutputFrames(CELL, NODES).frames(codes, directions)
     values = [int.from_bytes(analogue[i : i + 2], "little", signed=True) for i in (0, 2)]
     assert [value >> 7 for value in values] == list(codes)
     assert min(values) >= 0
@@ -48,10 +49,10 @@ def test_outputs_are_read_back_from_their_bytes(codes: tuple[int, int], directio
 
 def test_the_wiring_of_the_cell_decides_where_a_joint_sits() -> None:
     cell = parse_cell(swapped(), "swapped")
-    frames = OutputFrames(cell, card_nodes(cell)).pack([1, 2], [0b01, 0b10])
+    frames = OutputFrames(cell, card_nodes(cell)).frames([1, 2], [0b01, 0b10])
     assert frames == [
-        (0x312, (2 << 7).to_bytes(2, "little") + (1 << 7).to_bytes(2, "little")),
-        (0x213, bytes([0b1000_0001])),
+        Frame(0x312, (2 << 7).to_bytes(2, "little") + (1 << 7).to_bytes(2, "little")),
+        Frame(0x213, bytes([0b1000_0001])),
     ]
 
 

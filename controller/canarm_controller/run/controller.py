@@ -28,6 +28,8 @@ from .state import State
 from .supervised_run import SupervisedRun
 
 ENDED = State.DONE, State.FAILED
+_RUNNING, _STOPPING, _BRINGING_UP = State.RUNNING, State.STOPPING, State.BRINGING_UP  # looking them up is slow
+_TIME = int(Cob.TIME)
 MISSING_NOTED = DETECTORS["inputs-missing"].debounce_cycles
 
 
@@ -51,6 +53,7 @@ class Controller(SupervisedRun):
     ) -> None:
         super().__init__(cell, loop)
         self.clock = clock
+        self._is_lockstep = clock is Clock.SYNC
         self.outbox: list[Frame] = []
         self.controlled_ticks = 0
         self.missed = 0
@@ -88,7 +91,7 @@ class Controller(SupervisedRun):
         """Time of the present cycle's SYNC since that of cycle 0; 0 before."""
         if self.begun_ns is not None:
             return self._opened_ns - self.begun_ns
-        return max(self.tick, 0) * self.cell.bus.cycle_ns if self.clock is Clock.SYNC else 0
+        return max(self.tick, 0) * self.cell.bus.cycle_ns if self._is_lockstep else 0
 
     @property
     def deadline_ns(self) -> int | None:
@@ -118,12 +121,12 @@ class Controller(SupervisedRun):
             return
         layout = self._inputs.layouts.get(can_id)
         if layout is not None:
-            if self.state >= State.RUNNING:
+            if self.state >= _RUNNING:
                 self._times.arrive(now_ns)
                 self._take_inputs(layout, data)
-        elif can_id == Cob.TIME:
-            if self.clock is Clock.SYNC and self.cycle_is_open:
-                if self.state is State.RUNNING:
+        elif can_id == _TIME:
+            if self._is_lockstep and self.cycle_is_open:
+                if self.state is _RUNNING:
                     self._take_time(data)
                 self.close_cycle()
                 self.open_cycle()
@@ -132,16 +135,18 @@ class Controller(SupervisedRun):
         elif self._preparation.is_on:
             if self._preparation.is_answer(frame):
                 self._converse(frame, now_ns)
-        elif self.state is State.RUNNING or self.verdict is not None:
+        elif self.state is _RUNNING or self.verdict is not None:
             self._judge(self._supervisor.message(frame, self.tick))
 
     def _take_time(self, data: bytes) -> None:
         """In lockstep: judge the TIME, and note the delay of the next measurement."""
         supervisor = self._supervisor
-        self._judge(supervisor.time(data))
+        verdict = supervisor.time(data)
+        if verdict is not None:
+            self._judge(verdict)
         if supervisor.late_ns:
             self._times.delay(supervisor.late_ns)
-            if self.state is State.RUNNING:
+            if self.state is _RUNNING:
                 self._detect("deadline-missed", None, f"SYNC was {supervisor.late_ns / 1e6:g} ms late")
 
     def _take_inputs(self, layout: PdoLayout, data: bytes) -> None:
@@ -149,11 +154,12 @@ class Controller(SupervisedRun):
         if not inputs.take(layout, data):
             self.ignored_frames += 1
             return
-        if layout.cob_id in inputs.awaited:
-            inputs.awaited.discard(layout.cob_id)
-        elif self.state is State.RUNNING:
-            self._arrivals.extra(layout.cob_id)
-        if not inputs.awaited and self.cycle_is_open and self.clock is Clock.WALL:
+        awaited, cob_id = inputs.awaited, layout.cob_id
+        if cob_id in awaited:
+            awaited.discard(cob_id)
+        elif self.state is _RUNNING:
+            self._arrivals.extra(cob_id)
+        if not self._is_lockstep and not awaited and self.cycle_is_open:
             self.close_cycle()
 
     def time_out(self, now_ns: int) -> None:
@@ -169,18 +175,18 @@ class Controller(SupervisedRun):
         if self.cycle_is_open:
             self._miss()
             self.close_cycle()
-        if self.is_finished or self.state is State.BRINGING_UP:
+        if self.state is _BRINGING_UP or self.state in ENDED:
             return
-        self.tick += 1
+        tick = self.tick = self.tick + 1
         if now_ns is not None:
-            if self.tick == 0:
+            if tick == 0:
                 self.begun_ns = now_ns
             self._opened_ns = now_ns
         self._times.open_cycle(now_ns)
-        self._arrivals.open_cycle(self._inputs.awaited if self.tick else ())
+        self._arrivals.open_cycle(self._inputs.awaited if tick else ())
         if self._homing is not None:
-            self.outbox += self._homing.opening(self.tick)
-        self.outbox += self._frames.opening(self.tick)
+            self.outbox += self._homing.opening(tick)
+        self.outbox += self._frames.opening(tick)
         self._inputs.open_cycle()
         self.cycle_is_open = True
 
@@ -189,31 +195,31 @@ class Controller(SupervisedRun):
         self.cycle_is_open = False
         if self._ticks is not None and self._homing is None and self.controlled_ticks >= self._ticks:
             self.end()
-        if self.state is State.RUNNING:
-            if self._inputs.awaited and self.clock is Clock.SYNC:
+        if self.state is _RUNNING:
+            if self._is_lockstep and self._inputs.awaited:
                 self._miss()
-            if self.state is State.RUNNING:
+            if self.state is _RUNNING:
                 self._judge(self._supervisor.begin_cycle(self.tick))
-            if self.state is State.RUNNING:
+            if self.state is _RUNNING:
                 self._control()
-        if self.state is State.STOPPING:
+        if self.state is _STOPPING:
             self._stop_step()
 
     def note_missed_deadlines(self, count: int) -> None:
         """The pacer has left out `count` cycles: the wall clock was ahead."""
-        if self.state is State.RUNNING:
+        if self.state is _RUNNING:
             self._detect("deadline-missed", None, f"{count} cycles left out")
 
     def interrupt(self, detail: str) -> None:
         """Stop safely because the user says so."""
-        if self.state is State.RUNNING:
+        if self.state is _RUNNING:
             self._judge(Verdict("interrupted", detail))
         elif not self.is_finished and self.state is not State.STOPPING:
             self.lose(InterruptedRunError(f"interrupted: {detail}"))
 
     def end(self) -> None:
         """Stop as planned, before the last tick; during bring-up the run ends when the cards have been found."""
-        if self.state is State.RUNNING:
+        if self.state is _RUNNING:
             self.state = State.STOPPING
             self._stop.begin(is_hold=False)
         elif self.state is State.BRINGING_UP:
@@ -274,7 +280,7 @@ class Controller(SupervisedRun):
             return
         self.state = State.RUNNING
         self.outbox += start_frames(self._nodes, self.cell.bus.controller_node_id)
-        if self.clock is Clock.SYNC:
+        if self._is_lockstep:
             self.open_cycle()
 
     def _control(self) -> None:
@@ -287,10 +293,10 @@ class Controller(SupervisedRun):
                 loop.measure_search()
         else:
             self._watch.coast(loop.cycle)
-        if self.state is State.RUNNING:
+        if self.state is _RUNNING:
             loop.look_up(self.tick)
             self._watch.follow(loop.cycle)
-        if self.state is State.RUNNING:
+        if self.state is _RUNNING:
             torque_nm = self._law_output()
             if torque_nm is not None:
                 self.outbox += self._frames.outputs(*loop.outputs(torque_nm))
@@ -301,7 +307,7 @@ class Controller(SupervisedRun):
     def _measure(self) -> None:
         """Take and judge what the cards have measured."""
         sample = self._measuring.take(self._inputs.codes, self.tick)
-        if self.state is State.RUNNING:
+        if self.state is _RUNNING:
             left_out = math.inf if self._is_rezeroed else sample.left_out_s / self.loop.period_s
             self._judge(self._supervisor.measurement(self.loop.cycle.position_rad, left_out))
         if self._is_rezeroed:
@@ -310,7 +316,7 @@ class Controller(SupervisedRun):
         else:
             self._measuring.judge(sample)
         grips = self._watch.grips
-        if grips is not None and self.state is State.RUNNING:
+        if grips is not None and self.state is _RUNNING:
             self._judge(grips.step(self.loop.cycle.position_rad))
 
     def _law_output(self) -> Sequence[float] | None:
@@ -321,17 +327,19 @@ class Controller(SupervisedRun):
             self._judge(law_verdict(error))
             return None
         verdict = self._supervisor.command(torque_nm)
+        if verdict is None:
+            return self.loop.eased(torque_nm)
         self._judge(verdict)
-        return self.loop.eased(torque_nm) if verdict is None else None
+        return None
 
     def _miss(self) -> None:
-        if self.state is State.RUNNING:
+        if self.state is _RUNNING:
             self.missed += 1
             waiting_for = self._inputs.describe_awaited()
             self._times.missing_cycles += 1
             if self._times.missing_cycles == MISSING_NOTED:
                 self._detect("inputs-missing", None, f"no {waiting_for} for {MISSING_NOTED} cycles")
-            is_timed, is_part_silent = self.clock is Clock.WALL, self._inputs.is_part_silent
+            is_timed, is_part_silent = not self._is_lockstep, self._inputs.is_part_silent
             self._judge(self._supervisor.missing(waiting_for, is_timed=is_timed, is_part_silent=is_part_silent))
 
     def _stop_step(self) -> None:

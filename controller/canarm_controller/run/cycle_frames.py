@@ -5,7 +5,7 @@ What the outputs are to be never enters.
 
 from collections.abc import Sequence
 
-from canarm_protocol.canopen.frames import Frame, NmtState, data_frame, heartbeat_frame, sync_frame
+from canarm_protocol.canopen.frames import Frame, NmtState, heartbeat_frame, sync_frame
 from canarm_protocol.cell.configuration import SYNC_COUNTER
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.wiring import CardNode, OutputFrames
@@ -17,7 +17,9 @@ class CycleFrames:
     """The cyclic frames of one run."""
 
     def __init__(self, cell: Cell, nodes: Sequence[CardNode]) -> None:
-        self._outputs = OutputFrames(cell, nodes)
+        self.outputs = OutputFrames(cell, nodes).frames
+        """The RPDOs that carry DAC codes and direction bits, one of each per joint."""
+        self._syncs = [sync_frame(counter) for counter in range(1, SYNC_COUNTER + 1)]
         self._heartbeat = heartbeat_frame(cell.bus.controller_node_id, NmtState.OPERATIONAL)
         self._heartbeat_cycles = max(1, cell.bus.heartbeat_ms * 1000 // cell.bus.cycle_us)
         joints = len(cell.joints)
@@ -25,9 +27,5 @@ class CycleFrames:
 
     def opening(self, tick: int) -> list[Frame]:
         """What begins cycle `tick`: SYNC, after a heartbeat when one is due."""
-        sync = sync_frame(tick % SYNC_COUNTER + 1)
+        sync = self._syncs[tick % SYNC_COUNTER]
         return [sync] if tick % self._heartbeat_cycles else [self._heartbeat, sync]
-
-    def outputs(self, codes: Sequence[int], directions: Sequence[int]) -> list[Frame]:
-        """The RPDOs that carry DAC `codes` and direction bits, one of each per joint."""
-        return [data_frame(cob_id, data) for cob_id, data in self._outputs.pack(codes, directions)]

@@ -39,8 +39,11 @@ class JointInputs:
             for joint, each in zip(cell.joints, sensors, strict=True)
         ]
         self._positions = [_channel(places, joint, each.position) for joint, each in enumerate(sensors)]
-        self._velocities = [_channel(places, joint, each.velocity) for joint, each in enumerate(sensors)]
-        self._currents = [_channel(places, joint, each.current) for joint, each in enumerate(sensors)]
+        self._others = [
+            (*_channel(places, joint, each.velocity)[:3], *_channel(places, joint, each.current)[:3])
+            for joint, each in enumerate(sensors)
+        ]
+        """Of each joint's speed and then of its current: place, code at 0, step."""
         self._without_speed = [joint for joint, each in enumerate(sensors) if each.velocity is None]
         self._without_current = [joint for joint, each in enumerate(sensors) if each.current is None]
         self._torque_per_ampere = arm.torque_per_ampere
@@ -96,33 +99,33 @@ class JointInputs:
         speeds: list[int] = []
         currents: list[int] = []
         positions, velocities, amperes = [], [], []
-        for angle, speed, current, sign in zip(
-            self._positions, self._velocities, self._currents, signs, strict=True
-        ):  # one loop: a comprehension per quantity costs twice as much
-            place, zero, step, _ = angle
-            angles.append(code := codes[place])
-            positions.append((code - zero) * step)
-            place, zero, step, _ = speed
-            speeds.append(code := codes[place])
-            velocities.append((code - zero) * step)
-            place, zero, step, _ = current
-            currents.append(code := codes[place])
-            amperes.append(sign * (code - zero) * step)
-        velocity = tuple(velocities)
         observer = self._observer
+        for channel, others, sign in zip(
+            self._positions, self._others, signs, strict=True
+        ):  # one loop: a comprehension per quantity costs twice as much
+            place, zero, step, skew_s = channel
+            code = codes[place]
+            angles.append(code)
+            angle = (code - zero) * step
+            place, zero, step, current, no_current, ampere = others
+            code = codes[place]
+            speeds.append(code)
+            rate = (code - zero) * step
+            velocities.append(rate)
+            positions.append(angle if observer is not None else angle - skew_s * rate)
+            code = codes[current]
+            currents.append(code)
+            amperes.append(sign * (code - no_current) * ampere)
         if observer is not None:
-            velocity = observer.predicted(velocity)
-        position = tuple(
-            [
-                angle - skew_s * rate
-                for angle, (_, _, _, skew_s), rate in zip(positions, self._positions, velocity, strict=True)
-            ]
-        )
-        if observer is not None:
-            velocity = observer.update(position, velocity, cycle.applied_nm)
+            velocity = observer.predicted(tuple(velocities))
+            rows = zip(positions, self._positions, velocity, strict=True)
+            position = tuple([angle - skew_s * rate for angle, (_, _, _, skew_s), rate in rows])
+            cycle.position_rad = position
+            cycle.velocity_rad_s = observer.update(position, velocity, cycle.applied_nm)
             for joint in self._without_speed:
                 speeds[joint] = 0
-        cycle.position_rad, cycle.velocity_rad_s = position, velocity
+        else:
+            cycle.position_rad, cycle.velocity_rad_s = tuple(positions), tuple(velocities)
         cycle.current_a = tuple(amperes)
         self.angle_codes, self.speed_codes, self.current_codes = angles, speeds, currents
         if self._without_current:

@@ -94,10 +94,18 @@ class ControlLoop:
         self._checks_internals = law not in LAWS.values()
         self._internals: Mapping[str, Sequence[float]] | None = None
         self._limits_a = limits_a
-        self._torque_per_ampere = list(self.arm.torque_per_ampere)
-        self._full_codes = [command_codec(cell, joint).full_scale for joint in range(len(cell.joints))]
-        self._directions = [tuple(map(int, bridge_directions(cell, joint))) for joint in range(len(cell.joints))]
-        """Direction bits of each joint for a negative and a positive torque, as plain integers, which are faster."""
+        self._amplifiers = [
+            (
+                per_ampere,
+                limits_a[joint],
+                command_codec(cell, joint).full_scale,
+                tuple(map(int, bridge_directions(cell, joint))),
+            )
+            for joint, per_ampere in enumerate(self.arm.torque_per_ampere)
+        ]
+        """Of each joint the torque in N·m per ampere, the largest current and its DAC code, and the direction bits for
+        a negative and for a positive torque, as plain integers, which are faster."""
+        self._unsaturated = (False,) * len(cell.joints)
         self.inputs = JointInputs(cell, slots, self.arm)
         """Scales of what is measured, and the codes of the last cycle."""
         self._block: Reference | None = None
@@ -179,7 +187,10 @@ class ControlLoop:
         begun_ns = 0 if stopwatch is None else stopwatch()
         self._internals = None
         try:
-            torque_nm = self._updated(law_cycle)
+            try:
+                torque_nm = self.law.update(law_cycle)
+            except BaseException as error:
+                raise law_failure(type(self.law), "update", error) from error
             if self._checks_internals:
                 self._internals = self.internals()
         finally:
@@ -187,37 +198,33 @@ class ControlLoop:
                 self.law_ns = stopwatch() - begun_ns
         return torque_nm
 
-    def _updated(self, law_cycle: Cycle) -> Sequence[float]:
-        try:
-            return self.law.update(law_cycle)
-        except BaseException as error:
-            raise law_failure(type(self.law), "update", error) from error
-
     def eased(self, torque_nm: Sequence[float]) -> list[float]:
         """The law's torques (N·m) without what would press two hands against each other at an object."""
-        plain = [float(torque) for torque in torque_nm]
+        plain = list(map(float, torque_nm))
         if self._shared is None or not self.law.takes_feedforward:
             return plain
         return self._shared.eased(plain, self.cycle.feedforward_nm)
 
     def outputs(self, torque_nm: Sequence[float]) -> tuple[list[int], list[int]]:
         """DAC codes and direction bits of the torques, limited to what the amplifiers have."""
-        codes, directions, applied, saturated = [], [], [], []
+        codes, directions, applied = [], [], []
+        signs, saturated = self._signs, self._unsaturated
         for joint, torque in enumerate(torque_nm):
-            per_ampere, limit = self._torque_per_ampere[joint], self._limits_a[joint]
+            per_ampere, limit, full_code, ways = self._amplifiers[joint]
             current = torque / per_ampere
-            is_saturated = not -limit <= current <= limit
-            if is_saturated:
+            if not -limit <= current <= limit:
                 current = limit if current > 0.0 else -limit
                 self.saturated_cycles[joint] += 1
-            magnitude = -current if current < 0.0 else current
-            code = int(magnitude * self._full_codes[joint] / limit + 0.5)
+                saturated = (*saturated[:joint], True, *saturated[joint + 1 :])
+            if current < 0.0:
+                signs[joint], magnitude, way = -1.0, -current, ways[0]
+            else:
+                signs[joint], magnitude, way = 1.0, current, ways[1]
+            code = int(magnitude * full_code / limit + 0.5)
             codes.append(code)
-            directions.append(self._directions[joint][current >= 0.0] if code else OFF)
-            self._signs[joint] = -1.0 if current < 0.0 else 1.0
+            directions.append(way if code else OFF)
             applied.append(current * per_ampere)
-            saturated.append(is_saturated)
-        self.cycle.applied_nm, self.cycle.saturated = tuple(applied), tuple(saturated)
+        self.cycle.applied_nm, self.cycle.saturated = tuple(applied), saturated
         return codes, directions
 
     def internals(self) -> Mapping[str, Sequence[float]]:

@@ -61,7 +61,9 @@ class SupervisedRun:
             self._judge(Verdict("recording-failed", str(error)))
 
     def _judge(self, verdict: Verdict | None) -> None:
-        if verdict is not None and self.state in (State.RUNNING, State.STOPPING):
+        if verdict is None:
+            return
+        if self.state in (State.RUNNING, State.STOPPING):
             row = DETECTORS[verdict.detector]
             reaction = row.reaction if row.reaction.stops else Reaction.OFF
             self._detect(verdict.detector, verdict.where, verdict.detail, reaction)

@@ -13,9 +13,13 @@ class Arrivals:
     def __init__(self, cob_ids: Collection[int], report: Callable[[str, int, str, Reaction | None], bool]) -> None:
         self._report = report
         self._was_missing: dict[int, bool] = dict.fromkeys(cob_ids, False)
+        self._is_any_missing = False
 
     def open_cycle(self, missing: Collection[int]) -> None:
         """SYNC is sent; `missing` did not arrive in the cycle that ends."""
+        if not missing and not self._is_any_missing:
+            return
+        self._is_any_missing = bool(missing)
         was_missing = self._was_missing
         for cob_id in was_missing:
             was_missing[cob_id] = cob_id in missing

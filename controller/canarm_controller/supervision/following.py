@@ -57,11 +57,17 @@ class FollowingWatch:
 
     def step(self, count: int, cycle: Cycle) -> None:
         """Judge the following error of cycle `count`, once its reference is known."""
-        if cycle.saturated == self._unsaturated and self._is_near(cycle.position_rad, cycle.reference_rad):
-            if self._is_following:
-                self._following = [0] * len(self._following)
-                self._is_following = False
-            return
+        if cycle.saturated == self._unsaturated:
+            for position, reference, limit in zip(
+                cycle.position_rad, cycle.reference_rad, self._limits_rad, strict=True
+            ):
+                if not -limit < position - reference < limit:
+                    break
+            else:
+                if self._is_following:
+                    self._following = [0] * len(self._following)
+                    self._is_following = False
+                return
         for index, (position, reference) in enumerate(zip(cycle.position_rad, cycle.reference_rad, strict=True)):
             error = position - reference
             limit = self._limits_rad[index]
@@ -71,13 +77,6 @@ class FollowingWatch:
                     self._excuse(count, index)
                 continue
             self._lag(count, index, cycle, error)
-
-    def _is_near(self, position_rad: Sequence[float], reference_rad: Sequence[float]) -> bool:
-        if len(self._limits_rad) == 2:  # without a loop, in half the time
-            (x1, x2), (wanted1, wanted2), (limit1, limit2) = position_rad, reference_rad, self._limits_rad
-            return -limit1 < x1 - wanted1 < limit1 and -limit2 < x2 - wanted2 < limit2
-        rows = zip(position_rad, reference_rad, self._limits_rad, strict=True)
-        return all(-limit < position - reference < limit for position, reference, limit in rows)
 
     def _lag(self, count: int, index: int, cycle: Cycle, error: float) -> None:
         """A joint is further from its reference than normal for the law."""

@@ -6,6 +6,7 @@ Owns thresholds and verdicts, not the reaction: the controller turns a verdict i
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite as _isfinite
 from numbers import Real
 
 import numpy as np
@@ -22,6 +23,12 @@ from .nominal import sensor_nominal
 from .thresholds import longest_step_rad, missing_cycles, range_rad, silent_cycles
 
 FOREIGN_MASTER = "foreign-master"
+_SYNC, _HEARTBEAT, _EMERGENCY, _OPERATIONAL = (
+    int(Cob.SYNC),
+    int(Cob.HEARTBEAT),
+    int(Cob.EMERGENCY),
+    NmtState.OPERATIONAL,
+)
 TIME_STEP_NS = 1_000_000
 """TIME counts milliseconds."""
 LATEST_NS = 1_000_000_000
@@ -64,6 +71,8 @@ class Supervisor:
         self._timeout_cycles = math.ceil(bus.heartbeat_timeout_ms * 1000 / bus.cycle_us)
         self._timeout_ms = bus.heartbeat_timeout_ms
         self._last_heartbeat = dict.fromkeys(self._cards, 0)
+        self._heard = 0
+        """No card's last heartbeat is older than this cycle."""
         self._started: set[int] = set()
         """Cards that have been seen in OPERATIONAL."""
         positions = [sensor_nominal(sensors.position) for sensors in joint_sensors(cell)]
@@ -72,6 +81,8 @@ class Supervisor:
         self._max_step_rad = [
             longest_step_rad(position, joint.fastest_rad_s, limits, bus.cycle_s) for joint, position in joints
         ]
+        self._bounds = [(*range_, step) for range_, step in zip(self._range_rad, self._max_step_rad, strict=True)]
+        """Lowest and highest angle of each joint, and its longest step."""
         self._missing_limit = missing_cycles(limits, bus.cycle_s)
         self._silent_limit = silent_cycles(limits, bus.cycle_s)
         self._missing = self._silent = 0
@@ -88,15 +99,15 @@ class Supervisor:
     def message(self, frame: Frame, tick: int) -> Verdict | None:
         """Judge a frame that is not process data: heartbeats, emergencies, another master. Malformed ones may pass."""
         can_id = frame.can_id
-        if can_id in (Cob.SYNC, self._controller_heartbeat):
-            what = "SYNC" if can_id == Cob.SYNC else "a heartbeat with our node-ID"
+        if can_id == _SYNC or can_id == self._controller_heartbeat:
+            what = "SYNC" if can_id == _SYNC else "a heartbeat with our node-ID"
             return Verdict(FOREIGN_MASTER, f"{what} that we did not send: another controller is on the bus")
         node_id = can_id & HIGHEST_NODE_ID
         name = self._cards.get(node_id)
         if name is None:
             return None
-        if can_id == Cob.HEARTBEAT + node_id and len(frame.data) == 1:
-            if frame.data[0] != NmtState.OPERATIONAL:
+        if can_id == _HEARTBEAT + node_id and len(frame.data) == 1:
+            if frame.data[0] != _OPERATIONAL:
                 if frame.data[0] == NmtState.PRE_OPERATIONAL and node_id not in self._started:
                     return None  # under way before NMT start took effect; `begin_cycle` limits how long
                 state = NmtState(frame.data[0]).name if frame.data[0] in set(NmtState) else f"0x{frame.data[0]:02X}"
@@ -104,7 +115,7 @@ class Supervisor:
                 return Verdict("card-state", detail, name)
             self._started.add(node_id)
             self._last_heartbeat[node_id] = tick
-        elif can_id == Cob.EMERGENCY + node_id:
+        elif can_id == _EMERGENCY + node_id:
             try:
                 emergency = Emergency.parse(frame.data)
             except FrameError:
@@ -160,6 +171,9 @@ class Supervisor:
 
     def begin_cycle(self, tick: int) -> Verdict | None:
         """Judge missing heartbeats of the cards."""
+        if tick - self._heard <= self._timeout_cycles:
+            return None
+        self._heard = min(self._last_heartbeat.values(), default=tick)
         for node_id, last in self._last_heartbeat.items():
             if tick - last > self._timeout_cycles:
                 what = "silent" if node_id in self._started else "not in OPERATIONAL after NMT start"
@@ -194,9 +208,9 @@ class Supervisor:
         last = self._last_position
         self._last_position = position_rad
         if last is not None:
-            rows = zip(self._range_rad, self._max_step_rad, position_rad, last, strict=True)
-            for (low, high), longest_rad, position, before in rows:
-                if not (low <= position <= high and abs(position - before) <= longest_rad * factor):
+            for (low, high, longest_rad), position, before in zip(self._bounds, position_rad, last, strict=True):
+                longest_rad *= factor
+                if not (low <= position <= high and -longest_rad <= position - before <= longest_rad):
                     break
             else:
                 return None
@@ -221,6 +235,12 @@ class Supervisor:
 
     def command(self, torque_nm: Sequence[float]) -> Verdict | None:
         """Judge the law's result, whatever its type: a law can be the user's own."""
+        if type(torque_nm) is list and len(torque_nm) == len(self._names):  # as nearly always
+            for torque in torque_nm:
+                if type(torque) is not float or not _isfinite(torque):
+                    break
+            else:
+                return None
         try:
             finite = [_is_finite(torque) for torque in torque_nm] if isinstance(torque_nm, OUTPUT_TYPES) else None
         except (TypeError, OverflowError):
@@ -241,7 +261,7 @@ def _is_finite(torque: object) -> bool:
     """Raises `TypeError` unless it is a real number, `OverflowError` for an int beyond the range of float."""
     if type(torque) is not float and not isinstance(torque, Real):  # an abstract class is slow to ask
         raise TypeError
-    return math.isfinite(torque)
+    return _isfinite(torque)
 
 
 def _foreign_time(what: str) -> Verdict:

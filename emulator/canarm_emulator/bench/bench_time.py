@@ -56,6 +56,7 @@ class BenchTime(ABC):
 
     def __init__(self, cell: Cell, truth: Truth, clock: Clock, seed: int, with_wire: bool = False) -> None:
         self.cell, self.clock = cell, clock
+        self._is_lockstep, self._cycle_ns, self._has_object = clock is Clock.SYNC, cell.bus.cycle_ns, bool(cell.object)
         self.on_cycle: Callable[[CycleTruth], None] | None = None
         self.on_rested: Callable[[int], None] | None = None
         """Called when time has run on before a new controller, with the ns that it took."""
@@ -158,11 +159,11 @@ class BenchTime(ABC):
     @property
     def next_due_ns(self) -> int:
         """When `advance` has something to send."""
-        due_ns = self.nodes.next_due_ns
-        if self._node_slave.next_due_ns < due_ns:
-            due_ns = self._node_slave.next_due_ns
-        if self._scan.due_ns < due_ns:
-            due_ns = self._scan.due_ns
+        due_ns, other_ns, scan_ns = self.nodes.next_due_ns, self._node_slave.next_due_ns, self._scan.due_ns
+        if other_ns < due_ns:
+            due_ns = other_ns
+        if scan_ns < due_ns:
+            due_ns = scan_ns
         if self.wire is not None and (wire_due_ns := self.wire.next_due_ns) < due_ns:
             due_ns = wire_due_ns
         return due_ns if self._faults is None else min(due_ns, self.hooks.due_ns)

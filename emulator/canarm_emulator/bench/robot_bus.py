@@ -9,7 +9,7 @@ from canarm_protocol.canopen.frames import HIGHEST_NODE_ID, Cob, Frame, NmtState
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 
-from ..bus_record import Record, record
+from ..bus_record import Record, new_record
 from ..node.slave import Emit, Slave
 from ..robot.timeline import Timeline
 from ..wire.bus_trouble import BusTrouble, origin_of, wire_name
@@ -108,7 +108,7 @@ class RobotBus:
             elif is_wired or off or frame.can_id in nodes.takers:
                 self.put_out(time_ns, frame, name)
             else:
-                self.records.append(record(time_ns, frame))
+                self.records.append(new_record(Record, (time_ns, frame, None)))
 
         return emit
 
@@ -131,7 +131,7 @@ class RobotBus:
         if self.wire is not None and (self._is_carried(frame) or self.is_lost(origin)):
             self._queue(self.wire, frame, wire_name(origin))
         else:
-            self._arrive(record(time_ns, frame, origin), self._off)
+            self._arrive(new_record(Record, (time_ns, frame, origin)), self._off)
 
     def intrude(self, time_ns: int, frame: Frame, origin: Hashable) -> None:
         """A frame of an intruder gets on the bus. The intruder can queue one frame."""
@@ -200,17 +200,17 @@ class RobotBus:
         A frame that nobody takes counts as ignored, unless a card has sent it.
         """
         self.records.append(record)
-        frame = record.frame
-        takers = self._nodes.takers.get(frame.can_id)
-        if frame.is_remote and not frame.is_extended and self._nodes.answer_remote(frame.can_id, self._off):
+        can_id, data, is_extended, is_remote = record[1]
+        takers = self._nodes.takers.get(can_id)
+        if is_remote and not is_extended and self._nodes.answer_remote(can_id, self._off):
             return
-        if takers is None or frame.is_extended or frame.is_remote:
+        if takers is None or is_extended or is_remote:
             self.ignored_frames += not is_card
             return
-        data, self.missed_by = frame.data, missed_by
-        for taker in takers:
-            if taker.name not in missed_by:
-                taker.take(data)
+        self.missed_by = missed_by
+        for name, take in takers:
+            if name not in missed_by:
+                take(data)
 
     def _is_carried(self, frame: Frame) -> bool:
         """Whether a frame goes through the wire model, if there is one."""

@@ -50,7 +50,8 @@ class SpeedRipple:
             self.mean += delta / self.count
             self.squares += delta * (speed_rad_s - self.mean)
         else:
-            self._end_stretch()
+            if self.count:
+                self._end_stretch()
             self.step_rad = step
         self.last_rad = reference_rad
 
@@ -117,12 +118,11 @@ class Assessor:
         """
         self._truth[cycle % KEPT_CYCLES] = (cycle, joints)
         before, self._supply_limited = self._supply_limited, supply_limited
-        for index, (joint, score, limit) in enumerate(zip(joints, self.scores, self._limit_a, strict=True)):
-            current = joint.current_a if joint.current_a >= 0.0 else -joint.current_a
-            if current > score.peak_current_a:
-                score.peak_current_a = current
-            at_limit = joint.command_a >= limit or -joint.command_a >= limit
-            if at_limit or supply_limited[index] > before[index]:
+        rows = zip(joints, self.scores, self._limit_a, supply_limited, before, strict=True)
+        for (_, _, current_a, command_a, _, _), score, limit_a, steps, steps_before in rows:
+            if not -score.peak_current_a <= current_a <= score.peak_current_a:
+                score.peak_current_a = abs(current_a)
+            if steps > steps_before or not -limit_a < command_a < limit_a:
                 score.saturated_cycles += 1
 
     def reference(self, tick: int, joint: int, angle_rad: float) -> None:
@@ -131,11 +131,10 @@ class Assessor:
         if kept is None or kept[0] != tick or tick < SETTLING_CYCLES or not -LARGEST_RAD < angle_rad < LARGEST_RAD:
             return
         score = self.scores[joint]
-        true = kept[1][joint]
-        error = (true.angle_rad - angle_rad) / score.lsb_rad
+        true_rad, speed_rad_s, _, _, _, _ = kept[1][joint]
+        error = (true_rad - angle_rad) / score.lsb_rad
         score.samples += 1
         score.sum_of_squares += error * error
-        size = error if error >= 0.0 else -error
-        if size > score.max_lsb:
-            score.max_lsb = size
-        score.ripple.add(angle_rad, true.speed_rad_s)
+        if not -score.max_lsb <= error <= score.max_lsb:
+            score.max_lsb = abs(error)
+        score.ripple.add(angle_rad, speed_rad_s)

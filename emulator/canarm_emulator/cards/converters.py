@@ -1,5 +1,7 @@
 """Characteristics of converters of any resolution, with their errors. Registers belong to the cards."""
 
+from collections.abc import Sequence
+
 from canarm_protocol.cards.kind import highest_code
 
 from ..robot.truth import AdcTruth
@@ -54,14 +56,22 @@ class Converter:
             self._result = self._converting
         return self._result
 
-    def convert(self, volts: float, now_ns: int) -> int:
-        """Start a conversion, and read its result when it is done."""
-        self._result = self._converting = code = self.code(volts)
-        self._done_ns = now_ns + self.conversion_ns
-        return code
+    def convert(self, volts: Sequence[float], last_ns: int) -> list[int]:
+        """Make one conversion after the other, and read each result when it is done; the last starts at `last_ns`."""
+        codes = self._codes(volts)
+        self._result = self._converting = codes[-1]
+        self._done_ns = last_ns + self.conversion_ns
+        return codes
 
     def code(self, volts: float) -> int:
         """The converter's characteristic."""
-        step, full_scale = volts * self._gain if volts > 0.0 else 0.0, self._full_scale
-        code = int(step + self._offset + self._bow * step * (full_scale - step))
-        return 0 if code < 0 else full_scale if code > full_scale else code
+        return self._codes((volts,))[0]
+
+    def _codes(self, volts: Sequence[float]) -> list[int]:
+        gain, offset, bow, full_scale = self._gain, self._offset, self._bow, self._full_scale
+        codes = []
+        for each in volts:
+            step = each * gain if each > 0.0 else 0.0
+            code = int(step + offset + bow * step * (full_scale - step))
+            codes.append(0 if code < 0 else full_scale if code > full_scale else code)
+        return codes

@@ -5,7 +5,7 @@ would make them. Frames, states and time-outs are in `slave.py`; `IoDevice` docu
 own registers.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 from canarm_protocol.canopen.dictionary import (
@@ -56,8 +56,10 @@ class LatchRegister(RegisterCard, Protocol):
 class AdcRegisters(RegisterCard, Protocol):
     """A card of one A/D converter behind a multiplexer."""
 
-    def convert(self, volts: float, now_ns: int) -> int:
-        """Start the conversion of a channel with this voltage at its pin, and read the data when they are ready."""
+    def convert(self, volts: Sequence[float], last_ns: int) -> list[int]:
+        """Convert one channel after the other, with these voltages at their pins: start each, and read its data when
+        they are ready. The last one starts at `last_ns`.
+        """
         ...
 
 
@@ -129,17 +131,20 @@ class LatchDevice:
         return self._write
 
     def _write(self, value: int) -> None:
-        self._card.write(0, self._masked(value), self._clock.time_ns)
+        self._card.write(0, value if self._mask == ALL_BITS else self._masked(value), self._clock.time_ns)
 
     def _masked(self, value: int) -> int:
         mask = self._mask
-        return value if mask == ALL_BITS else self._card.value & ~mask | value & mask
+        return self._card.value & ~mask | value & mask
 
     def refusal(self, index: int, subindex: int) -> Refusal | None:
         """Both directions of a joint at once are refused, also for the time when nobody drives it."""
         if (index, subindex) == (DIGITAL_OUTPUT, 1):
-            return lambda value: self._is_illegal(self._masked(value))
+            return self._is_refused
         return self._is_illegal if (index, subindex) == (DIGITAL_ERROR_VALUE, 1) else None
+
+    def _is_refused(self, value: int) -> bool:
+        return self._is_illegal(value if self._mask == ALL_BITS else self._masked(value))
 
     def _is_illegal(self, bits: int) -> bool:
         return bool(bits & bits >> 1 & self._clockwise)
@@ -183,9 +188,9 @@ class AdcDevice:
 
     def scan(self, begin_ns: int, samples: Samples, values: list[float]) -> None:
         """Convert one channel after the other: start, and read when the conversion is over."""
-        convert, codes, distortions = self._card.convert, self._codes, self._distortions
-        for channel, offset_ns, place in samples:
-            code = convert(values[place], begin_ns + offset_ns)
+        codes, distortions = self._codes, self._distortions
+        read = self._card.convert([values[place] for _, _, place in samples], begin_ns + samples[-1][1])
+        for (channel, _, _), code in zip(samples, read, strict=True):
             if distortions and channel in distortions:
                 code = int(distortions[channel](code))
             codes[channel] = code

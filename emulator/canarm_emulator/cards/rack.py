@@ -109,15 +109,13 @@ class Rack:
         joints = {channel.number - 1: self._cell.far_joint(card, channel) for channel in card.channel}
         world = self._world
         if card.kind.is_output:
-            is_direction = card.kind.takes is Wire.DIRECTION
+            set_joint: Callable[[int, float], None] = world.set_dac_output
+            if card.kind.takes is Wire.DIRECTION:
+                set_joint = lambda joint, bits: world.set_direction(joint, int(bits))  # noqa: E731
 
             def set_output(channel: int, value: float) -> None:
-                if channel not in joints:
-                    return
-                if is_direction:
-                    world.set_direction(joints[channel], int(value))
-                else:
-                    world.set_dac_output(joints[channel], value)
+                if channel in joints:
+                    set_joint(joints[channel], value)
 
             return plug_in(card, self._connections(card, set_output))
         sources = {

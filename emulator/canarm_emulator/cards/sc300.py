@@ -33,6 +33,8 @@ class Sc300Card:
     def write(self, address: int, value: int, now_ns: int) -> None:
         """Load the latch."""
         changed = self.value ^ value
+        if not changed:
+            return
         self.value = value & 0xFF
         for channel in range(CHANNELS):
             if changed >> BITS_PER_JOINT * channel & 0b11:

@@ -212,10 +212,11 @@ class Pdos:
             setter(value)
 
     def _look_for_refused(self, number: int, values: Sequence[int]) -> None:
-        if any(is_refused(values[place]) for place, is_refused in self._refusals[number]):
-            self.refused.add(number)
-        else:
-            self.refused.discard(number)
+        for place, is_refused in self._refusals[number]:
+            if is_refused(values[place]):
+                self.refused.add(number)
+                return
+        self.refused.discard(number)
 
     def _refusals_of(self, layout: PdoLayout) -> list[tuple[int, Refusal]]:
         found = ((place, self._device.refusal(m.index, m.subindex)) for place, m in enumerate(layout.objects))

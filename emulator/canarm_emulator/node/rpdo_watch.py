@@ -20,6 +20,8 @@ class RpdoWatch:
     def __init__(self, store: ObjectStore, emergency: EmergencyProducer) -> None:
         self.due_ns = NEVER
         """When the next deadline is missed."""
+        self.is_timed = False
+        """Whether any RPDO is due in time."""
         self._store, self._emergency = store, emergency
         self._timers_ns: dict[int, int] = {}
         self._due_ns: dict[int, int] = {}
@@ -31,6 +33,7 @@ class RpdoWatch:
         """Monitor those of `rpdos` whose event timer is not 0; each waits for its first frame."""
         timers_ms = {p.number: self._store.optional(COMMUNICATION["rpdo"] + p.number - 1, EVENT_TIMER) for p in rpdos}
         self._timers_ns = {number: time_ms * MILLISECOND for number, time_ms in timers_ms.items() if time_ms}
+        self.is_timed = bool(self._timers_ns)
         self.restart()
 
     def reset(self) -> None:
@@ -57,7 +60,7 @@ class RpdoWatch:
 
     def received(self, number: int, now_ns: int) -> bool:
         """A valid RPDO came; returns whether any due time may have changed."""
-        timer_ns = self._timers_ns.get(number) if self._timers_ns else None
+        timer_ns = self._timers_ns.get(number)
         if timer_ns is not None:
             self._missed.discard(number)
             self._due_ns[number] = now_ns + timer_ns

@@ -189,10 +189,12 @@ class Slave:
             self._rpdo_watch.too_short(layout.number, now_ns)
             self._schedule()
             return
-        if self._rpdo_watch.received(layout.number, now_ns):
+        pdos, present = self.pdos, self._emergency.present
+        if (self._rpdo_watch.is_timed or present) and self._rpdo_watch.received(layout.number, now_ns):
             self._schedule()
-        self.ignored_frames += not self.pdos.take(layout, data, now_ns)
-        if self.pdos.refused or self._emergency.present:
+        if not pdos.take(layout, data, now_ns):
+            self.ignored_frames += 1
+        if pdos.refused or present:
             self._tell_refused(now_ns)
 
     def on_sync(self, data: bytes, now_ns: int) -> list[PdoLayout]:
@@ -203,14 +205,15 @@ class Slave:
         """
         if self.state in SILENT_STATES:
             return []
-        if len(data) != self.pdos.sync_length:
+        pdos = self.pdos
+        if len(data) != pdos.sync_length:
             self._emergency.begin(ErrorCode.SYNC_LENGTH, now_ns)
             self._schedule()
         elif self._emergency.present:
             self._emergency.end(ErrorCode.SYNC_LENGTH, now_ns)
             self._schedule()
-        due = self.pdos.on_sync(data, now_ns)
-        if self.pdos.refused or self._emergency.present:
+        due = pdos.on_sync(data, now_ns)
+        if pdos.refused or self._emergency.present:
             self._tell_refused(now_ns)
         return due
 

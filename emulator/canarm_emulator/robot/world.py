@@ -28,6 +28,7 @@ from .truth import Truth
 __all__ = ["DirectionBits", "JointState", "Quantity", "SaturatedSteps", "Source", "World"]
 
 _new = tuple.__new__  # takes a third of the time of a named tuple's own
+_CURRENT, _DIRECTION = Command.CURRENT, Command.DIRECTION  # looking them up is slow
 _LARGEST_SPEED_RAD_S = 1e3  # no arm gets there: the integration has diverged
 
 
@@ -97,22 +98,29 @@ class World:
             (joint, brake) for joint, brake in enumerate(brakes) if brake is not None
         )
         self._parking = Parking(cell)
-        self._hold()
-        self._moment = Moment(self._drives, self._plant.motor_dof)
+        self._connect()
         self._deviates = normal_deviates(self._seed)
         self._grid.cache_clear()
         self._schedule = None
 
+    def _connect(self) -> None:
+        """Take over what a new plant has: which coordinate is which joint's motor, and what rests on supports."""
+        motors = self._plant.motor_dof
+        self._moment = Moment(self._drives, motors)
+        self._by_joint = list(zip(range(len(motors)), self._drives, motors, strict=True))
+        """Joint, its drive, and its motor's coordinate."""
+        self._hold()
+
     def set_dac_output(self, joint_index: int, fraction: float) -> None:
         """Output of the joint's DAC0808, I_out/I_ref from 0 to 255/256; it acts from `time_ns` on."""
-        self._drives[joint_index].take(Command.CURRENT, fraction)
+        self._drives[joint_index].take(_CURRENT, fraction)
 
     def set_direction(self, joint_index: int, bits: int) -> None:
         """Latch bits of the joint's bridge, see `DirectionBits`. 0b11 opens the bridge and is counted.
 
         Raises `ValueError` outside 0..3.
         """
-        self._drives[joint_index].take(Command.DIRECTION, bits)
+        self._drives[joint_index].take(_DIRECTION, bits)
 
     def set_supply(self, joint_index: int, is_on: bool) -> None:
         """Close or open the supply of the joint's amplifier, as the emergency stop does."""
@@ -138,8 +146,7 @@ class World:
         """
         self._plant = self._plant.changed(truth)
         self._truth = truth
-        self._moment = Moment(self._drives, self._plant.motor_dof)
-        self._hold()
+        self._connect()
         for drive, joint_truth in zip(self._drives, truth.joints, strict=True):
             drive.change(joint_truth)
         for joint, brake in self._brakes:
@@ -149,7 +156,7 @@ class World:
 
     def strike(self, joint_index: int, impulse_nm_s: float) -> None:
         """Hit the joint's link, counter-clockwise if positive. An arm on its support stays there."""
-        if self._rests() or joint_index in self._held:
+        if self._held and (self._rests() or joint_index in self._held):
             return
         impulses_nm_s = [0.0] * len(self._drives)
         impulses_nm_s[joint_index] = impulse_nm_s
@@ -188,7 +195,7 @@ class World:
         angle, speed = self._plant.angle, self._plant.speed
         states = [
             _new(JointState, (angle[i], speed[i], drive.current_a, drive.command_a, angle[motor], speed[motor]))
-            for i, (drive, motor) in enumerate(zip(self._drives, self._plant.motor_dof, strict=True))
+            for i, drive, motor in self._by_joint
         ]
         for joint, brake in self._brakes:
             if brake.current_a:
@@ -219,7 +226,7 @@ class World:
             if duration_ns < 0:
                 raise ValueError(f"cannot advance to {until_ns} ns: it is {self.time_ns} ns already")
             return
-        if not self._rests():
+        if not (self._held and self._rests()):
             grid = self._grid(duration_ns)
             for _ in range(grid.step_count):
                 self._step(grid)
@@ -234,11 +241,11 @@ class World:
         values: list[float] = []
         if not duration_ns:
             return [self.sample(source) for source in sources]
-        plant, drives, deviates, moment = self._plant, self._drives, self._deviates, self._moment
+        plant, drives, moment, deviate = self._plant, self._drives, self._moment, self._deviates.__next__
         grid = self._grid(duration_ns)
         if schedule is not self._schedule:
             self._schedule, self._schedule_samples = schedule, _samples(schedule, grid.step_count)
-        rests = self._rests()
+        rests = bool(self._held) and self._rests()
         moment.step_s = grid.step_s
         for samples in self._schedule_samples:
             moment.old_angle, moment.old_speed = plant.angle, plant.speed
@@ -247,7 +254,7 @@ class World:
                 self._step(grid)
             moment.angle, moment.speed = plant.angle, plant.speed
             for sample, within in samples:
-                values.append(sources[sample].read(moment, within, next(deviates)))
+                values.append(sources[sample].read(moment, within, deviate()))
         self.time_ns += duration_ns
         return values
 
@@ -262,15 +269,14 @@ class World:
 
     def _step(self, grid: _Grid) -> None:
         plant, torque_nm, decays = self._plant, self._torque_nm, grid.decays
-        speed, motor_dof = plant.speed, plant.motor_dof
-        for joint, drive in enumerate(self._drives):
+        angle, speed = plant.angle, plant.speed
+        for joint, drive, motor in self._by_joint:
             decay, mean_weight = decays[joint]
-            torque_nm[joint] = drive.step(speed[motor_dof[joint]], decay, mean_weight)
+            torque_nm[joint] = drive.step(speed[motor], decay, mean_weight)
         for joint, brake in self._brakes:
-            is_asked, motor_rad_s = self._drives[joint].command_a != 0.0, speed[motor_dof[joint]]
+            is_asked, motor_rad_s = self._drives[joint].command_a != 0.0, speed[plant.motor_dof[joint]]
             torque_nm[joint] = brake.step(is_asked, torque_nm[joint], motor_rad_s, grid.step_s)
             plant.brake(joint, brake.friction_nm)
-        angle = plant.angle
         plant.step(torque_nm, grid.step_s)
         if self._held:
             plant.hold(angle, self._held)
@@ -284,9 +290,7 @@ class World:
         return len(self._parking.joints) == len(self._drives)
 
     def _rests(self) -> bool:
-        """Whether nothing can move. Robots with a bridge on leave their supports first."""
-        if not self._held:
-            return False
+        """Whether nothing can move, now that something is held. Robots with a bridge on leave their supports first."""
         if self._parking.free(self._drives):
             self._hold()
         return self.parked

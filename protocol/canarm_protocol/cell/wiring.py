@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..canopen.dictionary import Dictionary, default_value, load_dictionary
+from ..canopen.frames import Frame, data_frame
 from ..canopen.pdo import (
     COMMUNICATION,
     DISABLED,
@@ -140,9 +141,9 @@ class OutputFrames:
                 only, several = ([each[0] for each in objects], []) if is_single else ([], objects)
                 self._frames.append((layout, card.kind.takes is Wire.DIRECTION, only, several))
 
-    def pack(self, codes: Sequence[int], directions: Sequence[int]) -> list[tuple[int, bytes]]:
-        """COB-ID and data of each RPDO, from DAC `codes` and 2-bit `directions`, one of each per joint."""
-        packed = []
+    def frames(self, codes: Sequence[int], directions: Sequence[int]) -> list[Frame]:
+        """The RPDOs that carry DAC `codes` and 2-bit `directions`, one of each per joint."""
+        frames = []
         for layout, is_direction, only, several in self._frames:
             source = directions if is_direction else codes
             values = [source[joint] << shift for joint, shift in only]
@@ -151,8 +152,8 @@ class OutputFrames:
                 for joint, shift in parts:
                     value |= source[joint] << shift
                 values.append(value)
-            packed.append((layout.cob_id, layout.pack(*values)))
-        return packed
+            frames.append(data_frame(layout.cob_id, layout.pack(*values)))
+        return frames
 
 
 def command_codec(cell: Cell, joint: int) -> Codec:

@@ -20,6 +20,7 @@ DAC_FULL_SCALE = 255 / 256
 OPAMP, CURRENT = "opamp", "amplifier.current"
 """Its stages at which faults act, as their taps are called."""
 
+_CURRENT = Command.CURRENT  # looking it up is slow
 _SIGN: dict[int, int] = {
     DirectionBits.OFF: 0,
     DirectionBits.CLOCKWISE: -1,
@@ -117,7 +118,7 @@ class D669Drive:
 
     def take(self, command: Command, value: float) -> None:
         """The DAC's output (I_out/I_ref), or the latch's bits."""
-        if command is Command.CURRENT:
+        if command is _CURRENT:
             self._dac_fraction = value
             self.refresh_command()
         else:
