@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from canarm_emulator.bench.bench import Bench
 from canarm_emulator.cards.adc import DATA_HIGH, DATA_LOW, END_OF_CONVERSION, STATUS, AdcCard
 from canarm_emulator.cards.dac import DacCard
+from canarm_emulator.cards.plugged import Samples
 from canarm_emulator.cards.registers import OPEN_BUS
 from canarm_emulator.robot.truth import AdcTruth, Truth
 from canarm_protocol.canopen.dictionary import eds_text
@@ -143,9 +144,9 @@ def watch_starts(card: Any, times_ns: list[int]) -> None:
     """Note when a card's conversions start."""
     convert = card.convert
 
-    def noted(volts: float, now_ns: int) -> int:
-        times_ns.append(now_ns)
-        return int(convert(volts, now_ns))
+    def noted(begin_ns: int, samples: Samples, volts: list[float]) -> Any:
+        times_ns.extend(begin_ns + offset_ns for _, offset_ns, _ in samples)
+        return convert(begin_ns, samples, volts)
 
     card.convert = noted
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from canarm_protocol.cards.kind import highest_code
 
 from ..robot.truth import AdcTruth
+from .plugged import Samples
 
 NO_ERRORS = AdcTruth()
 STEPS = 256
@@ -56,11 +57,11 @@ class Converter:
             self._result = self._converting
         return self._result
 
-    def convert(self, volts: Sequence[float], last_ns: int) -> list[int]:
-        """Make one conversion after the other, and read each result when it is done; the last starts at `last_ns`."""
-        codes = self._codes(volts)
+    def convert(self, begin_ns: int, samples: Samples, volts: Sequence[float]) -> list[int]:
+        """Make one conversion after the other, and read each result when it is done: a code for each sample."""
+        codes = self._codes([volts[place] for _, _, place in samples])
         self._result = self._converting = codes[-1]
-        self._done_ns = last_ns + self.conversion_ns
+        self._done_ns = begin_ns + samples[-1][1] + self.conversion_ns
         return codes
 
     def code(self, volts: float) -> int:

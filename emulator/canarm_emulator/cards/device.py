@@ -56,10 +56,8 @@ class LatchRegister(RegisterCard, Protocol):
 class AdcRegisters(RegisterCard, Protocol):
     """A card of one A/D converter behind a multiplexer."""
 
-    def convert(self, volts: Sequence[float], last_ns: int) -> list[int]:
-        """Convert one channel after the other, with these voltages at their pins: start each, and read its data when
-        they are ready. The last one starts at `last_ns`.
-        """
+    def convert(self, begin_ns: int, samples: Samples, volts: Sequence[float]) -> list[int]:
+        """Convert one channel after the other: start each, and read its data when they are ready."""
         ...
 
 
@@ -189,7 +187,7 @@ class AdcDevice:
     def scan(self, begin_ns: int, samples: Samples, values: list[float]) -> None:
         """Convert one channel after the other: start, and read when the conversion is over."""
         codes, distortions = self._codes, self._distortions
-        read = self._card.convert([values[place] for _, _, place in samples], begin_ns + samples[-1][1])
+        read = self._card.convert(begin_ns, samples, values)
         for (channel, _, _), code in zip(samples, read, strict=True):
             if distortions and channel in distortions:
                 code = int(distortions[channel](code))
