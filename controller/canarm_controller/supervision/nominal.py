@@ -6,14 +6,16 @@ Turns cell and nominal arm into plain numbers; `thresholds.py` derives the limit
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from canarm_protocol.cell.model import Cell, Joint, Robot
 from canarm_protocol.cell.sensing import JointSensors, WiredSensor, joint_sensors
 from canarm_protocol.cell.sensors import AnalogueSensor
 
-from ..dynamics import Arm, nominal_arm
+from ..dynamics import Arm, Floats, nominal_arm
 from .uncertainty import PAYLOAD, TORQUE_CONSTANT
 
 ROUNDING_LSB = 1.0 / math.sqrt(12.0)
@@ -112,29 +114,40 @@ def _loads(arm: Arm, heavier: Arm, limits_deg: Sequence[tuple[float, float]]) ->
     steps = np.array([PLASTIC ** -(axis + 1) for axis in range(count)])
     lightest = PAYLOAD[0] / PAYLOAD[1]
     rotors = np.diag(arm.rotor_inertia)
-    mobility, falling, weight, payload, sagging = [], [], [], [], []
-    for number in range(1, POSES + 1):
-        pose = (low + (high - low) * ((0.5 + number * steps) % 1.0)).tolist()
-        inertia, gravity = np.array(arm.inertia(pose)) + rotors, np.array(arm.gravity(pose))
-        inverse = np.linalg.inv(inertia)
-        mobility.append(np.diag(inverse))
-        falling.append(np.abs(inverse @ gravity))
-        weight.append(np.abs(gravity))
-        more_inertia = np.array(heavier.inertia(pose)) + rotors - inertia
-        more_gravity = np.array(heavier.gravity(pose)) - gravity
-        payload.append(np.abs(more_gravity) * max(1.0, -lightest))
-        for share in (lightest, 1.0):
-            true = np.linalg.inv(inertia + share * more_inertia)
-            sagging += [np.abs(true @ ((factor - 1.0) * gravity - share * more_gravity)) for factor in TORQUE_CONSTANT]
+    poses = low + (high - low) * ((0.5 + np.outer(np.arange(1, POSES + 1), steps)) % 1.0)
+    inertia, gravity = _along(arm, poses)
+    more_inertia, more_gravity = (
+        more - own for more, own in zip(_along(heavier, poses), (inertia, gravity), strict=True)
+    )
+    inverse = np.linalg.inv(inertia + rotors)
+    mobility = np.diagonal(inverse, axis1=1, axis2=2)
+    falling, weight = np.abs(_times(inverse, gravity)), np.abs(gravity)
+    payload = np.abs(more_gravity) * max(1.0, -lightest)
+    sagging: list[Floats] = []
+    for share in (lightest, 1.0):
+        true = np.linalg.inv(inertia + rotors + share * more_inertia)
+        rows = ((factor - 1.0) * gravity - share * more_gravity for factor in TORQUE_CONSTANT)
+        sagging += [np.abs(_times(true, row)) for row in rows]
     extremes = (
         np.min(mobility, 0),
         np.max(mobility, 0),
-        *(np.max(rows, 0) for rows in (falling, weight, payload, sagging)),
+        *(np.max(rows, 0) for rows in (falling, weight, payload, np.concatenate(sagging))),
     )
     return [
         _Load((least, most), *others)
         for least, most, *others in zip(*(extreme.tolist() for extreme in extremes), strict=True)
     ]
+
+
+def _along(arm: Arm, poses: Floats) -> tuple[Floats, Floats]:
+    """Inertia matrix without rotors, (poses, joints, joints), and gravity, (poses, joints), in each of the poses."""
+    rows = poses.tolist()
+    return np.array([arm.inertia(pose) for pose in rows]), np.array([arm.gravity(pose) for pose in rows])
+
+
+def _times(matrices: NDArray[np.floating[Any]], vectors: Floats) -> Floats:
+    product: Floats = (matrices @ vectors[..., None])[..., 0]
+    return product
 
 
 def _nominal(name: str, joint: Joint, load: _Load, sensors: JointSensors) -> JointNominal:

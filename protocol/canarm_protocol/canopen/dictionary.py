@@ -1,5 +1,6 @@
 """Object dictionaries of the cards, read from their EDS files."""
 
+import functools
 import io
 from importlib import resources
 from typing import Any
@@ -26,13 +27,18 @@ TRIGGER_SELECTION, INTERRUPT_SOURCE, INTERRUPT_ENABLE = 0x6421, 0x6422, 0x6423
 UPPER_LIMIT, LOWER_LIMIT, DELTA, NEGATIVE_DELTA, POSITIVE_DELTA = 0x6424, 0x6425, 0x6426, 0x6427, 0x6428
 
 
+@functools.cache
 def eds_text(model: str) -> str:
     """The EDS file of a kind of card, by its name."""
     return (resources.files("canarm_protocol") / "eds" / f"{model}.eds").read_text(encoding="ascii")
 
 
+@functools.cache
 def load_dictionary(model: str, node_id: int) -> Dictionary:
-    """The object dictionary of a card as a node: `$NODEID` in the EDS stands for `node_id`."""
+    """The object dictionary of a card as a node: `$NODEID` in the EDS stands for `node_id`.
+
+    It is read once, which takes longer than a second of a run, and is the same for everybody: nobody may change it.
+    """
     return canopen.import_od(_named(eds_text(model), f"{model}.eds"), node_id)
 
 
