@@ -7,7 +7,7 @@ import pytest
 
 from canarm_protocol.errors import BusError
 from canarm_tui import DashboardApp, TerminalError, run_dashboard
-from canarm_tui.joints_view import JointsTable
+from canarm_tui.joints_table import JointsTable
 from canarm_tui.outcome import Outcome, OutcomePanel
 from canarm_tui.plot import LABEL_WIDTH
 from canarm_tui.texts import Word
@@ -42,7 +42,7 @@ def line(app, name):
 
 
 def row(app, index):
-    return [str(cell).strip() for cell in app.screen_stack[0].query_one(JointsTable).get_row_at(index)]
+    return app.screen_stack[0].query_one(JointsTable).row(index)
 
 
 def screen_text(app):
@@ -172,7 +172,7 @@ async def test_while_nothing_comes_the_traces_are_not_drawn_again(app, port, wir
         await shown(app, pilot)
         traces = [trace for trace in app.query(Trace) if trace.region]
         for trace in traces:
-            trace._draw = lambda *size: drawn.append(size) or []
+            trace.draw = lambda *size: drawn.append(size) or []
         for _ in range(5):
             clock.advance(0.1)
             port.arriving = wire.telemetry(8, 0.5)

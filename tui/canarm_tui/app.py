@@ -37,8 +37,8 @@ from .view_tabs import ViewTabs
 from .views import Context, Pane, Scene
 from .widgets import FaultPanel, WordLine
 
-DRAIN_HZ = 20
-REDRAW_HZ = 10
+DRAIN_HZ = 32
+REDRAW_HZ = 16
 IDLE_NS = 1_000_000_000
 """Without new cycles, ages and counters are drawn this often, so that watching an idle bench is cheap."""
 ANSWER_NS = 6_000_000_000

@@ -6,24 +6,24 @@ from typing import ClassVar
 import numpy as np
 from rich.segment import Segment
 from textual.strip import Strip
-from textual.widget import Widget
 
 from canarm_protocol.cell.model import Cell
 
 from . import texts
 from .arm_drawing import Layer, Pose, drawing, projections
 from .braille import BLANK
+from .drawn import Drawn
 from .kinematics import joint_places
 from .styles import line_of
 from .texts import Tone, Word
 
 
-class ArmPicture(Widget):
+class ArmPicture(Drawn):
     """The arms of `cell`; `turn` goes to the next view."""
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = {f"arm--{layer.name.lower()}" for layer in Layer}
+    COMPONENT_CLASSES: ClassVar[set[str]] = {"arm--blank", *(f"arm--{layer.name.lower()}" for layer in Layer)}
     DEFAULT_CSS = """
-    ArmPicture { padding: 0 1; min-height: 5; }
+    ArmPicture { min-height: 5; margin: 0 0 0 1; }
     ArmPicture .arm--ground { color: $foreground 50%; }
     ArmPicture .arm--trail { color: $foreground 60%; }
     ArmPicture .arm--reference { color: $text-warning; }
@@ -35,7 +35,6 @@ class ArmPicture(Widget):
         super().__init__(id="arm")
         self._cell, self._views, self._turned = cell, projections(cell), 0
         self._pose: Pose | None = None
-        self._drawn: tuple[object, list[Strip]] | None = None
 
     @property
     def view_name(self) -> str:
@@ -50,25 +49,12 @@ class ArmPicture(Widget):
             for name in ("true_rad", "reference_rad", "trail_rad")
         ):
             self._pose = pose
-            self.refresh()
+            self.redraw()
 
     def turn(self) -> None:
         """The next view: from the other side, from above."""
         self._turned = (self._turned + 1) % len(self._views)
-        self.refresh()
-
-    def notify_style_update(self) -> None:
-        """The theme has changed: discard everything drawn before."""
-        super().notify_style_update()
-        self._drawn = None
-
-    def render_line(self, y: int) -> Strip:
-        """One line of the widget; all are drawn together."""
-        key = self._pose, self._turned, self.size
-        if self._drawn is None or self._drawn[0] != key:
-            self._drawn = key, self._draw(self.size.width, self.size.height)
-        strips = self._drawn[1]
-        return strips[y] if y < len(strips) else Strip.blank(self.size.width, self.rich_style)
+        self.redraw()
 
     def words(self) -> tuple[Word, ...]:
         """The title: the view, what the lines are, where the first robot's tip is."""
@@ -79,14 +65,14 @@ class ArmPicture(Widget):
             words.insert(1, Word(f"tip {texts.number(float(right), 3)} {texts.number(float(up), 3)} m"))
         return tuple(words)
 
-    def _draw(self, width: int, height: int) -> list[Strip]:
-        plain = self.rich_style
-        title = Strip(line_of(self.words()).render_segments(self.visual_style)).adjust_cell_length(width, plain)
+    def draw(self, width: int, height: int) -> list[Strip]:
+        """The title, and the arms below it."""
+        blank = self.style_of("arm--blank")
+        title = Strip(line_of(self.words()).render_segments(self.visual_style)).adjust_cell_length(width, blank)
         if self._pose is None or height < 2 or width < 1:
             return [title]
         bits, top = drawing(self._cell, self._views[self._turned], self._pose, height - 1, width)
-        # Looking up a style costs more than drawing a row, so each is looked up once; −1 is the last one.
-        styles = [self.get_component_rich_style(f"arm--{layer.name.lower()}") for layer in Layer] + [plain]
+        styles = [self.style_of(f"arm--{layer.name.lower()}") for layer in Layer] + [blank]  # -1 is the last one
         strips = [title]
         for row, layers in zip(bits, top, strict=True):
             text = "".join(map(chr, (BLANK + row.astype(np.int32)).tolist())).replace(chr(BLANK), " ")

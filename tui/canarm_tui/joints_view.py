@@ -7,7 +7,6 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.events import Resize
-from textual.widgets import DataTable
 
 from canarm_protocol.cell.bench_objects import INTERNALS
 from canarm_protocol.cell.model import Cell
@@ -27,6 +26,8 @@ BOTH_FROM_COLUMNS = 100
 """Below, there is room for traces or picture."""
 TWO_SIGNALS_FROM, THREE_SIGNALS_FROM = 150, 200
 WINDOW_S = 10.0
+TABLE_NS = 100_000_000
+"""Nobody reads numbers that change more often; lines may."""
 TRAIL_S = 3.0
 TRAIL_POSES = 60
 
@@ -71,6 +72,7 @@ class JointsPane(Pane):
         self._signal = self._inner = self._joint = 0
         self._is_over = self._is_swapped = False
         self._columns = 1
+        self._table_ns = 0
 
     def compose(self) -> ComposeResult:
         """The table, traces and picture."""
@@ -83,9 +85,9 @@ class JointsPane(Pane):
         """Traces, picture or both, and as many signals as there is room for."""
         self._set_out()
 
-    def on_data_table_row_highlighted(self, event: DataTable.RowHighlighted) -> None:
-        """The joint at the cursor is the one that is looked at."""
-        self._joint = event.cursor_row
+    def on_joints_table_chosen(self, event: JointsTable.Chosen) -> None:
+        """The chosen joint is the one that is looked at."""
+        self._joint = event.joint
         if self._is_over:
             self._set_out()
         self.query_one(Traces).reveal(self._joint)
@@ -194,7 +196,9 @@ class JointsPane(Pane):
             self.timeline = timeline = timeline.following()
         elif timeline.end is not None and timeline.end < extent.first:
             self.timeline = timeline = timeline.oldest(extent)
-        self.query_one(JointsTable).show(snapshot.joints, self._inner, names[self._inner])
+        if not 0 < self._scene.now_ns - self._table_ns < TABLE_NS:
+            self._table_ns = self._scene.now_ns
+            self.query_one(JointsTable).show(snapshot.joints, self._inner, names[self._inner])
         over = (self._joint, (self._joint + 1) % self._count) if self._is_over else None
         traces, picture = self.query_one(Traces), self.query_one(ArmPicture)
         if traces.display:

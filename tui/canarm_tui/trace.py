@@ -10,14 +10,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 from rich.segment import Segment
-from rich.style import Style
 from textual.events import Click
 from textual.message import Message
 from textual.strip import Strip
-from textual.widget import Widget
 
 from . import texts
 from .braille import DOTS_X, decimate
+from .drawn import Drawn
 from .event_texts import Mark
 from .history import History
 from .plot import LABEL_WIDTH, MARKED, Part, Plot, Stroke, columns_of, nice_range, nice_scale, plot_rows, time_row
@@ -29,6 +28,8 @@ from .texts import Tone, Word
 ROOM_BEYOND_LIMITS = 1.2
 LATE_CYCLES = 64
 """Where a line has no newer value than so many cycles ago, none is given for now."""
+_PARTS = ("first", "second", "limit", "blank", "cursor", "scale", *(tone.value for tone in MARKED))
+"""In the order of `Part`."""
 _SIGNS = ("━", "┄")
 
 
@@ -76,7 +77,7 @@ class TraceScene:
             for sign, label, value in zip(_SIGNS, labels, values, strict=False)
         ]
         title = signal.name if is_of_two else f"{name} {signal.name}"
-        return Word(f"{title} {signal.unit}".strip()), *when, *parts
+        return Word(f"{title} {signal.unit}".strip()), *parts, *when
 
     def _last_known(self) -> int:
         """The last cycle shown of which every line is known, or the last one: references come a little later."""
@@ -107,7 +108,7 @@ class TraceScene:
         )
 
 
-class Trace(Widget):
+class Trace(Drawn):
     """A title, a scale, the lines, dotted limits, signs of events, a cursor, and the times below."""
 
     class Pointed(Message):
@@ -117,12 +118,9 @@ class Trace(Widget):
             super().__init__()
             self.cycle = cycle
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = {
-        *(f"trace--{part}" for part in ("first", "second", "limit", "scale", "cursor")),
-        *(f"trace--{tone.value}" for tone in MARKED),
-    }
+    COMPONENT_CLASSES: ClassVar[set[str]] = {f"trace--{name}" for name in _PARTS}
     DEFAULT_CSS = """
-    Trace { height: 1fr; min-height: 5; padding: 0 1; }
+    Trace { height: 1fr; min-height: 5; margin: 0 1 0 0; }
     Trace .trace--first { color: $text-primary; }
     Trace .trace--second { color: $text-warning; }
     Trace .trace--limit { color: $text-error 70%; }
@@ -136,13 +134,12 @@ class Trace(Widget):
     def __init__(self, name: str, place: int) -> None:
         super().__init__(id=f"trace-{name}-{place}")
         self._scene: TraceScene | None = None
-        self._drawn: tuple[TraceScene | None, int, int, list[Strip]] | None = None
 
     def show(self, scene: TraceScene) -> None:
         """Show `scene`, unless it looks like what is shown."""
         if not scene.is_as(self._scene):
             self._scene = scene
-            self.refresh()
+            self.redraw()
 
     def on_click(self, event: Click) -> None:
         """Say which cycle was pointed at."""
@@ -153,27 +150,20 @@ class Trace(Widget):
             column = scene.last // a_column - (DOTS_X * cells - 1 - DOTS_X * cell)
             self.post_message(self.Pointed(column * a_column))
 
-    def notify_style_update(self) -> None:
-        """The theme has changed: discard everything drawn before."""
-        super().notify_style_update()
-        self._drawn = None
-
-    def render_line(self, y: int) -> Strip:
-        """One line of the widget; all lines of a scene are drawn together."""
-        scene, (width, height) = self._scene, self.size
-        if self._drawn is None or self._drawn[0] is not scene or self._drawn[1:3] != (width, height):
-            self._drawn = scene, width, height, [] if scene is None else self._draw(scene, width, height)
-        strips = self._drawn[3]
-        return strips[y] if y < len(strips) else Strip.blank(width, self.rich_style)
-
-    def _draw(self, scene: TraceScene, width: int, height: int) -> list[Strip]:
+    def draw(self, width: int, height: int) -> list[Strip]:
+        """The scene."""
+        scene = self._scene
+        if scene is None:
+            return []
         title = line_of(scene.words())
-        plain = self.rich_style
-        strips = [Strip(title.render_segments(self.visual_style)).adjust_cell_length(width, plain)]
+        blank = self.style_of("trace--blank")
+        strips = [
+            Strip([Segment(" ", blank), *title.render_segments(self.visual_style)]).adjust_cell_length(width, blank)
+        ]
         rows, cells = height - 1 - scene.has_axis, width - LABEL_WIDTH
         if rows < 1 or cells < 1:
             return strips
-        styles = self._styles()
+        styles = [self.style_of(f"trace--{name}") for name in _PARTS]
         plot, times = plot_of(scene, cells)
         for row in plot_rows(plot, rows, cells):
             segments = [Segment(run.text, styles[run.part]) for run in row]
@@ -181,14 +171,6 @@ class Trace(Widget):
         if scene.has_axis:
             strips.append(Strip([Segment(" " * LABEL_WIDTH + times, styles[Part.SCALE])], width))
         return strips
-
-    def _styles(self) -> list[Style]:
-        # Looking up a style costs more than drawing a row, so each is looked up once.
-        def of(name: str) -> Style:
-            return self.get_component_rich_style(f"trace--{name}")
-
-        plain = [of("first"), of("second"), of("limit"), self.rich_style, of("cursor"), of("scale")]
-        return plain + [of(tone.value) for tone in MARKED]
 
 
 def plot_of(scene: TraceScene, cells: int) -> tuple[Plot, str]:
