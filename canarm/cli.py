@@ -53,6 +53,7 @@ COMMANDS = {
     "emulator": "Emulate the robot: cards, electrics, arm and both buses.",
     "controller": "Control the robot: find the cards, run the law, stop safely.",
     "tui": "Watch a running bench in a dashboard.",
+    "monitor": "Watch any CAN bus, decoded: frames, nodes, objects.",
     "jog": "Drive the cards by hand, where no controller runs.",
     "fault": "Break something on the signal path: list, inject, clear, trigger, status; matrix.",
     "reset": "Switch the robot of a running bench off and on again.",

@@ -208,6 +208,7 @@ def _watch(cell: Cell, host: str, port: int, controller: Child, deadline_s: floa
     Raises `KeyboardInterrupt`, with how, if its user has left it before the run was over.
     """
     from canarm_tui.app import run_dashboard
+    from canarm_tui.bus.address import BusAddress
     from canarm_tui.outcome import Outcome
 
     def is_given_up() -> bool:
@@ -224,7 +225,16 @@ def _watch(cell: Cell, host: str, port: int, controller: Child, deadline_s: floa
 
     left: list[str] = []
     where = {"host": host, "port": port}
-    run_dashboard(cell, "canarm", BENCH_BUS, where, until=is_given_up, on_left=left.append, outcome_of=outcome)
+    run_dashboard(
+        cell,
+        "canarm",
+        BENCH_BUS,
+        where,
+        until=is_given_up,
+        on_left=left.append,
+        outcome_of=outcome,
+        robot_bus=BusAddress("canarm", ROBOT_BUS, where),
+    )
     if controller.status is None and not is_given_up():
         raise KeyboardInterrupt(*left)
 

@@ -5,8 +5,19 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from canarm_tui.app import run_dashboard
+from canarm_tui.bus.address import BusAddress
 
-from ..options import BENCH_BUS, DEFAULT_ADDRESS, Address, BenchBusOptions, CellOptions, NamedBus, parse_address
+from ..options import (
+    BENCH_BUS,
+    DEFAULT_ADDRESS,
+    ROBOT_BUS,
+    Address,
+    BenchBusOptions,
+    BusOptions,
+    CellOptions,
+    NamedBus,
+    parse_address,
+)
 
 
 def tui(
@@ -14,16 +25,22 @@ def tui(
     cell: CellOptions = CellOptions(),
     connect: Annotated[
         Address,
-        Parameter(help="Where an emulator serves the virtual buses; used unless --bench-interface names another bus."),
+        Parameter(help="Where an emulator serves the virtual buses; used for a bus that is not named otherwise."),
     ] = DEFAULT_ADDRESS,
-    bus: BenchBusOptions = BenchBusOptions(),
+    bus: BusOptions = BusOptions(),
+    bench: BenchBusOptions = BenchBusOptions(),
 ) -> int:
-    """Watch a running bench in a dashboard: link, rate, late cycles, joints, error traces, faults.
+    """Watch a running bench in a dashboard: link, rate, late cycles, joints, error traces, faults, frames of the bus.
 
     A bus that is missing or lost is shown, and tried again. f injects a fault, x clears faults, e is the emergency
     stop, r switches the robot off and on again, q or Ctrl-C quits; bench and controller go on.
     """
     nominal = cell.load()
     host, port = parse_address("--connect", connect)
-    named = bus.named() or NamedBus("canarm", BENCH_BUS, {"host": host, "port": port})
-    return run_dashboard(nominal, named.interface, named.channel, named.options)
+    here = {"host": host, "port": port}
+    robot_bus, bench_bus = bus.named(), bench.named()
+    if robot_bus is None and bench_bus is None:
+        robot_bus = NamedBus("canarm", ROBOT_BUS, here)
+    named = bench_bus or NamedBus("canarm", BENCH_BUS, here)
+    robot = None if robot_bus is None else BusAddress(robot_bus.interface, robot_bus.channel, robot_bus.options)
+    return run_dashboard(nominal, named.interface, named.channel, named.options, robot_bus=robot)

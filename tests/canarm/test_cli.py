@@ -19,7 +19,10 @@ OPTIONS = {
     "controller": "--connect --cell --set --law --feedforward --trajectory --clock --pace --sync-timeout --seconds "
     "--out --json "
     "--interface -i --channel -c --bus-kwargs --bench-interface --bench-channel --bench-bus-kwargs",
-    "tui": "--connect --cell --set --bench-interface --bench-channel --bench-bus-kwargs",
+    "tui": "--connect --cell --set --interface -i --channel -c --bus-kwargs --bench-interface --bench-channel "
+    "--bench-bus-kwargs",
+    "monitor": "--connect --cell --eds --dbc --bitrate --filter --seconds --no-tui --interface -i --channel -c "
+    "--bus-kwargs",
     "check": "--cell --set --keys",
     "jog": "--connect --cell --set --clock --do --interface -i --channel -c --bus-kwargs",
     "export": "--cell --set --bus --out",

@@ -1,6 +1,13 @@
-"""The terminal dashboard. All it knows comes over the bench bus."""
+"""The terminal dashboard, and the monitor of any bus. What the dashboard knows comes over the bench bus."""
 
-from .app import DashboardApp, run_dashboard
-from .errors import TerminalError, TuiError
+from typing import TYPE_CHECKING
+
+from canarm_protocol.faces import loader
+
+if TYPE_CHECKING:
+    from .app import DashboardApp, run_dashboard
+    from .errors import TerminalError, TuiError
 
 __all__ = ["DashboardApp", "TerminalError", "TuiError", "run_dashboard"]
+
+__getattr__ = loader(__name__, __all__, ".errors", ".app")

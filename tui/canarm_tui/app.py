@@ -5,8 +5,6 @@ Only here is the wall clock read. Samples never become messages or reactives; a 
 
 import asyncio
 import signal
-import sys
-import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -18,10 +16,11 @@ from textual.screen import Screen
 from textual.widgets import ContentSwitcher, Footer
 
 from canarm_protocol.cell.model import Cell
-from canarm_protocol.transport.port import BusPort, open_port
+from canarm_protocol.transport.port import BusPort
 
 from . import texts
-from .errors import TerminalError
+from .bus.address import BusAddress
+from .bus.watch import BusWatch, robot_watch
 from .events import Happening, happenings
 from .fault_desk import FaultDesk, Refusal
 from .fault_screens import ClearScreen, ResetScreen, StopScreen
@@ -32,12 +31,14 @@ from .help import HelpScreen
 from .inject_screen import InjectScreen
 from .link import InBackground, Link, in_thread
 from .outcome import Outcome, OutcomePanel
+from .terminal import check_terminal, ending_signals, run_app
 from .view_registry import VIEWS
 from .view_tabs import ViewTabs
 from .views import Context, Pane, Scene
 from .widgets import FaultPanel, WordLine
 
 DRAIN_HZ = 32
+SOURCES_HZ = 50
 REDRAW_HZ = 16
 IDLE_NS = 1_000_000_000
 """Without new cycles, ages and counters are drawn this often, so that watching an idle bench is cheap."""
@@ -53,6 +54,7 @@ class DashboardApp(App[None]):
     `where` names the bus in the header until a port describes itself. `clock_ns` is the wall clock in ns. `on_start` is
     called once, when the first screen is up; `until` is asked at every drain, and ends the dashboard when true. Each of
     `signals` ends it too. `outcome_of` is asked as well: what it returns is how the run has ended, which is shown.
+    `bus` is the robot's, which is opened when it is first looked at.
     """
 
     TITLE = "canarm"
@@ -89,13 +91,15 @@ class DashboardApp(App[None]):
         until: Callable[[], bool] | None = None,
         outcome_of: Callable[[], Outcome | None] = lambda: None,
         signals: Iterable[signal.Signals] = (),
+        bus: BusWatch | None = None,
     ) -> None:
         super().__init__()
         self.cell = cell
         self.feed = Feed(cell)
         self.link = Link(open_feed_port, where, in_background=in_background)
         self.desk = FaultDesk(cell, self.link, in_background)
-        self.context = Context(cell, self.feed)
+        bus = bus or robot_watch(cell, None, in_background)
+        self.context = Context(cell, self.feed, bus, [bus])
         self.is_paused = False
         self.view = FIRST
         """What is on the screen."""
@@ -137,6 +141,7 @@ class DashboardApp(App[None]):
         self.drain()
         self.redraw()
         self.set_interval(1.0 / DRAIN_HZ, self.drain)
+        self.set_interval(1.0 / SOURCES_HZ, self.drain_sources)
         self.set_interval(1.0 / REDRAW_HZ, self.redraw_news)
 
     def _leave(self, how: str) -> None:
@@ -168,12 +173,17 @@ class DashboardApp(App[None]):
             self.desk.reconnected()
         self.feed.receive(frames, now_ns)
         self.desk.poll(self.feed.faults, now_ns)
-        for source in self.context.sources:
-            source.poll(now_ns)
+        self.drain_sources()
         if self.outcome is None:
             self.outcome = self._outcome_of()
         if self._until is not None and self._until():
             self.exit()
+
+    def drain_sources(self) -> None:
+        """Take what has arrived elsewhere, more often: the kernel keeps some 270 frames of a bus."""
+        now_ns = self._clock_ns()
+        for source in self.context.sources:
+            source.poll(now_ns)
 
     def redraw_news(self) -> None:
         """Draw new data at once; without any, ages and counters every `IDLE_NS`."""
@@ -300,43 +310,29 @@ def run_dashboard(
     until: Callable[[], bool] | None = None,
     on_left: Callable[[str], None] | None = None,
     outcome_of: Callable[[], Outcome | None] = lambda: None,
+    robot_bus: BusAddress | None = None,
 ) -> int:
     """Show the bench bus `-i interface -c channel key=value …` until the user quits; return an exit status, 0 = quit.
 
     `on_start` is called once, when the first screen is up; `until` often, and the dashboard ends when it is true.
     `on_left` is told at the end how the user has left it, in a few words. `outcome_of` returns how the run has ended,
-    once it has; the dashboard shows it and stays.
+    once it has; the dashboard shows it and stays. `robot_bus` is opened when a view of it is first chosen.
     A missing or lost bus is shown and tried again. SIGINT, SIGTERM and SIGHUP end the dashboard and leave the terminal
     as it was. Raises `TerminalError` if stdin or stderr, on which the dashboard is drawn, is no terminal.
     """
-    for stream, name in ((sys.__stdin__, "stdin"), (sys.__stderr__, "stderr")):
-        if stream is None or not stream.isatty():
-            raise TerminalError(f"{name} is no terminal, and the dashboard needs one")
-    words = [f"-i {interface}", *([] if channel is None else [f"-c {channel}"])]
-    where = " ".join([*words, *(f"{key}={value}" for key, value in bus_options.items())])
+    check_terminal()
+    bench = BusAddress(interface, channel, bus_options)
     app = DashboardApp(
         cell,
-        lambda: open_port(interface, channel, **bus_options),
-        where=where,
+        bench.open,
+        where=bench.where,
         on_start=on_start,
         until=until,
         outcome_of=outcome_of,
-        signals=_ending_signals(),
+        signals=ending_signals(),
+        bus=robot_watch(cell, robot_bus),
     )
-    before = {number: signal.getsignal(number) for number in _ending_signals()}
-    try:
-        app.run()
-    finally:  # the event loop puts its own in the place of ours
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    status = run_app(app)
     if on_left is not None:
         on_left(app.left_by)
-    return app.return_code or 0
-
-
-def _ending_signals() -> tuple[signal.Signals, ...]:
-    """Signals that end a program and are not switched off, as nohup does; none where they cannot be waited for."""
-    if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():
-        return ()
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    return tuple(number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN)
+    return status

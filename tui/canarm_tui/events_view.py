@@ -7,7 +7,7 @@ from textual.widgets import Static
 
 from .event_texts import Line, event_lines
 from .styles import line_of
-from .views import Pane, Scene, View
+from .views import Context, Pane, Scene, View
 
 
 class EventsPane(Pane):
@@ -36,7 +36,7 @@ class EventsPane(Pane):
             self.query_one(Static).update(Content("\n").join(line_of(words) for words in lines))
 
 
-VIEW = View(
+VIEW: View[Context] = View(
     name="events",
     title="Events",
     key="2",

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from textwrap import indent
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
@@ -38,11 +38,18 @@ _SCREEN = """\
   A field that is left as it is keeps its default. What the bench refuses, it says in the dialog."""
 
 
-def help_text(views: Iterable[View]) -> str:
-    """Keys, what the screen says, and what each of `views` shows, in textual's markup."""
+DASHBOARD = _KEYS, _SCREEN
+
+
+def help_text(views: Iterable[View[Any]], parts_before: tuple[str, ...] = DASHBOARD) -> str:
+    """Keys, what the screen says, and what each of `views` shows, in textual's markup.
+
+    Of `parts_before` the first is about keys, and the keys of the views follow it.
+    """
     tabs = "\n".join(f"  {view.key}  {view.title}: {view.what[:1].lower()}{view.what[1:]}" for view in views)
     parts = [f"[b]{view.title}[/b]\n{indent(view.help, '  ')}" for view in views if view.help]
-    return "\n\n".join([f"{_KEYS}\n{tabs}", _SCREEN, *parts])
+    keys, *others = parts_before
+    return "\n\n".join([f"{keys}\n{tabs}", *others, *parts])
 
 
 class HelpScreen(ModalScreen[None]):
@@ -60,12 +67,17 @@ class HelpScreen(ModalScreen[None]):
     }
     """
 
-    def __init__(self, views: Iterable[View]) -> None:
+    def __init__(
+        self,
+        views: Iterable[View[Any]],
+        parts_before: tuple[str, ...] = DASHBOARD,
+        title: str = "canarm dashboard",
+    ) -> None:
         super().__init__()
-        self._views = tuple(views)
+        self._text, self._heading = help_text(views, parts_before), title
 
     def compose(self) -> ComposeResult:
         """The text, and how to close it."""
         with VerticalScroll() as box:
-            box.border_title, box.border_subtitle = "canarm dashboard", "escape closes"
-            yield Static(help_text(self._views))
+            box.border_title, box.border_subtitle = self._heading, "escape closes"
+            yield Static(self._text)

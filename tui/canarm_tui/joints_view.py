@@ -20,7 +20,7 @@ from .snapshot import Snapshot
 from .timeline import Extent, Timeline
 from .trace import Trace
 from .traces import Traces
-from .views import Pane, Scene, View
+from .views import Context, Pane, Scene, View
 
 BOTH_FROM_COLUMNS = 100
 """Below, there is room for traces or picture."""
@@ -229,7 +229,7 @@ class JointsPane(Pane):
         return Pose(true, reference, trail.astype(np.float64))
 
 
-VIEW = View(
+VIEW: View[Context] = View(
     name="joints",
     title="Joints",
     key="1",

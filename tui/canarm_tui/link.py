@@ -9,12 +9,13 @@ import contextlib
 import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import asdict
 from enum import Enum
 
 from canarm_protocol.canopen.frames import Frame, NmtState, heartbeat_frame
 from canarm_protocol.errors import BusError
 from canarm_protocol.shown import named_error
-from canarm_protocol.transport.port import BusPort
+from canarm_protocol.transport.port import BusPort, Discarded
 
 from .shared_port import SharedPort
 
@@ -43,13 +44,13 @@ def in_thread(job: Callable[[], None]) -> None:
 
 
 class Link:
-    """One bus, reopened `RETRY_NS` after every loss."""
+    """One bus, reopened `RETRY_NS` after every loss. Without a `node_id` nothing is ever sent by itself."""
 
     def __init__(
         self,
         open_port: Callable[[], BusPort],
         where: str,
-        node_id: int = LISTENER_NODE_ID,
+        node_id: int | None = LISTENER_NODE_ID,
         in_background: InBackground = in_thread,
     ) -> None:
         self.where = where
@@ -61,18 +62,25 @@ class Link:
         """Number of times the bus was opened."""
         self._open_port = open_port
         self._in_background = in_background
-        self._heartbeat = heartbeat_frame(node_id, NmtState.OPERATIONAL)
+        self._heartbeat = None if node_id is None else heartbeat_frame(node_id, NmtState.OPERATIONAL)
         self._lock = threading.Lock()
         self._opened: BusPort | str | None = None
         self._port: SharedPort | None = None
         self._is_opening = self._is_closed = False
         self._due_ns: int | None = None
-        self._discarded_before = 0
+        self._discarded_before = Discarded()
+
+    @property
+    def counted(self) -> Discarded:
+        """What the ports have discarded, since the first was opened."""
+        before, port = self._discarded_before, self._port
+        return before if port is None else _sum(before, port.discarded)
 
     @property
     def discarded(self) -> int:
         """Error frames and FD frames that the ports discarded."""
-        return self._discarded_before + _discarded_by(self._port)
+        counted = self.counted
+        return counted.error_frames + counted.fd_frames
 
     def poll(self, now_ns: int) -> list[tuple[int, Frame]]:
         """Do what is due at `now_ns`; return the arrived frames as (bus time in ns, frame). Raises nothing.
@@ -85,7 +93,7 @@ class Link:
             return []
         frames: list[tuple[int, Frame]] = []
         try:
-            if self._due_ns is None or now_ns >= self._due_ns:
+            if self._heartbeat is not None and (self._due_ns is None or now_ns >= self._due_ns):
                 self._due_ns = now_ns + HEARTBEAT_NS
                 self._port.send([self._heartbeat])
             for _ in range(MAX_READS):
@@ -150,8 +158,8 @@ class Link:
 
     def _lose(self, reason: str, now_ns: int) -> None:
         port, self._port = self._port, None
-        self._discarded_before += _discarded_by(port)
         if port is not None:
+            self._discarded_before = _sum(self._discarded_before, port.discarded)
             port.close()
         self.state, self.reason, self._due_ns = LinkState.LOST, reason, now_ns + RETRY_NS
 
@@ -161,8 +169,5 @@ def _close(port: BusPort) -> None:
         port.close()
 
 
-def _discarded_by(port: SharedPort | None) -> int:
-    if port is None:
-        return 0
-    discarded = port.discarded
-    return discarded.error_frames + discarded.fd_frames
+def _sum(one: Discarded, other: Discarded) -> Discarded:
+    return Discarded(**{name: value + asdict(other)[name] for name, value in asdict(one).items()})

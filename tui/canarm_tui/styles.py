@@ -14,6 +14,7 @@ STYLES: dict[Tone, str] = {
     Tone.GOOD: "$text-success",
     Tone.WARNING: "bold $text-warning",
     Tone.BAD: "bold $text-error",
+    Tone.CHANGED: "bold underline $text-accent",
 }
 
 

@@ -34,6 +34,8 @@ class Tone(Enum):
     GOOD = "good"
     WARNING = "warning"
     BAD = "bad"
+    CHANGED = "changed"
+    """Another value than shortly before."""
 
 
 class Word(NamedTuple):

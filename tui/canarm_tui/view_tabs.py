@@ -1,6 +1,7 @@
 """The line that names the views and their keys, and says which one is on the screen. A click chooses one."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from textual.content import Content
 from textual.widgets import Static
@@ -13,12 +14,12 @@ class ViewTabs(Static):
 
     DEFAULT_CSS = "ViewTabs { height: 1; text-wrap: nowrap; text-overflow: ellipsis; padding: 0 1; }"
 
-    def __init__(self, views: Sequence[View]) -> None:
+    def __init__(self, views: Sequence[View[Any]]) -> None:
         super().__init__(id="tabs")
         self._views = views
-        self._shown: View | None = None
+        self._shown: View[Any] | None = None
 
-    def show(self, chosen: View) -> None:
+    def show(self, chosen: View[Any]) -> None:
         """Mark `chosen`, by more than a colour."""
         if chosen is self._shown:
             return

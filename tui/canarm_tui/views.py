@@ -5,12 +5,13 @@ The views themselves are a file each, listed in `view_registry`; keys, tabs, pal
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
 
 from textual.containers import Vertical
 
 from canarm_protocol.cell.model import Cell
 
+from .bus.watch import BusWatch
 from .events import Happening
 from .faults import Faults
 from .feed import Feed
@@ -49,6 +50,8 @@ class Context:
 
     cell: Cell
     feed: Feed
+    bus: BusWatch
+    """The robot's bus; one of `sources`."""
     sources: list[Source] = field(default_factory=list)
     """A view adds its own here when it is made; it takes what has arrived when it is asked to `show`."""
 
@@ -69,8 +72,12 @@ class Pane(Vertical):
         self.screen.set_focus(None)
 
 
+C = TypeVar("C")
+"""What a program gives the views that it makes: the dashboard a `Context`, the monitor its bus."""
+
+
 @dataclass(frozen=True, slots=True)
-class View:
+class View(Generic[C]):
     """A view: one file with one of these, one line in `VIEWS`."""
 
     name: str
@@ -80,7 +87,7 @@ class View:
     key: str
     what: str
     """One line, for the palette and tooltips."""
-    make: Callable[[Context], Pane]
+    make: Callable[[C], Pane]
     help: str = ""
     """Lines for the help screen, in textual's markup."""
 

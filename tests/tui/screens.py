@@ -1,0 +1,30 @@
+"""Screens as text: what a view looked like is kept in `screens/`, so that a change of it is seen in a diff.
+
+CANARM_WRITE_SCREENS=1 writes them again. That a text is there proves nothing of its numbers; other tests do.
+"""
+
+import os
+from pathlib import Path
+
+FOLDER = Path(__file__).with_name("screens")
+SIZES = [(80, 24), (120, 35), (160, 48), (200, 60)]
+"""Terminals that every view is looked at in."""
+
+
+def screen_lines(app) -> list[str]:
+    """The characters of the screen, line by line, without blanks at the end."""
+    strips = app.screen._compositor.render_strips()
+    return ["".join(segment.text for segment in strip).rstrip() for strip in strips]
+
+
+def check_screen(app, name: str) -> None:
+    """Compare the screen with the one that is kept as `name`."""
+    width, height = app.size
+    path = FOLDER / f"{name}-{width}x{height}.txt"
+    shown = "\n".join(screen_lines(app)) + "\n"
+    if os.environ.get("CANARM_WRITE_SCREENS"):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(shown, encoding="utf-8")
+    assert shown == path.read_text(encoding="utf-8"), (
+        f"{path.name}: see the diff; CANARM_WRITE_SCREENS=1 keeps the new one"
+    )

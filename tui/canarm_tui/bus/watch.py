@@ -1,0 +1,71 @@
+"""A bus that is watched: its connection, drained often, and the store that it fills. Sends nothing."""
+
+from collections.abc import Callable
+
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.decoding import Book, Decoder, robot_book
+from canarm_protocol.errors import BusError
+from canarm_protocol.transport.port import BusPort
+
+from ..link import InBackground, Link, in_thread
+from .address import BusAddress
+from .store import BusNow, BusStore
+
+
+class BusWatch:
+    """A source of the dashboard. It opens its bus when it is first wanted (`wake`), and never before."""
+
+    def __init__(
+        self,
+        book: Book,
+        open_port: Callable[[], BusPort],
+        where: str,
+        bitrate: int | None = None,
+        in_background: InBackground = in_thread,
+    ) -> None:
+        self.book, self.decoder = book, Decoder(book)
+        self.store = BusStore(self.decoder, bitrate)
+        self.link = Link(open_port, where, node_id=None, in_background=in_background)
+        self.is_awake = False
+        self._connections = 0
+
+    @property
+    def changes(self) -> object:
+        """Another one as soon as something has come, or the connection is another."""
+        return self.store.version, self.link.state, self.link.reason
+
+    def wake(self) -> None:
+        """Somebody looks: open the bus, and keep it open."""
+        self.is_awake = True
+
+    def poll(self, now_ns: int) -> None:
+        """Take what has arrived, without waiting. Raises nothing."""
+        if not self.is_awake:
+            return
+        frames = self.link.poll(now_ns)
+        if self.link.connections != self._connections:
+            self._connections = self.link.connections
+            self.store.reconnected()
+        self.store.receive(frames, now_ns)
+
+    def now(self, now_ns: int) -> BusNow:
+        """The bus as received so far."""
+        return self.store.now(now_ns)
+
+    def close(self) -> None:
+        """Give the bus back."""
+        self.link.close()
+
+
+UNNAMED = "the robot's bus was not named; start the dashboard with -i and -c of it, such as -i socketcan -c vcan0"
+
+
+def robot_watch(cell: Cell, address: BusAddress | None, in_background: InBackground = in_thread) -> BusWatch:
+    """The robot's bus of `cell` at `address`; without one it says what is missing."""
+
+    def refuse() -> BusPort:
+        raise BusError(UNNAMED)
+
+    if address is None:
+        return BusWatch(robot_book(cell), refuse, "no bus", cell.bus.bitrate, in_background)
+    return BusWatch(robot_book(cell), address.open, address.where, cell.bus.bitrate, in_background)

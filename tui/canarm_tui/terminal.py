@@ -1,0 +1,36 @@
+"""Running an application on a terminal: there has to be one, and signals end it and leave the terminal as it was."""
+
+import signal
+import sys
+import threading
+from typing import Any
+
+from textual.app import App
+
+from .errors import TerminalError
+
+
+def check_terminal(what: str = "the dashboard") -> None:
+    """Raises `TerminalError` if stdin or stderr, on which `what` is drawn, is no terminal."""
+    for stream, name in ((sys.__stdin__, "stdin"), (sys.__stderr__, "stderr")):
+        if stream is None or not stream.isatty():
+            raise TerminalError(f"{name} is no terminal, and {what} needs one")
+
+
+def run_app(app: App[Any]) -> int:
+    """Run `app` to its end; return its exit status. The handlers of `ending_signals` are as before then."""
+    before = {number: signal.getsignal(number) for number in ending_signals()}
+    try:
+        app.run()
+    finally:  # the event loop puts its own in the place of ours
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    return app.return_code or 0
+
+
+def ending_signals() -> tuple[signal.Signals, ...]:
+    """Signals that end a program and are not switched off, as nohup does; none where they cannot be waited for."""
+    if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():
+        return ()
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    return tuple(number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN)
