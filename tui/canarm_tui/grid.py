@@ -109,7 +109,7 @@ class Grid(ScrollView, Generic[R], can_focus=True):
         self.cursor = max(0, min(self.cursor, len(rows) - 1))
         self._fit()
         if self._follows and self._is_at_end:
-            self.scroll_to(y=max(0, len(rows) + 1 - self.size.height), animate=False, immediate=True)
+            self.scroll_to(y=max(0, len(rows) + 1 - self.size.height), animate=False, immediate=True, force=True)
         self.refresh()
 
     @property
@@ -198,9 +198,9 @@ class Grid(ScrollView, Generic[R], can_focus=True):
         self._is_at_end = self._follows and self.cursor == last
         top, room = round(self.scroll_offset.y), max(1, self.size.height - 1)
         if self.cursor < top:
-            self.scroll_to(y=self.cursor, animate=False, immediate=True)
+            self.scroll_to(y=self.cursor, animate=False, immediate=True, force=True)
         elif self.cursor >= top + room:
-            self.scroll_to(y=self.cursor - room + 1, animate=False, immediate=True)
+            self.scroll_to(y=self.cursor - room + 1, animate=False, immediate=True, force=True)
         self.refresh()
 
     def action_choose(self) -> None:
