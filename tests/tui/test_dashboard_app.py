@@ -12,6 +12,7 @@ from canarm_tui.outcome import Outcome, OutcomePanel
 from canarm_tui.plot import LABEL_WIDTH
 from canarm_tui.texts import Word
 from canarm_tui.trace import Trace, signs_of
+from canarm_tui.view_registry import VIEWS
 from canarm_tui.widgets import WordLine
 
 LSB_RAD = math.radians(270.0 / 255.0)
@@ -205,7 +206,8 @@ async def test_while_nothing_comes_the_screen_is_drawn_once_a_second_and_news_at
 async def test_the_palette_offers_commands_by_area(app):
     commands = [command.title for command in app.get_system_commands(None)]
     assert commands == [
-        "View: pause", "View: joints", "View: events", "View: theme", "View: picture", "Fault: inject", "Fault: clear",
+        "View: pause", *(f"View: {view.title.lower()}" for view in VIEWS), "View: theme", "View: picture",
+        "Fault: inject", "Fault: clear",
         "Bench: emergency stop", "Bench: reset", "Dashboard: help", "Dashboard: quit",
     ]  # fmt: skip
     async with running(app) as pilot:

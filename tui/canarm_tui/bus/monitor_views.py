@@ -1,8 +1,9 @@
 """The views of the monitor, in the order of their tabs: those of the dashboard that need a bus alone."""
 
 from ..views import View
-from . import frames_view
+from . import frames_view, nodes_view
 from .frames_view import FramesPane
+from .nodes_view import NodesPane
 from .watch import BusWatch
 
 MONITOR_HELP = (
@@ -14,4 +15,5 @@ MONITOR_HELP = (
 )
 MONITOR_VIEWS: tuple[View[BusWatch], ...] = (
     View("bus", "Bus", "1", "Frames of the bus, decoded", FramesPane, frames_view.HELP),
+    View("nodes", "Nodes", "2", "Nodes of the bus, and their objects", NodesPane, nodes_view.HELP),
 )

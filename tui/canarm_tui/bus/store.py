@@ -16,7 +16,7 @@ from canarm_protocol.errors import FrameError
 from canarm_protocol.transport.bits import INTERMISSION_BITS, frame_bits
 
 from .load import Load, LoadMeter
-from .nodes import NodeNow, NodeTable, is_of_node
+from .nodes import HeardEmergency, NodeNow, NodeTable, is_of_node
 from .rows import Key, Row, RowNow
 
 MOST_ROWS = 4096
@@ -42,6 +42,8 @@ class BusNow:
     rows: Sequence[RowNow]
     log: Sequence[Heard]
     nodes: Sequence[NodeNow]
+    emergencies: Sequence[HeardEmergency]
+    """The last ones, newest first."""
     load: Load
     received: int
     untracked: int
@@ -118,6 +120,7 @@ class BusStore:
             rows=[row.now() for row in self._rows.values()],
             log=list(self._log),
             nodes=self._nodes.now(),
+            emergencies=list(reversed(self._nodes.emergencies)),
             load=self._meter.load(wall_ns),
             received=self._received,
             untracked=self._untracked,

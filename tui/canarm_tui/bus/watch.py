@@ -1,4 +1,4 @@
-"""A bus that is watched: its connection, drained often, and the store that it fills. Sends nothing."""
+"""A bus that is watched: its connection, drained often, and the store that it fills. Only its desk ever sends."""
 
 from collections.abc import Callable
 
@@ -9,6 +9,7 @@ from canarm_protocol.transport.port import BusPort
 
 from ..link import InBackground, Link, in_thread
 from .address import BusAddress
+from .sdo_desk import SdoDesk
 from .store import BusNow, BusStore
 
 
@@ -26,13 +27,14 @@ class BusWatch:
         self.book, self.decoder = book, Decoder(book)
         self.store = BusStore(self.decoder, bitrate)
         self.link = Link(open_port, where, node_id=None, in_background=in_background)
+        self.desk = SdoDesk(self.link, self.store, in_background)
         self.is_awake = False
         self._connections = 0
 
     @property
     def changes(self) -> object:
         """Another one as soon as something has come, or the connection is another."""
-        return self.store.version, self.link.state, self.link.reason
+        return self.store.version, self.link.state, self.link.reason, self.desk.answered
 
     def wake(self) -> None:
         """Somebody looks: open the bus, and keep it open."""
@@ -47,6 +49,7 @@ class BusWatch:
             self._connections = self.link.connections
             self.store.reconnected()
         self.store.receive(frames, now_ns)
+        self.desk.poll(now_ns)
 
     def now(self, now_ns: int) -> BusNow:
         """The bus as received so far."""
