@@ -33,7 +33,7 @@ def tui(
     """Watch a running bench in a dashboard: link, rate, late cycles, joints, error traces, faults, frames of the bus.
 
     A bus that is missing or lost is shown, and tried again. f injects a fault, x clears faults, e is the emergency
-    stop, r switches the robot off and on again, q or Ctrl-C quits; bench and controller go on.
+    stop, R switches the robot off and on again, q or Ctrl-C quits; bench and controller go on.
     """
     nominal = cell.load()
     host, port = parse_address("--connect", connect)

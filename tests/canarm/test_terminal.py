@@ -110,9 +110,9 @@ def test_a_signal_leaves_the_terminal_as_it_was(open_terminal, number: signal.Si
 
 
 @pytest.mark.parametrize(
-    "how", ["q", "window closed", *(pytest.param(each, marks=pytest.mark.slow) for each in ("Ctrl-C", "SIGHUP"))]
+    "how", ["Q", "window closed", *(pytest.param(each, marks=pytest.mark.slow) for each in ("Ctrl-C", "SIGHUP"))]
 )
-def test_who_leaves_the_dashboard_of_a_demo_stops_the_robot(canarm, run_folder, open_terminal, how: str) -> None:
+def test_who_ends_a_demo_from_its_dashboard_stops_the_robot(canarm, run_folder, open_terminal, how: str) -> None:
     """With paced lockstep, as on every terminal. Torque off: the last commands are zero, and the cards are stopped."""
     demo = open_terminal("demo", "--seconds", "3600", "--law", "pd", "--out", "run")
     demo.wait_for(SHOWN)
@@ -120,8 +120,10 @@ def test_who_leaves_the_dashboard_of_a_demo_stops_the_robot(canarm, run_folder, 
     match how:
         case "Ctrl-C":
             demo.press(b"\x03")
-        case "q":
-            demo.press(b"q")
+        case "Q":
+            demo.press(b"Q")
+            demo.wait_for(re.compile(b"stop what runs"))
+            demo.press(b"y")
         case "SIGHUP":
             demo.send(signal.SIGHUP)
         case _:
@@ -130,7 +132,7 @@ def test_who_leaves_the_dashboard_of_a_demo_stops_the_robot(canarm, run_folder, 
     assert canarm.remaining() == []
     folder = run_folder(canarm.folder / "run").check()
     assert folder.run["summary"]["state"] == "interrupted"
-    causes = {"Ctrl-C": "Ctrl-C in the dashboard", "q": "the dashboard was left"}
+    causes = {"Ctrl-C": "Ctrl-C in the dashboard", "Q": "stopped from the dashboard"}
     assert folder.run["summary"]["reason"].endswith(causes.get(how, "SIGHUP"))
     assert any(event.get("reason") == folder.run["summary"]["reason"] for event in folder.events())
     signals = folder.signals("robot")
@@ -138,6 +140,17 @@ def test_who_leaves_the_dashboard_of_a_demo_stops_the_robot(canarm, run_folder, 
     if how != "window closed":
         assert demo.settings == demo.before
         assert b"INTERRUPTED: konkuk1" in demo.said
+
+
+def test_who_leaves_the_dashboard_of_a_demo_lets_it_go_on_to_its_end(canarm, run_folder, open_terminal) -> None:
+    demo = open_terminal("demo", "--seconds", "4", "--law", "pd", "--out", "run")
+    demo.wait_for(SHOWN)
+    demo.wait_for(re.compile("▶ running".encode()))
+    demo.press(b"q")
+    demo.wait_for(re.compile(b"the run goes on without the dashboard; Ctrl-C stops it"))
+    assert demo.wait() == 0, demo.said[-2000:]
+    assert demo.settings == demo.before
+    assert run_folder(canarm.folder / "run").check().run["summary"]["ticks"] == 1600
 
 
 STUCK = """

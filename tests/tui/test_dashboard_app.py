@@ -142,7 +142,7 @@ async def test_help_opens_and_closes_and_q_quits_from_it(app):
     assert app.return_code == 0
 
 
-@pytest.mark.parametrize("before", [(), ("f",), ("question_mark",), ("e",)])
+@pytest.mark.parametrize("before", [(), ("f",), ("question_mark",), ("R",)])
 async def test_ctrl_c_leaves_the_dashboard_from_wherever_one_is(app, before):
     async with running(app) as pilot:
         await pilot.press(*before, "ctrl+c")
@@ -153,7 +153,20 @@ async def test_ctrl_c_leaves_the_dashboard_from_wherever_one_is(app, before):
 @pytest.mark.parametrize("size", [(1, 1), (1, 24), (80, 1), (5, 5)])
 async def test_a_terminal_of_one_column_or_line_is_borne(app, port, wire, size):
     async with running(app, size) as pilot:
-        for key in ("question_mark", "escape", "f", "escape", "x", "escape", "e", "escape", "r", "escape", "space"):
+        for key in (
+            "question_mark",
+            "escape",
+            "f",
+            "escape",
+            "x",
+            "escape",
+            "R",
+            "escape",
+            "Q",
+            "escape",
+            "r",
+            "space",
+        ):
             port.arriving = [*wire.report(8, 0, 2), *wire.reference(8, 0.5), *wire.telemetry(8, 0.5)]
             await shown(app, pilot)
             await pilot.press(key)
@@ -208,7 +221,8 @@ async def test_the_palette_offers_commands_by_area(app):
     assert commands == [
         "View: pause", *(f"View: {view.title.lower()}" for view in VIEWS), "View: theme", "View: picture",
         "Fault: inject", "Fault: clear",
-        "Bench: emergency stop", "Bench: reset", "Dashboard: help", "Dashboard: quit",
+        "Bench: emergency stop", "Bench: reset", "Run: again", "Dashboard: help", "Dashboard: quit",
+        "Dashboard: quit and stop",
     ]  # fmt: skip
     async with running(app) as pilot:
         await pilot.press("ctrl+p")

@@ -186,8 +186,6 @@ def test_a_fault_is_injected_with_keys_into_a_real_emulator_and_acts_until_it_is
         terminal.press("Enter")
         wait_for(terminal, idle, "no fault acts", "fault ends: joint2.tachometer stuck")
         terminal.press("e")
-        wait_for(terminal, idle, "Open the supply of all amplifiers?")
-        terminal.press("Enter")
         wait_for(terminal, idle, "■ EMERGENCY STOP")
         terminal.press("q")
         assert wait_for(terminal, idle, "exit status").strip() == "exit status 0"

@@ -8,6 +8,7 @@ from textual.widgets import Input, OptionList, Static
 from canarm_tui import DashboardApp
 from canarm_tui.fault_screens import ClearScreen, ResetScreen, StopScreen
 from canarm_tui.inject_screen import InjectScreen
+from canarm_tui.run_controls import LEFT, STOPPED
 from canarm_tui.widgets import FaultPanel, WordLine
 
 SMALL, WIDE = (80, 24), (120, 36)
@@ -224,42 +225,100 @@ async def test_one_set_is_cleared_from_a_list_or_all_of_them(app, loop, clock):
         assert len(app.screen_stack) == 1
 
 
-async def test_the_emergency_stop_asks_first_and_stands_in_the_header(app, loop, clock):
+async def test_the_emergency_stop_acts_at_once_and_asks_only_before_its_release(app, loop, clock):
     async with running(app, loop, clock) as pilot:
+        assert any("Stop!" in text for text in screen_text(app).splitlines()[-1:]), "the key stands in the footer"
         await pilot.keys("e")
-        assert isinstance(app.screen, StopScreen)
-        await pilot.keys("n")
-        assert not loop.bench.device.is_stopped
-        await pilot.keys("e", "enter")
         assert loop.bench.device.is_stopped
+        assert len(app.screen_stack) == 1
         await pilot.shown()
         assert "■ EMERGENCY STOP" in line(app, "header")
         assert "■ EMERGENCY STOP" in screen_text(app).splitlines()[0]
         await pilot.keys("e")
+        assert isinstance(app.screen, StopScreen)
         assert "again?" in screen_text(app)
-        await pilot.keys("y")
+        await pilot.keys("e", "n")
+        assert loop.bench.device.is_stopped
+        assert len(app.screen_stack) == 1
+        await pilot.keys("e", "y")
         assert not loop.bench.device.is_stopped
         await pilot.shown()
         assert "EMERGENCY" not in line(app, "header")
 
 
-async def test_r_switches_the_robot_off_and_on_again_and_asks_first(app, loop, clock):
+@pytest.mark.parametrize(
+    ("before", "key"),
+    [
+        (("x",), "e"),
+        (("question_mark",), "e"),
+        (("R",), "e"),
+        (("Q",), "e"),
+        (("f",), "ctrl+e"),
+        (("ctrl+p",), "ctrl+e"),
+        (("2",), "e"),
+        (("space",), "e"),
+    ],
+)
+async def test_the_emergency_stop_acts_from_wherever_one_is(app, loop, clock, before, key):
     async with running(app, loop, clock) as pilot:
-        assert any("Reset" in text for text in screen_text(app).splitlines()[-1:]), "the key stands in the footer"
-        await pilot.keys("e", "y")
+        await pilot.keys(*before, key)
         assert loop.bench.device.is_stopped
+
+
+async def test_the_letter_of_the_emergency_stop_can_be_typed_into_a_field(app, loop, clock):
+    async with running(app, loop, clock) as pilot:
+        await pilot.keys("f", "e")
+        assert not loop.bench.device.is_stopped
+        assert app.screen.query_one("#search").value == "e"
+
+
+async def test_q_leaves_and_the_capital_one_stops_the_robot_first_and_asks(app, loop, clock):
+    async with running(app, loop, clock) as pilot:
+        await pilot.keys("Q")
+        assert "stop what runs?" in screen_text(app)
+        await pilot.keys("escape")
+        assert not loop.bench.device.is_stopped
+        await pilot.keys("Q", "y")
+        await pilot.pause()
+        assert loop.bench.device.is_stopped
+        assert not app.is_running
+    assert app.left_by == STOPPED
+
+
+async def test_who_cannot_be_stopped_is_not_left(app, loop, clock):
+    async with running(app, loop, clock) as pilot:
+        loop.is_broken = True
+        await pilot.keys("Q", "y")
+        assert app.is_running
+        loop.is_broken = False
+        await pilot.keys("q")
+        await pilot.pause()
+        assert not app.is_running
+    assert app.left_by == LEFT
+
+
+async def test_without_a_demo_r_says_who_starts_a_controller(app, loop, clock):
+    async with running(app, loop, clock) as pilot:
         await pilot.keys("r")
+        assert line(app, "notice").startswith("✖ a controller is started outside: canarm controller")
+
+
+async def test_capital_r_switches_the_robot_off_and_on_again_and_asks_first(app, loop, clock):
+    async with running(app, loop, clock) as pilot:
+        await pilot.keys("e")
+        assert loop.bench.device.is_stopped
+        await pilot.keys("R")
         assert isinstance(app.screen, ResetScreen)
         assert "off and on again" in screen_text(app)
         await pilot.keys("escape")
         assert loop.bench.device.is_stopped
-        await pilot.keys("r", "r")
+        await pilot.keys("R", "R")
         assert line(app, "notice") == "✓ the robot was switched off and on again"
         assert not loop.bench.device.is_stopped
         await pilot.shown()
         assert "EMERGENCY" not in line(app, "header")
         await pilot.keys("question_mark")
-        assert "r  reset" in screen_text(app)
+        assert "R  reset" in screen_text(app)
 
 
 async def test_the_dialog_fits_a_small_terminal_and_the_largest_form(app, loop, clock):

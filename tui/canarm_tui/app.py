@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, ClassVar
 
-from textual.app import App, ComposeResult, SystemCommand
+from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
 from textual.widgets import ContentSwitcher, Footer
@@ -23,7 +23,7 @@ from .bus.address import BusAddress
 from .bus.watch import BusWatch, robot_watch
 from .events import Happening, happenings
 from .fault_desk import FaultDesk, Refusal
-from .fault_screens import ClearScreen, ResetScreen, StopScreen
+from .fault_screens import ClearScreen
 from .fault_texts import answer_word, panel_lines
 from .faults import Faults
 from .feed import Feed
@@ -31,6 +31,8 @@ from .help import HelpScreen
 from .inject_screen import InjectScreen
 from .link import InBackground, Link, in_thread
 from .outcome import Outcome, OutcomePanel
+from .run_again import Again
+from .run_controls import RunControls
 from .terminal import check_terminal, ending_signals, run_app
 from .view_registry import VIEWS
 from .view_tabs import ViewTabs
@@ -44,17 +46,16 @@ IDLE_NS = 1_000_000_000
 """Without new cycles, ages and counters are drawn this often, so that watching an idle bench is cheap."""
 ANSWER_NS = 6_000_000_000
 """How long the bench's answer to a request stays below the header."""
-LEFT = "the dashboard was left"
 FIRST = VIEWS[0]
 
 
-class DashboardApp(App[None]):
+class DashboardApp(RunControls):
     """The dashboard of one cell. `open_feed_port` opens the bench bus and raises `BusError` if that fails.
 
     `where` names the bus in the header until a port describes itself. `clock_ns` is the wall clock in ns. `on_start` is
     called once, when the first screen is up; `until` is asked at every drain, and ends the dashboard when true. Each of
-    `signals` ends it too. `outcome_of` is asked as well: what it returns is how the run has ended, which is shown.
-    `bus` is the robot's, which is opened when it is first looked at.
+    `signals` ends it too. `outcome_of` is asked as well: what it returns is how the run has ended, which is shown;
+    `again` can run again then. `bus` is the robot's, which is opened when it is first looked at.
     """
 
     TITLE = "canarm"
@@ -65,14 +66,10 @@ class DashboardApp(App[None]):
     #panes { height: 1fr; }
     """
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("e", "stop", "Stop", id="bench.stop", tooltip="Emergency stop: asks first, then opens all supplies"),
         Binding("f", "inject", "Inject", id="fault.inject", tooltip="Inject a fault, chosen in a dialog"),
         Binding("x", "clear", "Clear", id="fault.clear", tooltip="End faults, all or those of one set"),
-        Binding("r", "reset", "Reset", id="bench.reset", tooltip="Switch the robot off and on again; asks first"),
-        Binding("q", "quit", "Quit", id="app.quit", tooltip="Leave the dashboard; that ends a demo, and nothing else"),
         Binding("question_mark", "help", "Help", key_display="?", id="app.help", tooltip="What the screen means"),
         Binding("space", "pause", "Pause", id="view.pause", tooltip="Hold the panes; data are still received"),
-        Binding("ctrl+c", "interrupt", "Quit", id="app.interrupt", show=False, priority=True),
         *(
             Binding(view.key, f"pane('{view.name}')", view.title, id=f"view.{view.name}", tooltip=view.what, show=False)
             for view in VIEWS
@@ -92,8 +89,9 @@ class DashboardApp(App[None]):
         outcome_of: Callable[[], Outcome | None] = lambda: None,
         signals: Iterable[signal.Signals] = (),
         bus: BusWatch | None = None,
+        again: Again | None = None,
     ) -> None:
-        super().__init__()
+        super().__init__(again, in_background)
         self.cell = cell
         self.feed = Feed(cell)
         self.link = Link(open_feed_port, where, in_background=in_background)
@@ -109,8 +107,6 @@ class DashboardApp(App[None]):
         self._outcome_of = outcome_of
         self.outcome: Outcome | None = None
         """How the run has ended, once it has."""
-        self.left_by = LEFT
-        """How the user has left, in a few words."""
         self._connections = 0
         self._answer: texts.Word | None = None
         self._answer_until_ns = 0
@@ -123,7 +119,7 @@ class DashboardApp(App[None]):
         """Header, notice, panes, faults, counters, keys."""
         yield WordLine(id="header")
         yield WordLine(id="notice", may_wrap=True)
-        yield OutcomePanel()
+        yield OutcomePanel(self._again is not None)
         yield ViewTabs(VIEWS)
         with ContentSwitcher(initial=FIRST.pane_id, id="panes"):
             for view in VIEWS:
@@ -134,23 +130,18 @@ class DashboardApp(App[None]):
         yield WordLine(id="counters")
         yield Footer(show_command_palette=False)
 
+    def on_load(self) -> None:
+        """Signals end it from now on: the first words are on the terminal before all widgets stand."""
+        for number in self._signals:
+            asyncio.get_running_loop().add_signal_handler(number, self.leave, number.name)
+
     def on_mount(self) -> None:
         """Start the timers."""
-        for number in self._signals:
-            asyncio.get_running_loop().add_signal_handler(number, self._leave, number.name)
         self.drain()
         self.redraw()
         self.set_interval(1.0 / DRAIN_HZ, self.drain)
         self.set_interval(1.0 / SOURCES_HZ, self.drain_sources)
         self.set_interval(1.0 / REDRAW_HZ, self.redraw_news)
-
-    def _leave(self, how: str) -> None:
-        self.left_by = how
-        self.exit()
-
-    def action_interrupt(self) -> None:
-        """Leave, as Ctrl-C does everywhere."""
-        self._leave("Ctrl-C in the dashboard")
 
     def on_ready(self) -> None:
         """The first screen is up."""
@@ -174,6 +165,7 @@ class DashboardApp(App[None]):
         self.feed.receive(frames, now_ns)
         self.desk.poll(self.feed.faults, now_ns)
         self.drain_sources()
+        self.take_answers()
         if self.outcome is None:
             self.outcome = self._outcome_of()
         if self._until is not None and self._until():
@@ -247,38 +239,20 @@ class DashboardApp(App[None]):
 
     def action_inject(self) -> None:
         """Inject a fault, chosen in a dialog."""
-        self.push_screen(InjectScreen(self.desk), self._tell)
+        self.push_screen(InjectScreen(self.desk), self.tell)
 
     def action_clear(self) -> None:
         """Ask which faults to end, and end them."""
 
         def clear(chosen: tuple[str | None] | None) -> None:
             if chosen is not None:
-                self.desk.clear(chosen[0], self._tell)
+                self.desk.clear(chosen[0], self.tell)
 
         faults = self.desk.faults
         self.push_screen(ClearScreen(() if faults is None else faults.set_names), clear)
 
-    def action_stop(self) -> None:
-        """Ask whether to open the amplifiers' supplies, or close them again, and do it."""
-        is_on = self.feed.faults is not None and self.feed.faults.is_stopped
-
-        def switch(is_wanted: bool | None) -> None:
-            if is_wanted:
-                self.desk.stop(not is_on, self._tell)
-
-        self.push_screen(StopScreen(is_on), switch)
-
-    def action_reset(self) -> None:
-        """Ask whether the robot is to be switched off and on again, and do it."""
-
-        def reset(is_wanted: bool | None) -> None:
-            if is_wanted:
-                self.desk.reset(self._tell)
-
-        self.push_screen(ResetScreen(), reset)
-
-    def _tell(self, answer: str | Refusal | None) -> None:
+    def tell(self, answer: str | Refusal | None) -> None:
+        """Show an answer of the bench, or of ours, for a while."""
         if answer is not None:
             self._answer, self._answer_until_ns = answer_word(answer), self._clock_ns() + ANSWER_NS
 
@@ -291,10 +265,12 @@ class DashboardApp(App[None]):
         yield SystemCommand("View: picture", "Save the screen as an SVG file", self._save_picture)
         yield SystemCommand("Fault: inject", "Inject a fault, chosen in a dialog", self.action_inject)
         yield SystemCommand("Fault: clear", "End faults, all or those of one set", self.action_clear)
-        yield SystemCommand("Bench: emergency stop", "Open all supplies, or close them again", self.action_stop)
+        yield SystemCommand("Bench: emergency stop", "Open all supplies at once, or close them again", self.action_stop)
         yield SystemCommand("Bench: reset", "Switch the robot off and on again", self.action_reset)
+        yield SystemCommand("Run: again", "Run again, with another law, motion, seed or pace", self.action_again)
         yield SystemCommand("Dashboard: help", "What the screen means, and its keys", self.action_help)
-        yield SystemCommand("Dashboard: quit", "Leave; that ends a demo, and nothing else", self.action_quit)
+        yield SystemCommand("Dashboard: quit", "Leave; whatever runs goes on", self.action_quit)
+        yield SystemCommand("Dashboard: quit and stop", "Leave, and stop what runs", self.action_leave_and_stop)
 
     def _save_picture(self) -> None:
         # The palette must be gone before the picture is taken.
@@ -311,6 +287,7 @@ def run_dashboard(
     on_left: Callable[[str], None] | None = None,
     outcome_of: Callable[[], Outcome | None] = lambda: None,
     robot_bus: BusAddress | None = None,
+    again: Again | None = None,
 ) -> int:
     """Show the bench bus `-i interface -c channel key=value …` until the user quits; return an exit status, 0 = quit.
 
@@ -331,6 +308,7 @@ def run_dashboard(
         outcome_of=outcome_of,
         signals=ending_signals(),
         bus=robot_watch(cell, robot_bus),
+        again=again,
     )
     status = run_app(app)
     if on_left is not None:

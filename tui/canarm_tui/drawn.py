@@ -3,6 +3,8 @@
 What is drawn is the business of those that derive from it.
 """
 
+from typing import Any
+
 from rich.style import Style
 from textual.events import Resize
 from textual.geometry import Region
@@ -10,24 +12,36 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 
-class Drawn(Widget):
+class Drawing(Widget):
+    """Looks up the styles of its component classes once each: that costs more than drawing a row."""
+
+    def __init__(self, *children: Widget, **options: Any) -> None:
+        super().__init__(*children, **options)
+        self._styles_by_name: dict[str, Style] = {}
+
+    def style_of(self, name: str) -> Style:
+        """The style of a component class."""
+        if name not in self._styles_by_name:
+            self._styles_by_name[name] = self.get_component_rich_style(name)
+        return self._styles_by_name[name]
+
+    def notify_style_update(self) -> None:
+        """The colours have changed."""
+        super().notify_style_update()
+        self._styles_by_name.clear()
+
+
+class Drawn(Drawing):
     """Calls `draw` after `redraw`, and when size or colours change."""
 
     def __init__(self, id: str) -> None:
         super().__init__(id=id)
         self._strips: list[Strip] = []
         self._strips_size = (0, 0)
-        self._styles_by_name: dict[str, Style] = {}
 
     def draw(self, width: int, height: int) -> list[Strip]:
         """All rows, from the top."""
         raise NotImplementedError
-
-    def style_of(self, name: str) -> Style:
-        """The style of a component class, looked up once: that costs more than drawing a row."""
-        if name not in self._styles_by_name:
-            self._styles_by_name[name] = self.get_component_rich_style(name)
-        return self._styles_by_name[name]
 
     def redraw(self) -> None:
         """Draw anew what has changed."""
@@ -49,7 +63,6 @@ class Drawn(Widget):
     def notify_style_update(self) -> None:
         """The colours have changed: discard everything drawn before."""
         super().notify_style_update()
-        self._styles_by_name.clear()
         self._strips_size = (0, 0)
 
     def render_line(self, y: int) -> Strip:

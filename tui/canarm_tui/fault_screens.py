@@ -1,4 +1,4 @@
-"""The small dialogs: which sets to clear, emergency stop, power-on reset. Others carry out the choice."""
+"""The small dialogs: which sets to clear, emergency stop, power-on reset, leaving. Others carry out the choice."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -67,7 +67,8 @@ class QuestionScreen(ModalScreen[bool]):
         """The question."""
         question = Static(self._text)
         question.border_title = self._heading
-        question.border_subtitle = f"enter, y or {self._yes}: yes │ escape, n: no"
+        keys = "enter or y" if self._yes == "y" else f"enter, y or {self._yes}"
+        question.border_subtitle = f"{keys}: yes │ escape, n: no"
         yield question
 
     def on_key(self, event: Key) -> None:
@@ -82,15 +83,24 @@ class QuestionScreen(ModalScreen[bool]):
 
 
 class StopScreen(QuestionScreen):
-    """Whether the emergency stop is to be switched."""
+    """Whether the emergency stop is to be released."""
 
-    def __init__(self, is_on: bool) -> None:
-        text = (
-            "Close the supply of all amplifiers again?\nThe robot may move at once."
-            if is_on
-            else "Open the supply of all amplifiers?\nThe arm is without torque then."
-        )
-        super().__init__("Emergency stop", text, "e")
+    def __init__(self) -> None:
+        question = "Close the supply of all amplifiers again?\nThe robot may move at once."
+        super().__init__("Emergency stop", question, "y")
+
+
+class LeaveScreen(QuestionScreen):
+    """Whether to leave and stop what runs: `is_demo` says that it is ours."""
+
+    def __init__(self, is_demo: bool) -> None:
+        what = "The demo ends: the robot stops safely, and its processes end."
+        if not is_demo:
+            what = (
+                "The supply of all amplifiers is opened, and the controller ends in a safe stop. The emulator stays, "
+                "for others have started it."
+            )
+        super().__init__("Leave and stop", f"Leave the dashboard, and stop what runs?\n{what}", "Q")
 
 
 class ResetScreen(QuestionScreen):
@@ -101,5 +111,5 @@ class ResetScreen(QuestionScreen):
             "Reset",
             "Switch the robot off and on again?\nFaults and emergency stop are gone then, the arm is parked, and a "
             "controller that runs loses its cards.",
-            "r",
+            "R",
         )

@@ -14,10 +14,11 @@ from .views import View
 
 _KEYS = """\
 [b]Keys[/b]
-  q  quit      space  pause and go on      ctrl+p  all commands      ?  this help
-  f  inject a fault      x  clear faults      e  emergency stop, on and off; it asks first
-  r  reset: the robot off and on again, as canarm reset does; it asks first
-  q and ctrl+c leave the dashboard; of canarm demo they stop the robot, of canarm tui nothing else.
+  e  emergency stop, at once, from everywhere; asks before it is released; in a text field: ctrl+e
+  f  inject a fault      x  clear faults      space  pause and go on      ctrl+p  all commands      ?  this help
+  r  run again, when a run of canarm demo is over; law, motion, seed and pace can be other ones
+  R  reset: the robot off and on again, as canarm reset does; it asks first
+  q  leave; whatever runs goes on      Q  leave and stop what runs; it asks first      ctrl+c  leave; ends a demo
   When the run of canarm demo is over, the dashboard stays, with how it went at the top.
   Paused, the panes stand still; data are still received, and the header stays live."""
 _SCREEN = """\

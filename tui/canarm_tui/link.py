@@ -105,6 +105,14 @@ class Link:
             self._lose(str(error), now_ns)
         return frames
 
+    def reopen(self) -> None:
+        """Close the bus, and open it again at the next `poll`: it may be elsewhere now."""
+        port, self._port = self._port, None
+        if port is not None:
+            self._discarded_before = _sum(self._discarded_before, port.discarded)
+            port.close()
+        self.state, self.reason, self._due_ns = LinkState.CONNECTING, None, None
+
     def lend(self) -> AbstractContextManager[BusPort]:
         """The bus for a conversation in another thread; `poll` still gets every frame. Raises `BusError` without
         one.

@@ -10,6 +10,7 @@ from .styles import line_of
 from .texts import Tone, Word
 
 LEAVE = Word("q leaves", Tone.DIM)
+AGAIN = Word("r runs again", Tone.DIM)
 
 
 class Outcome(NamedTuple):
@@ -28,8 +29,9 @@ class OutcomePanel(Static):
     OutcomePanel.-shown { display: block; }
     """
 
-    def __init__(self) -> None:
+    def __init__(self, may_run_again: bool = False) -> None:
         super().__init__(id="outcome")
+        self._keys = (AGAIN, LEAVE) if may_run_again else (LEAVE,)
         self.outcome: Outcome | None = None
 
     def show(self, outcome: Outcome | None) -> None:
@@ -40,6 +42,6 @@ class OutcomePanel(Static):
         self.set_class(outcome is not None, "-shown")
         if outcome is not None:
             sign, tone = ("✓", Tone.GOOD) if outcome.is_well else ("✖", Tone.BAD)
-            lines = [line_of((Word(f"{sign} {outcome.verdict}", tone), LEAVE))]
+            lines = [line_of((Word(f"{sign} {outcome.verdict}", tone), *self._keys))]
             lines += (line_of((Word(text),)) for text in outcome.details)
             self.update(Content("\n").join(lines), layout=True)

@@ -5,18 +5,18 @@ Only here do plots become styled text. It keeps nothing but the scene it draws.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.segment import Segment
+from rich.style import Style
 from textual.events import Click
 from textual.message import Message
 from textual.strip import Strip
 
 from . import texts
 from .braille import DOTS_X, decimate
-from .drawn import Drawn
+from .drawn import Drawing, Drawn
 from .event_texts import Mark
 from .history import History
 from .plot import LABEL_WIDTH, MARKED, Part, Plot, Stroke, columns_of, nice_range, nice_scale, plot_rows, time_row
@@ -28,7 +28,7 @@ from .texts import Tone, Word
 ROOM_BEYOND_LIMITS = 1.2
 LATE_CYCLES = 64
 """Where a line has no newer value than so many cycles ago, none is given for now."""
-_PARTS = ("first", "second", "limit", "blank", "cursor", "scale", *(tone.value for tone in MARKED))
+PARTS = ("first", "second", "limit", "blank", "cursor", "scale", *(tone.value for tone in MARKED))
 """In the order of `Part`."""
 _SIGNS = ("━", "┄")
 
@@ -109,7 +109,10 @@ class TraceScene:
 
 
 class Trace(Drawn):
-    """A title, a scale, the lines, dotted limits, signs of events, a cursor, and the times below."""
+    """A title, a scale, the lines, dotted limits, signs of events, a cursor, and the times below.
+
+    Its colours are those of the widget that it is in: there are many traces, and a colour takes long to look up.
+    """
 
     class Pointed(Message):
         """The user has clicked on a cycle."""
@@ -118,18 +121,7 @@ class Trace(Drawn):
             super().__init__()
             self.cycle = cycle
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = {f"trace--{name}" for name in _PARTS}
-    DEFAULT_CSS = """
-    Trace { height: 1fr; min-height: 5; margin: 0 1 0 0; }
-    Trace .trace--first { color: $text-primary; }
-    Trace .trace--second { color: $text-warning; }
-    Trace .trace--limit { color: $text-error 70%; }
-    Trace .trace--scale { color: $foreground 60%; }
-    Trace .trace--cursor { background: $foreground 25%; text-style: bold; }
-    Trace .trace--good { color: $text-success; }
-    Trace .trace--warning { color: $text-warning; text-style: bold; }
-    Trace .trace--bad { color: $text-error; text-style: bold; }
-    """
+    DEFAULT_CSS = "Trace { height: 1fr; min-height: 5; margin: 0 1 0 0; }"
 
     def __init__(self, name: str, place: int) -> None:
         super().__init__(id=f"trace-{name}-{place}")
@@ -150,6 +142,12 @@ class Trace(Drawn):
             column = scene.last // a_column - (DOTS_X * cells - 1 - DOTS_X * cell)
             self.post_message(self.Pointed(column * a_column))
 
+    def style_of(self, name: str) -> Style:
+        """The style of a component class of the widget that it is in."""
+        parent = self.parent
+        assert isinstance(parent, Drawing)
+        return parent.style_of(name)
+
     def draw(self, width: int, height: int) -> list[Strip]:
         """The scene."""
         scene = self._scene
@@ -163,7 +161,7 @@ class Trace(Drawn):
         rows, cells = height - 1 - scene.has_axis, width - LABEL_WIDTH
         if rows < 1 or cells < 1:
             return strips
-        styles = [self.style_of(f"trace--{name}") for name in _PARTS]
+        styles = [self.style_of(f"trace--{name}") for name in PARTS]
         plot, times = plot_of(scene, cells)
         for row in plot_rows(plot, rows, cells):
             segments = [Segment(run.text, styles[run.part]) for run in row]

@@ -1,6 +1,7 @@
 """The traces of all joints in rows and columns: which lines each of them shows. Draws what it is given."""
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 from textual.app import ComposeResult
 from textual.containers import VerticalScroll
@@ -8,12 +9,13 @@ from textual.containers import VerticalScroll
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.shown import printable
 
+from .drawn import Drawing
 from .event_texts import marks_of
 from .events import Happening
 from .signals import Signal
 from .snapshot import Snapshot
 from .timeline import Timeline
-from .trace import Shown, Trace, TraceScene
+from .trace import PARTS, Shown, Trace, TraceScene
 
 MOST_COLUMNS = 3
 SHARING_TRACES = 3
@@ -21,12 +23,21 @@ SHARING_TRACES = 3
 LONGEST_NAME = 24
 
 
-class Traces(VerticalScroll):
+class Traces(VerticalScroll, Drawing):
     """A row of traces per joint, a column per signal."""
 
+    COMPONENT_CLASSES: ClassVar[set[str]] = {f"trace--{name}" for name in PARTS}
     DEFAULT_CSS = """
     Traces { layout: grid; grid-size: 1; grid-rows: 1fr; grid-gutter: 0; height: 1fr; width: 1fr; }
     Traces.-many { grid-rows: 8; }
+    Traces .trace--first { color: $text-primary; }
+    Traces .trace--second { color: $text-warning; }
+    Traces .trace--limit { color: $text-error 70%; }
+    Traces .trace--scale { color: $foreground 60%; }
+    Traces .trace--cursor { background: $foreground 25%; text-style: bold; }
+    Traces .trace--good { color: $text-success; }
+    Traces .trace--warning { color: $text-warning; text-style: bold; }
+    Traces .trace--bad { color: $text-error; text-style: bold; }
     """
 
     def __init__(self, cell: Cell) -> None:

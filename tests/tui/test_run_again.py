@@ -1,0 +1,103 @@
+"""Running again from the dashboard: asked when a run is over, refused while one goes on; each run has its bus."""
+
+import contextlib
+
+import pytest
+
+from canarm_protocol.errors import BusError
+from canarm_tui import DashboardApp
+from canarm_tui.outcome import Outcome
+from canarm_tui.run_again import AgainScreen, NextRun
+from tests.tui.screens import screen_lines
+
+LAST = NextRun("pd", "sine", "0", "1")
+
+
+class Runs:
+    """Runs that begin when asked to; `refusal` is why they do not."""
+
+    def __init__(self):
+        self.last, self.hints = LAST, NextRun("pd, mras", "sine", "a number", "or max")
+        self.folder = "run"
+        self.begun = []
+        self.refusal = None
+
+    def start(self, wanted):
+        if self.refusal is not None:
+            raise BusError(self.refusal)
+        self.begun.append(wanted)
+        return f"running again: {wanted.law}"
+
+
+@pytest.fixture
+def runs():
+    return Runs()
+
+
+@contextlib.asynccontextmanager
+async def over(cell, clock, runs, ports, size=(80, 24)):
+    """A dashboard whose first run is over."""
+    app = DashboardApp(
+        cell,
+        lambda: ports[len(runs.begun)],
+        clock_ns=clock,
+        in_background=lambda job: job(),
+        outcome_of=lambda: None if runs.begun else Outcome("DONE: konkuk1", True, ["recorded in run"]),
+        again=runs,
+    )
+    async with app.run_test(size=size) as pilot:
+
+        async def press(*keys):
+            await pilot.press(*keys)
+            app.drain()
+            await pilot.pause()
+            app.redraw()
+            await pilot.pause()
+
+        await press()
+        yield app, press
+
+
+async def test_the_same_run_again_is_two_keys_and_is_shown_from_its_own_bus(cell, clock, runs, port, wire):
+    ports = [port, type(port)()]
+    async with over(cell, clock, runs, ports) as (app, press):
+        assert any("✓ DONE: konkuk1 │ r runs again │ q leaves" in line for line in screen_lines(app))
+        port.arriving = wire.telemetry(800)
+        await press("r")
+        assert isinstance(app.screen, AgainScreen)
+        ports[1].arriving = wire.telemetry(4)
+        await press("enter")
+        assert runs.begun == [LAST]
+        await press()
+        assert app.outcome is None
+        assert port.is_closed
+        assert app.feed.snapshot(clock()).cycle == 4
+        lines = screen_lines(app)
+        assert not any("DONE" in line for line in lines)
+        assert any("✓ running again: pd" in line for line in lines)
+
+
+async def test_another_law_and_seed_are_typed_into_a_form(cell, clock, runs, port):
+    async with over(cell, clock, runs, [port, port]) as (_, press):
+        await press("r", "backspace", "backspace", *"mras", "down", "down", "backspace", *"7", "enter")
+        assert runs.begun == [NextRun("mras", "sine", "7", "1")]
+
+
+async def test_a_run_that_cannot_be_is_said_in_the_form_and_the_last_one_stays(cell, clock, runs, port):
+    runs.refusal = "law 'pdx': no such law"
+    async with over(cell, clock, runs, [port]) as (app, press):
+        await press("r", "x", "enter")
+        assert any("law 'pdx': no such law" in line for line in screen_lines(app))
+        await press("escape")
+        assert any("DONE: konkuk1" in line for line in screen_lines(app))
+        assert len(app.screen_stack) == 1
+
+
+async def test_while_a_run_goes_on_it_is_not_run_again(cell, clock, runs, port):
+    app = DashboardApp(cell, lambda: port, clock_ns=clock, in_background=lambda job: job(), again=runs)
+    async with app.run_test(size=(100, 30)) as pilot:
+        port.arriving = []
+        await pilot.press("r")
+        assert len(app.screen_stack) == 1
+        app.redraw()
+        assert "Q ends it" in app._answer.text

@@ -1,0 +1,147 @@
+"""The keys that end things, or begin them: emergency stop, leave, run again, reset. A base of the dashboard.
+
+What is drawn, and where data come from, is not known here.
+"""
+
+from abc import abstractmethod
+from collections import deque
+from collections.abc import Callable
+from typing import ClassVar
+
+from textual.app import App
+from textual.binding import Binding, BindingType
+from textual.widgets import Input
+
+from canarm_protocol.errors import CanarmError
+
+from .fault_desk import FaultDesk, Refusal
+from .fault_screens import LeaveScreen, ResetScreen, StopScreen
+from .feed import Feed
+from .link import InBackground, Link
+from .outcome import Outcome
+from .run_again import Again, AgainScreen, NextRun
+
+LEFT = "the dashboard was left"
+STOPPED = "stopped from the dashboard"
+NO_AGAIN = (
+    "a controller is started outside: canarm controller, with the address above; canarm demo runs again by itself"
+)
+STILL_RUNNING = "the run goes on; r runs again when it is over, and Q ends it"
+
+
+class RunControls(App[None]):
+    """`again` is who can run again, None if nobody can."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("e", "stop", "Stop!", id="bench.stop", priority=True, tooltip="Emergency stop, at once"),
+        Binding("ctrl+e", "stop_anyway", "Stop!", id="bench.stop_anyway", show=False, priority=True),
+        Binding("r", "again", "Again", id="run.again", tooltip="Run again when a run of canarm demo is over"),
+        Binding("R", "reset", "Reset", id="bench.reset", show=False, tooltip="Switch the robot off and on; asks first"),
+        Binding("q", "quit", "Quit", id="app.quit", tooltip="Leave the dashboard; whatever runs goes on"),
+        Binding("Q", "leave_and_stop", "Leave and stop", id="app.stop", show=False, tooltip="Asks first"),
+        Binding("ctrl+c", "interrupt", "Quit", id="app.interrupt", show=False, priority=True),
+    ]
+    feed: Feed
+    link: Link
+    desk: FaultDesk
+    outcome: Outcome | None
+    left_by = LEFT
+    """How the user has left, in a few words."""
+
+    def __init__(self, again: Again | None, in_background: InBackground) -> None:
+        super().__init__()
+        self._again, self._in_background = again, in_background
+        self._answers: deque[Callable[[], None]] = deque()
+
+    @abstractmethod
+    def tell(self, answer: str | Refusal | None) -> None:
+        """Show an answer for a while."""
+
+    def take_answers(self) -> None:
+        """Take what jobs in the background have said."""
+        while self._answers:
+            self._answers.popleft()()
+
+    def leave(self, how: str) -> None:
+        """End the dashboard."""
+        self.left_by = how
+        self.exit()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """The letter of the emergency stop can be typed into a field."""
+        return action != "stop" or not isinstance(self.focused, Input)
+
+    def action_interrupt(self) -> None:
+        """Leave, as Ctrl-C does everywhere, which ends a demo."""
+        self.leave("Ctrl-C in the dashboard")
+
+    def action_leave_and_stop(self) -> None:
+        """Ask whether to leave and stop what runs, and do it."""
+        is_demo = self._again is not None
+
+        def leave(is_wanted: bool | None) -> None:
+            if is_wanted and is_demo:
+                self.leave(STOPPED)
+            elif is_wanted:
+                self.desk.stop(True, left)
+
+        def left(answer: str | Refusal) -> None:
+            self.tell(answer)
+            if not isinstance(answer, Refusal):
+                self.leave(STOPPED)
+
+        self.push_screen(LeaveScreen(is_demo), leave)
+
+    def action_stop_anyway(self) -> None:
+        """The emergency stop, from a text field too."""
+        self.action_stop()
+
+    def action_stop(self) -> None:
+        """Open the amplifiers' supplies at once; ask before closing them again."""
+        if self.feed.faults is None or not self.feed.faults.is_stopped:
+            self.desk.stop(True, self.tell)
+            return
+
+        def release(is_wanted: bool | None) -> None:
+            if is_wanted:
+                self.desk.stop(False, self.tell)
+
+        if not isinstance(self.screen, StopScreen):
+            self.push_screen(StopScreen(), release)
+
+    def action_reset(self) -> None:
+        """Ask whether the robot is to be switched off and on again, and do it."""
+
+        def reset(is_wanted: bool | None) -> None:
+            if is_wanted:
+                self.desk.reset(self.tell)
+
+        self.push_screen(ResetScreen(), reset)
+
+    def action_again(self) -> None:
+        """Ask how to run again, and do it."""
+        if self._again is None:
+            self.tell(Refusal(NO_AGAIN))
+        elif self.outcome is None:
+            self.tell(Refusal(STILL_RUNNING))
+        else:
+            self.push_screen(AgainScreen(self._again, self._start_again), self.tell)
+
+    def _start_again(self, wanted: NextRun, then: Callable[[str | Refusal], None]) -> None:
+        again = self._again
+        assert again is not None
+
+        def job() -> None:
+            try:
+                answer: str | Refusal = again.start(wanted)
+            except (CanarmError, OSError) as error:
+                answer = Refusal(str(error))
+            self._answers.append(lambda: take(answer))
+
+        def take(answer: str | Refusal) -> None:
+            if not isinstance(answer, Refusal):
+                self.outcome = None
+                self.link.reopen()
+            then(answer)
+
+        self._in_background(job)
