@@ -61,6 +61,7 @@ COMMANDS = {
     "replay": "A recorded run once more: on a bus, or checked byte for byte.",
     "report": "Runs as one HTML file; several are compared.",
     "study": "Many runs with settings from a grid or a sample, on all cores or a cluster.",
+    "identify": "Masses, friction and torque constants of the robot, from what a run has measured.",
     "check": "Validate a cell file and show what it describes.",
     "new-cell": "Write a cell for an arm of your own: from its URDF file, or from a number of joints.",
     "export": "Describe a cell to other tools: EDS, DCF and bus.yml for CANopen masters, DBC for decoders.",

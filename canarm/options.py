@@ -202,9 +202,10 @@ class ControlOptions:
         str | None,
         Parameter(
             metavar="NAME|FILE[:HOW]",
-            help="Trajectory: sine (the usual one), trapezoid, or a CSV file with time_s and a column of degrees for "
-            "each joint; behind it :spline, :monotone or :samples chooses what lies between its rows. Two robots that "
-            "carry an object have circle (the usual one), line and arc, or a file of the tip's way.",
+            help="Trajectory: sine (the usual one), trapezoid, excite (made for canarm identify), or a CSV file with "
+            "time_s and a column of degrees for each joint; behind it :spline, :monotone or :samples chooses what lies "
+            "between its rows. Two robots that carry an object have circle (the usual one), line and arc, or a file of "
+            "the tip's way.",
         ),
     ] = None
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from canarm_controller.laws.loading import LAWS
-from canarm_controller.reference.trajectory import built_in_motions
+from canarm_controller.reference.trajectory import named_motions
 from canarm_emulator.serving.recording import SCRIPT
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.clock import Clock
@@ -66,7 +66,7 @@ def _with_our_controller(
 ) -> Iterator[tuple[int, Frame]]:
     made, cell = run.made_by, run.cell
     law = law or _known(run, "law", tuple(LAWS))
-    trajectory = trajectory or _known(run, "trajectory", built_in_motions(cell))
+    trajectory = trajectory or _known(run, "trajectory", named_motions(cell))
     feedforward = run.summary.get("feedforward") or made.get("feedforward")
     rig = Rig(
         cell,

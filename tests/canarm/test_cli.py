@@ -62,7 +62,7 @@ def test_help_lists_the_commands_that_there_are(canarm):
     process = canarm("--help")
     assert process.wait() == 0
     words = words_of(process)
-    assert set(OPTIONS) | {"replay", "report", "runs", "study"} <= set(words)
+    assert set(OPTIONS) | {"replay", "report", "runs", "study", "identify"} <= set(words)
     assert "tune" not in words
     assert "--install-completion" in words
 

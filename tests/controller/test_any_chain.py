@@ -19,6 +19,7 @@ from canarm_controller.dynamics import (
     lagrange_euler,
     nominal_arm,
 )
+from canarm_controller.dynamics.inertial_regressor import InertialRegressor
 from canarm_controller.estimation.arm_model import SeveralModels, arm_model
 from canarm_controller.estimation.chain_regressor import ChainRegressor
 from canarm_controller.estimation.regressor import Regressor
@@ -333,3 +334,26 @@ def test_several_robots_are_one_arm_in_blocks() -> None:
         "weight_factor": 5,
         "coulomb_factor": 5,
     }
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_regressor_of_many_states_is_pinocchio_s_dynamics_for_these_and_for_other_masses(seed: int) -> None:
+    robot, rng = random_robot(seed + 1, seed), np.random.default_rng(seed)
+    regressor = InertialRegressor(robot, smoothing_rad_s=1e-9)
+    count = len(robot.joint)
+    viscous, coulomb = rng.uniform(0.0, 0.5, count), rng.uniform(0.0, 0.5, count)
+    heavier = [
+        joint.solid.with_inertial(
+            1.7 * joint.mass_kg, joint.solid.centre_of_mass_m, tuple(1.7 * each for each in joint.solid.tensor_kg_m2)
+        )
+        for joint in robot.joint
+    ]
+    q, qd, qdd = (rng.uniform(-2.0, 2.0, (POSES, count)) for _ in range(3))
+    for other in (robot, robot_of(heavier)):
+        torque_nm = regressor.rows(q, qd, qdd) @ regressor.values(other, viscous.tolist(), coulomb.tolist())
+        model = pinocchio_model(other)
+        rotors = np.array([joint.motor.reflected_inertia_kg_m2 for joint in other.joint])
+        for pose in range(POSES):
+            links_nm = pinocchio.rnea(model, model.createData(), q[pose], qd[pose], qdd[pose])
+            drives_nm = rotors * qdd[pose] + viscous * qd[pose] + coulomb * np.sign(qd[pose])
+            np.testing.assert_allclose(torque_nm[pose], links_nm + drives_nm, rtol=1e-9, atol=1e-9)

@@ -16,8 +16,10 @@ from canarm_protocol.shown import first_line, printable, quoted
 
 from ..errors import TrajectoryError
 from .base import Blended, Bools, Trajectory, blend_from
+from .built_in import Swing
 from .built_in import swings as swings_of
 from .carried_motion import PATHS, check_grips, is_tip_path, plan_file, plan_motion
+from .excite import PERIOD_S, excite
 from .file_trajectory import FileTrajectory, FunctionTrajectory, Interpolation
 from .limits import Floats, Limits, Reference
 from .trajectory_file import read_trajectory_columns, read_trajectory_csv
@@ -33,11 +35,14 @@ __all__ = [
     "blend_from",
     "built_in_motions",
     "make_trajectory",
+    "named_motions",
     "trajectory_name",
     "usual_motion",
 ]
 
 BUILT_IN = ("sine", "trapezoid")
+EXCITE = "excite"
+"""The motion made for identification, which nobody takes without asking for it."""
 TRAPEZOID_PERIOD_S = 5.12
 LEAST_OF_SUPPLY = 0.2
 """Share of the supply for the back-EMF if the winding would take it all: full current is never needed at speed."""
@@ -112,13 +117,18 @@ def built_in_motions(cell: Cell) -> tuple[str, ...]:
     return BUILT_IN if cell.object is None else tuple(PATHS)
 
 
+def named_motions(cell: Cell) -> tuple[str, ...]:
+    """The names of all motions of a cell that need no file."""
+    return built_in_motions(cell) if cell.object is not None else (*BUILT_IN, EXCITE)
+
+
 def usual_motion(cell: Cell) -> str:
     """The motion of a cell unless another is asked for."""
     return built_in_motions(cell)[0]
 
 
 def make_trajectory(spec: object, cell: Cell) -> Trajectory:
-    """The trajectory "sine", "trapezoid", of a CSV file (its path) or, in Python, of a table or a function.
+    """The trajectory "sine", "trapezoid", "excite", of a CSV file (its path) or, in Python, of a table or a function.
 
     Where two robots carry an object it is "circle", "line" or "arc", with options as in "circle:radius_mm=20,plane=xy",
     or a file with the way of the master's tip. Joint angles are taken where they leave the object in both hands.
@@ -138,7 +148,11 @@ def make_trajectory(spec: object, cell: Cell) -> Trajectory:
         trajectory = _built_in(str(spec), limits, cell)
         limits.check(trajectory, CHECKED_S, str(spec))
         return trajectory
-    path, interpolation = _file_of(str(spec), BUILT_IN)
+    if spec == EXCITE:
+        trajectory = excite(cell, limits, [swing.centre_deg for swing in _swings(limits, cell)], _speeds(limits, cell))
+        limits.check(trajectory, PERIOD_S, EXCITE)
+        return trajectory
+    path, interpolation = _file_of(str(spec), named_motions(cell))
     time_s, position_rad = read_trajectory_csv(path, limits.joint_names)
     return FileTrajectory(limits, time_s, position_rad, interpolation, str(path))
 
@@ -152,7 +166,7 @@ def _carried(spec: object, limits: Limits, cell: Cell) -> Trajectory:
     name = str(spec)
     if name.partition(":")[0] in PATHS:
         return FileTrajectory(limits, *plan_motion(name, cell), Interpolation.SAMPLES, name)
-    if name in BUILT_IN:
+    if name in (*BUILT_IN, EXCITE):
         raise TrajectoryError(
             f"{name}: joints that swing by themselves would tear the object apart; built in here: {', '.join(PATHS)}"
         )
@@ -228,14 +242,21 @@ def _path_of(spec: str) -> tuple[Path, Interpolation | None]:
 
 def _built_in(name: str, limits: Limits, cell: Cell) -> Trajectory:
     """The two test motions, for the joints of `cell`."""
-    home_deg = [joint.home_deg for joint in cell.joints]
-    speed_rad_s = [min(own, _driven_rad_s(joint)) for own, joint in zip(limits.speed_rad_s, cell.joints, strict=True)]
-    swings = swings_of(home_deg, limits.low_deg, limits.high_deg, speed_rad_s)
+    swings = _swings(limits, cell)
     centre, amplitude = [each.centre_deg for each in swings], [each.amplitude_deg for each in swings]
     if name == "sine":
         return Sine(limits, centre, amplitude, [each.period_s for each in swings])
     low, high = ([c + way * a for c, a in zip(centre, amplitude, strict=True)] for way in (-1.0, 1.0))
     return Trapezoid(limits, low, high, period_s=TRAPEZOID_PERIOD_S, blend_s=0.15)
+
+
+def _swings(limits: Limits, cell: Cell) -> tuple[Swing, ...]:
+    home_deg = [joint.home_deg for joint in cell.joints]
+    return swings_of(home_deg, limits.low_deg, limits.high_deg, _speeds(limits, cell))
+
+
+def _speeds(limits: Limits, cell: Cell) -> list[float]:
+    return [min(own, _driven_rad_s(joint)) for own, joint in zip(limits.speed_rad_s, cell.joints, strict=True)]
 
 
 def _driven_rad_s(joint: Joint) -> float:
