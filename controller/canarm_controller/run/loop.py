@@ -247,6 +247,7 @@ class ControlLoop:
                 f"law {type(self.law).__name__}: internals() must give {len(self._limits_a)} numbers, one per joint, "
                 f"for each of the names that it gave at first ({', '.join(self.internal_names) or 'none'})"
             )
+        self._internals = values
         return values
 
     def _prepare(self, first_tick: int) -> None:

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 from itertools import chain
-from operator import truediv
+from operator import itemgetter, truediv
 from pathlib import Path
 
 from canarm_protocol.clock import Clock
 from canarm_protocol.runs.own_file import replace_file
 from canarm_protocol.runs.run_folder import EVENTS_FILE, SIGNALS_FOLDER, EventLog, Rotation, SignalLog
-from canarm_protocol.runs.unwritten import Unwritten
+from canarm_protocol.runs.unwritten import UNWRITABLE, Unwritten
 
 from ..supervision.detection import Detection
 from .controller import Controller
@@ -45,7 +45,11 @@ class ControllerRecorder:
         self._controller, self._folder, self._now_ns = controller, folder, now_ns
         self._unwritten = Unwritten(folder, on_failure)
         names = controller.cell.joint_names
-        columns = [f"{name}.{column}" for name in names for column in (*JOINT_COLUMNS, *controller.loop.internal_names)]
+        kinds = (*JOINT_COLUMNS, *controller.loop.internal_names)
+        columns = [f"{name}.{column}" for name in names for column in kinds]
+        count = len(names)
+        self._by_joint = itemgetter(*(kind * count + joint for joint in range(count) for kind in range(len(kinds))))
+        """Puts values that are in the order of kinds into that of the columns."""
         self._signals = SignalLog(folder / SIGNALS_FOLDER / SIGNALS_FILE, columns, signals)
         self._events = EventLog(folder / EVENTS_FILE, "controller")
         self._begun_ns: int | None = None
@@ -66,21 +70,22 @@ class ControllerRecorder:
         cycle, internals = loop.cycle, loop.internals().values()
         if self._unwritten.why is not None:
             return
-        joints = zip(
-            cycle.reference_rad,
-            cycle.reference_rad_s,
-            cycle.position_rad,
-            cycle.velocity_rad_s,
-            cycle.current_a,
-            map(truediv, cycle.applied_nm, loop.arm.torque_per_ampere),
-            cycle.feedforward_nm,
-            *internals,
-            strict=True,
+        values = (
+            *cycle.reference_rad,
+            *cycle.reference_rad_s,
+            *cycle.position_rad,
+            *cycle.velocity_rad_s,
+            *cycle.current_a,
+            *map(truediv, cycle.applied_nm, loop.arm.torque_per_ampere),
+            *cycle.feedforward_nm,
+            *chain.from_iterable(internals),
         )
         # In lockstep the record comes after the next SYNC has been opened.
         time_ns = cycle.tick * self._period_ns if self._is_lockstep else self._controller.run_ns
-        with self._unwritten:
-            self._signals.write(cycle.tick, time_ns, chain.from_iterable(joints))
+        try:
+            self._signals.write(cycle.tick, time_ns, self._by_joint(values))
+        except UNWRITABLE as error:
+            self._unwritten.note(error)
 
     def state(self, state: State) -> None:
         """Append a change of state, with its reason when there is one."""

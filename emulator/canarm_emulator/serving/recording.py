@@ -22,7 +22,7 @@ from canarm_protocol.runs.run_folder import (
     Rotation,
     SignalLog,
 )
-from canarm_protocol.runs.unwritten import Unwritten
+from canarm_protocol.runs.unwritten import UNWRITABLE, Unwritten
 
 from ..bench.bench import CycleTruth, Record
 from ..robot.carried import GRIP_LOST, ObjectState
@@ -51,7 +51,7 @@ _OBJECT_COLUMNS = (
 )
 """The columns are those of `carried.ObjectState`, but for its grips: when one is lost is an event."""
 EMERGENCY_LENGTH = 8
-_LAST_EMERGENCY = Cob.EMERGENCY + HIGHEST_NODE_ID
+_SYNC, _LAST_EMERGENCY = int(Cob.SYNC), Cob.EMERGENCY + HIGHEST_NODE_ID
 SCRIPT = "fault-script"
 """The event of a fault script that has been accepted."""
 
@@ -99,21 +99,28 @@ class Recorder:
         The log has only error frames that are caused by an error on the bus (BUSERROR): python-can's reader takes the
         others, which report a better state, for data frames.
         """
-        if self._unwritten.why is not None or not records:
+        unwritten = self._unwritten
+        if unwritten.why is not None or not records:
             return
-        with self._unwritten:
-            special = [each for each in records if not _LAST_EMERGENCY < each[1][0] < ERROR_FLAG]
-            if special and any(each.frame.can_id >= ERROR_FLAG for each in special):
-                records = [each for each in records if _is_logged(each.frame)]
+        special = [
+            each for each in records if not _LAST_EMERGENCY < (can_id := each[1][0]) < ERROR_FLAG and can_id != _SYNC
+        ]
+        if special and any(each.frame.can_id >= ERROR_FLAG for each in special):
+            records = [each for each in records if _is_logged(each.frame)]
+        try:
             self._log.write_all(records)
-            for each in special:
-                self._event_of(each)
+        except UNWRITABLE as error:
+            unwritten.note(error)
+        for each in special:
+            self._event_of(each)
 
     def cycle(self, truth: CycleTruth) -> None:
         """Append the true state at a SYNC."""
         if self._unwritten.why is None:
-            with self._unwritten:
+            try:
                 self._row(truth)
+            except UNWRITABLE as error:
+                self._unwritten.note(error)
 
     def event(self, time_ns: int, event: str, **details: object) -> None:
         """Append an event; `cycle` is the last one begun, unless given: -1 before the first."""
@@ -159,9 +166,9 @@ class Recorder:
             self._begin_ns = truth.time_ns
             self._events.begin(truth.time_ns)
         self._cycle = truth.cycle
-        values = [truth.time_ns * 1e-9, *chain.from_iterable(truth.joints)]
+        values = chain((truth.time_ns * 1e-9,), *truth.joints)
         if truth.object is not None:
-            values += self._object(truth.time_ns, truth.object)
+            values = chain(values, self._object(truth.time_ns, truth.object))
         self._signals.write(truth.cycle, truth.time_ns - self._begin_ns, values)
 
     def _object(self, time_ns: int, state: ObjectState) -> list[float]:

@@ -14,10 +14,11 @@ from ..bench.bench import Record
 from .recording import Recorder
 
 _START = bytes((NmtCommand.START,))
+_NMT = int(Cob.NMT)
 
 
 def _ends_a_run(frame: Frame) -> bool:
-    return frame.can_id == Cob.NMT and frame.data[:1] != _START
+    return frame.can_id == _NMT and frame.data[:1] != _START
 
 
 class SessionRecorder(Recorder):
@@ -44,8 +45,8 @@ class SessionRecorder(Recorder):
     def frames(self, records: Sequence[Record]) -> None:
         """As `Recorder.frames`."""
         if self._left is None and self._cycle >= 0:
-            ends = (place for place, (_, frame, _) in enumerate(records) if _ends_a_run(frame))
-            place = next(ends, None)
+            commands = [place for place, (_, frame, _) in enumerate(records) if frame[0] == _NMT]
+            place = next((place for place in commands if _ends_a_run(records[place].frame)), None)
             if place is not None:
                 super().frames(records[:place])
                 with self._unwritten:

@@ -195,7 +195,10 @@ def parts_of(path: Path, *others: str) -> list[Path]:
 
 
 class _LineFile:
-    """A text file, written out in whole lines now and then: neither a reader nor a `kill -9` finds half a line."""
+    """A text file, written out in whole lines now and then: neither a reader nor a `kill -9` finds half a line.
+
+    Rows are kept as they are handed in; only all together they become text, in half the time.
+    """
 
     _head = ""
     """What every part begins with."""
@@ -205,7 +208,7 @@ class _LineFile:
         self.parts = 0
         """So many parts have been completed."""
         self._open()
-        self._lines: list[str] = []
+        self._rows: list[Any] = []
 
     def _open(self) -> None:
         path, append = self._place, self._appends
@@ -214,15 +217,14 @@ class _LineFile:
         except OSError as error:
             raise RunFolderError(f"{path}: cannot be written: {error.strerror}") from None
 
-    def _write(self, line: str) -> None:
-        self._lines.append(line)
-        if len(self._lines) >= FLUSH_EVERY:
-            self._flush()
+    def _text(self, rows: list[Any]) -> Iterable[str]:
+        """The lines of rows, each with its end."""
+        raise NotImplementedError
 
     def _flush(self) -> None:
         """Write what has gathered in one piece. Raises `OSError`; what is on disk then ends with a whole line."""
-        data = "".join(self._lines).encode("ascii", errors="backslashreplace")
-        self._lines.clear()
+        rows, self._rows = self._rows, []
+        data = "".join(self._text(rows)).encode("ascii", errors="backslashreplace")
         append_lines(self._file.fileno(), data)
         if self._rotation is not None and os.fstat(self._file.fileno()).st_size >= self._rotation.bytes:
             self._rotate(self._rotation)
@@ -241,7 +243,7 @@ class _LineFile:
         if self._file.closed:
             return
         try:
-            if self._lines:
+            if self._rows:
                 self._flush()
             if self._rotation is not None and self._rotation.takes_last:
                 self._rotate(self._rotation)
@@ -285,7 +287,6 @@ class CanLog(_LineFile):
         super().__init__(path, rotation=rotation)
         self._channel = channel
         self._names: dict[int, str] = {}
-        self._time_ns, self._stamp = -1, ""
 
     def write(self, time_ns: int, frame: Frame) -> None:
         """Append one frame."""
@@ -293,24 +294,28 @@ class CanLog(_LineFile):
 
     def write_all(self, records: Iterable[tuple[int, Frame, object]]) -> None:
         """Append frames, each with its time and whatever else."""
-        lines, names = self._lines, self._names
-        for time_ns, frame, _ in records:
-            if time_ns != self._time_ns:  # in lockstep most come with others of the same time
-                self._time_ns, self._stamp = time_ns, _stamp(LOG_START_S * 1_000_000_000 + time_ns)
+        self._rows += records
+        if len(self._rows) >= FLUSH_EVERY:
+            self._flush()
+
+    def _text(self, rows: list[tuple[int, Frame, object]]) -> Iterable[str]:
+        lines, names, last_ns, stamp = [], self._names, -1, ""
+        for time_ns, frame, _ in rows:
+            if time_ns != last_ns:  # in lockstep most come with others of the same time
+                last_ns, stamp = time_ns, _stamp(LOG_START_S * 1_000_000_000 + time_ns)
             can_id, data, is_extended, is_remote = frame
             if is_extended or is_remote:
-                lines.append(self._stamp + _unstamped(self._channel, frame))
+                lines.append(stamp + _unstamped(self._channel, frame))
                 continue
             name = names.get(can_id)
             if name is None:
                 name = names[can_id] = f"{self._channel} {can_id:03X}#"
-            lines.append(f"{self._stamp}{name}{data.hex().upper()}\n")
-        if len(lines) >= FLUSH_EVERY:
-            self._flush()
+            lines.append(f"{stamp}{name}{data.hex().upper()}\n")
+        return lines
 
     def size(self) -> int:
         """Bytes written so far; what has gathered is written out. Raises `OSError`."""
-        if self._lines:
+        if self._rows:
             self._flush()
         return os.fstat(self._file.fileno()).st_size
 
@@ -328,13 +333,17 @@ class SignalLog(_LineFile):
     def __init__(self, path: Path, columns: Sequence[str], rotation: Rotation | None = None) -> None:
         super().__init__(path, rotation=rotation)
         self._head = ",".join(("cycle", "time_s", *columns)) + "\n"
-        self._write(self._head)
-        self._flush()
-        self._row = "%d,%.6f" + ",%.9g" * len(columns) + "\n"
+        append_lines(self._file.fileno(), self._head.encode("ascii", errors="backslashreplace"))
+        self._format = "%d,%.6f" + ",%.9g" * len(columns) + "\n"
 
     def write(self, cycle: int, time_ns: int, values: Iterable[float]) -> None:
         """Append one row; `time_ns` counts from cycle 0."""
-        self._write(self._row % (cycle, time_ns * 1e-9, *values))
+        self._rows.append((cycle, time_ns * 1e-9, *values))
+        if len(self._rows) >= FLUSH_EVERY:
+            self._flush()
+
+    def _text(self, rows: list[tuple[float, ...]]) -> Iterable[str]:
+        return map(self._format.__mod__, rows)
 
 
 class EventLog(_LineFile):

@@ -6,6 +6,9 @@ from types import TracebackType
 
 from .run_folder import RunFolderError
 
+UNWRITABLE = OSError, RunFolderError
+"""What ends a record."""
+
 
 class Unwritten:
     """As a context: an `OSError`, or `RunFolderError`, of what is written in it is the reason, told once.
@@ -26,11 +29,15 @@ class Unwritten:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool:
-        if not isinstance(error, OSError | RunFolderError):
+        if not isinstance(error, UNWRITABLE):
             return False
+        self.note(error)
+        return True
+
+    def note(self, error: OSError | RunFolderError) -> None:
+        """The reason, from now on."""
         if self.why is None:
             what = error.strerror or error if isinstance(error, OSError) else error
             where = f"{getattr(error, 'filename', None) or self._folder}: "
             self.why = f"{where if isinstance(error, OSError) else ''}recording failed: {what}"
             self._tell(f"{self.why}; the run goes on, unrecorded from here on")
-        return True
