@@ -22,6 +22,7 @@ from . import texts
 from .bus.address import BusAddress
 from .bus.watch import BusWatch, robot_watch
 from .events import Happening, happenings
+from .events_view import EventsPane
 from .fault_desk import FaultDesk, Refusal
 from .fault_screens import ClearScreen
 from .fault_texts import answer_word, panel_lines
@@ -29,6 +30,7 @@ from .faults import Faults
 from .feed import Feed
 from .help import HelpScreen
 from .inject_screen import InjectScreen
+from .joints_view import JointsPane
 from .link import InBackground, Link, in_thread
 from .outcome import Outcome, OutcomePanel
 from .run_again import Again
@@ -107,7 +109,8 @@ class DashboardApp(RunControls):
         self._outcome_of = outcome_of
         self.outcome: Outcome | None = None
         """How the run has ended, once it has."""
-        self._connections = 0
+        self._connections = self._asked_law = 0
+        self._was_running = False
         self._answer: texts.Word | None = None
         self._answer_until_ns = 0
         self._drawn: tuple[object, ...] = ()
@@ -163,6 +166,10 @@ class DashboardApp(RunControls):
             self.feed.reconnected()
             self.desk.reconnected()
         self.feed.receive(frames, now_ns)
+        if self.feed.is_running is not self._was_running or self.link.connections != self._asked_law:
+            self._was_running, self._asked_law = self.feed.is_running, self.link.connections
+            if self.feed.is_running:
+                self.desk.load_law(self._take_law)
         self.desk.poll(self.feed.faults, now_ns)
         self.drain_sources()
         self.take_answers()
@@ -170,6 +177,9 @@ class DashboardApp(RunControls):
             self.outcome = self._outcome_of()
         if self._until is not None and self._until():
             self.exit()
+
+    def _take_law(self, answer: tuple[str, tuple[str, ...]] | Refusal) -> None:
+        self.feed.law, self.feed.internal_names = ("", ()) if isinstance(answer, Refusal) else answer
 
     def drain_sources(self) -> None:
         """Take what has arrived elsewhere, more often: the kernel keeps some 270 frames of a bus."""
@@ -194,7 +204,7 @@ class DashboardApp(RunControls):
             return  # a last timer tick, while the screen closes
         snapshot, screen = self.feed.snapshot(self._clock_ns()), self.screen_stack[0]
         header, notice = screen.query_one("#header", WordLine), screen.query_one("#notice", WordLine)
-        header.show(texts.header_words(self.link, snapshot, self.is_paused, self.size.width - 2))
+        header.show(texts.header_words(self.link, snapshot, self.is_paused, self.size.width - 2, (self.cell.name,)))
         said = texts.notice(self.link, snapshot)
         if said is None and self._clock_ns() < self._answer_until_ns:
             said = self._answer
@@ -227,6 +237,12 @@ class DashboardApp(RunControls):
         if self.is_paused and self._scene is not None:
             self._pane().show(self._scene)
         self.redraw()
+
+    def on_events_pane_jump(self, event: EventsPane.Jump) -> None:
+        """Show the traces at the moment of an event."""
+        self.action_pane("joints")
+        if not self.screen_stack[0].query_one(JointsPane).jump(event.cycle):
+            self.tell(Refusal(f"cycle {event.cycle} is not among those that are kept"))
 
     def action_pause(self) -> None:
         """Pause or resume the panes."""

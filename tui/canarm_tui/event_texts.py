@@ -17,11 +17,6 @@ STOPS = "safe-stop"
 NOTHING = (Word("nothing has happened yet: no fault has begun, and no controller has detected anything", Tone.DIM),)
 
 
-def event_lines(happened: Iterable[Happening], cycle_s: float) -> tuple[Line, ...]:
-    """A line per event, or one that says that there is none."""
-    return tuple(event_line(each, cycle_s) for each in happened) or (NOTHING,)
-
-
 def event_line(each: Happening, cycle_s: float) -> Line:
     """When, what, and of a detection how long after the last fault, and what the controller did."""
     event = each.event

@@ -1,39 +1,108 @@
-"""The view of events: a scrolling list of all that the bench remembers, newest first."""
+"""The view of events: all that the bench remembers, newest first, to filter, and to jump from to the traces."""
+
+from typing import ClassVar
 
 from textual.app import ComposeResult
-from textual.containers import VerticalScroll
-from textual.content import Content
-from textual.widgets import Static
+from textual.binding import Binding, BindingType
+from textual.message import Message
+from textual.widgets import Input, OptionList
+from textual.widgets.option_list import Option
 
-from .event_texts import Line, event_lines
+from .event_texts import NOTHING, Line, event_line
+from .events import Happening
 from .styles import line_of
+from .texts import Tone, Word
 from .views import Context, Pane, Scene, View
+
+NONE_FITS = (Word("none of the events has all of these words; escape shows all again", Tone.DIM),)
 
 
 class EventsPane(Pane):
-    """Lines that are redrawn only when they change; where the reader has scrolled to stays."""
+    """A list that is filled only when it changes; the event that the reader has chosen stays chosen."""
+
+    class Jump(Message):
+        """The reader wants to see the traces at a cycle."""
+
+        def __init__(self, cycle: int) -> None:
+            super().__init__()
+            self.cycle = cycle
 
     DEFAULT_CSS = """
-    EventsPane { padding: 0 1; }
-    EventsPane Static { height: auto; }
+    EventsPane Input { display: none; }
+    EventsPane.-filtered Input { display: block; }
+    EventsPane OptionList, EventsPane OptionList:focus {
+        height: 1fr; border: none; padding: 0 1; text-wrap: nowrap; text-overflow: ellipsis;
+    }
     """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding(
+            "slash", "filter", "Filter", key_display="/", id="events.filter", tooltip="Words that all must be in it"
+        ),
+        Binding("escape", "unfilter", "All", id="events.all", show=False),
+    ]
 
     def __init__(self, cycle_s: float) -> None:
         super().__init__()
         self._cycle_s = cycle_s
+        self._happened: tuple[Happening, ...] = ()
+        self._fitting: tuple[Happening, ...] = ()
         self.lines: tuple[Line, ...] = ()
 
     def compose(self) -> ComposeResult:
-        """One text of many lines."""
-        with VerticalScroll():
-            yield Static(id="events")
+        """The filter, and the list."""
+        yield Input(placeholder="words, such as: joint2 detected", compact=True)
+        yield OptionList(id="events")
+
+    def chosen(self) -> None:
+        """The keyboard goes to the list."""
+        self.query_one(OptionList).focus()
 
     def show(self, scene: Scene) -> None:
         """Show what has happened."""
-        lines = event_lines(scene.happened, self._cycle_s)
-        if lines != self.lines:
-            self.lines = lines
-            self.query_one(Static).update(Content("\n").join(line_of(words) for words in lines))
+        if scene.happened is not self._happened or not self.lines:
+            self._happened = scene.happened
+            self._fill()
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Filter while typing."""
+        self._fill()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """On to the list."""
+        self.query_one(OptionList).focus()
+
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+        """Enter or a click: the traces at that moment."""
+        if self._fitting:
+            self.post_message(self.Jump(self._fitting[event.option_index].event.cycle))
+
+    def action_filter(self) -> None:
+        """Type words."""
+        self.set_class(True, "-filtered")
+        self.query_one(Input).focus()
+
+    def action_unfilter(self) -> None:
+        """All of them again."""
+        self.set_class(False, "-filtered")
+        self.query_one(Input).value = ""
+        self.query_one(OptionList).focus()
+
+    def _fill(self) -> None:
+        options, words = self.query_one(OptionList), self.query_one(Input).value.casefold().split()
+        place = options.highlighted
+        chosen = self._fitting[place] if place is not None and place < len(self._fitting) else None
+        lines = [(each, event_line(each, self._cycle_s)) for each in self._happened]
+        fitting = [(each, line) for each, line in lines if _fits(line, words)]
+        self._fitting = tuple(each for each, _ in fitting)
+        self.lines = tuple(line for _, line in fitting) or ((NONE_FITS if self._happened else NOTHING),)
+        options.clear_options()
+        options.add_options([Option(line_of(line)) for line in self.lines])
+        options.highlighted = self._fitting.index(chosen) if chosen in self._fitting else 0
+
+
+def _fits(line: Line, words: list[str]) -> bool:
+    text = " ".join(word.text for word in line).casefold()
+    return all(word in text for word in words)
 
 
 VIEW: View[Context] = View(
@@ -43,6 +112,7 @@ VIEW: View[Context] = View(
     what="Faults and detections, newest first",
     make=lambda context: EventsPane(context.cell.bus.cycle_s),
     help="""\
-All that the bench remembers, newest first; the arrows scroll.
+All that the bench remembers, newest first; ↑ ↓ choose, enter shows the traces at that moment.
+/  filter by words, such as joint2 detected     escape  all of them again
 Of a detection: how long after the last fault, and what the controller did.""",
 )

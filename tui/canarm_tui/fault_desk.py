@@ -104,6 +104,10 @@ class FaultDesk:
         """End and forget the sets of that name, or all."""
         self._do(lambda client: client.clear(name), then)
 
+    def load_law(self, then: Callable[[tuple[str, tuple[str, ...]] | Refusal], None]) -> None:
+        """Read what the controller's law and its own values are called."""
+        self._ask(lambda client: client.law(), then)
+
     def stop(self, is_on: bool, then: Callable[[str | Refusal], None]) -> None:
         """Emergency stop: open the supplies of all amplifiers, or close them again."""
 

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 
 from canarm_protocol.canopen.frames import Cob, Frame
 from canarm_protocol.canopen.pdo import PdoLayout
-from canarm_protocol.cell.bench_objects import DIVIDER, INTERNALS, SDO_CHANNELS, bench_pdos, sdo_channel
+from canarm_protocol.cell.bench_objects import (
+    CONTROLLER_STATES,
+    DIVIDER,
+    INTERNALS,
+    SDO_CHANNELS,
+    bench_pdos,
+    sdo_channel,
+)
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.sensing import position_steps_rad
 
@@ -68,8 +75,9 @@ class Feed:
         self._report_wall_ns = 0
         self.faults: FaultSignal | None = None
         """The bench's latest report of its faults since the bus was opened."""
+        self.law = ""
+        """The controller's law, and what it calls its own values, as the bench has been told; set from outside."""
         self.internal_names: tuple[str, ...] = ()
-        """What the law calls its own values, as the bench has been told; set from outside."""
         self._received = self._unknown = self._malformed = 0
         self._dropped_samples = self._dropped_references = 0
         self._reported = np.full((joints, REPORTED_COLUMNS), np.nan)
@@ -96,6 +104,11 @@ class Feed:
             )
             handlers |= {layout.cob_id: (layout, handler) for layout, handler in parts}
         return handlers
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the controller has said last that it controls the robot."""
+        return self._report is not None and CONTROLLER_STATES.get(self._report[2]) == "running"
 
     @property
     def changes(self) -> tuple[int, int, tuple[int, int, int] | None]:
@@ -150,6 +163,7 @@ class Feed:
             internals=reported[:, -INTERNALS:],
             history=self._rows.history(),
             bus=self._bus,
+            law=self.law,
             internal_names=self.internal_names,
         )
 

@@ -101,9 +101,11 @@ class JointsPane(Pane):
         self._scene = scene
         self._draw()
 
-    def jump(self, cycle: int) -> None:
-        """Put the cursor on `cycle`."""
-        self._go(self.timeline.at(self._extent, cycle))
+    def jump(self, cycle: int) -> bool:
+        """Put the cursor on `cycle`; False if that is no longer kept, and the nearest that is is shown."""
+        extent = self._extent
+        self._go(self.timeline.at(extent, cycle))
+        return extent.first <= cycle <= extent.last
 
     def action_signal(self, step: int) -> None:
         """Another signal."""

@@ -116,5 +116,7 @@ class Snapshot:
     internals: NDArray[np.float64] = field(default_factory=_no_values)
     history: History = field(default_factory=History)
     bus: BusNow | None = None
+    law: str = ""
+    """The controller's; empty if it is not known."""
     internal_names: tuple[str, ...] = ()
     """Of the law's own values; empty if they are not known."""

@@ -10,16 +10,20 @@ from enum import Enum
 from typing import NamedTuple
 
 from canarm_protocol.cell.bench_objects import CONTROLLER_STATES
+from canarm_protocol.shown import printable
 
 from .link import Link, LinkState
 from .signals import LIMIT_LSB
-from .snapshot import Counters, JointNow, Rates, Report, Snapshot
+from .snapshot import BusNow, Counters, JointNow, Rates, Report, Snapshot
 
 STALE_NS = 500_000_000
 """Telemetry older than this is shown as stale."""
 REPORT_STALE_NS = 2_000_000_000
 """The controller reports a few times per second; a state older than this is shown as stale."""
 SEPARATOR = " │ "
+FULL = 0.8
+"""A bus that is loaded more than that has little room for bursts."""
+LONGEST_NAME = 24
 LEAST_PLACE = 18
 """The bus is left out if it would be cut shorter than "-i canarm -c bench"."""
 _HOST_AND_PORT = re.compile(r"\bhost=(\S+) port=(\d+)")
@@ -110,8 +114,21 @@ def age_word(age_ns: int | None) -> Word:
     return Word(f"age {age_ns * 1e-9:.2f} s")
 
 
-def header_words(link: Link, snapshot: Snapshot, is_paused: bool, width: int) -> tuple[Word, ...]:
-    """The header line for `width` columns; what does not fit is cut from the end, where the bus is named."""
+def load_word(bus: BusNow | None) -> tuple[Word, ...]:
+    """The load of the robot's bus, where a wire model knows it."""
+    if bus is None or math.isnan(bus.load):
+        return ()
+    errors = f", {bus.error_frames} error frames" if bus.error_frames else ""
+    return (Word(f"bus {100.0 * bus.load:.0f} %{errors}", Tone.WARNING if errors or bus.load > FULL else Tone.PLAIN),)
+
+
+def header_words(
+    link: Link, snapshot: Snapshot, is_paused: bool, width: int, what: Sequence[str] = ()
+) -> tuple[Word, ...]:
+    """The header line for `width` columns; what does not fit is cut from the end, where the bus is named.
+
+    `what` are words for what runs, such as the cell and the clock; the law stands with them once it is known.
+    """
     words = [
         link_word(link, snapshot),
         state_word(snapshot.report),
@@ -119,6 +136,8 @@ def header_words(link: Link, snapshot: Snapshot, is_paused: bool, width: int) ->
         late_word(snapshot.report),
         rate_word(snapshot.rates),
         real_time_word(snapshot.rates),
+        *load_word(snapshot.bus),
+        *(Word(printable(each, LONGEST_NAME), Tone.DIM) for each in (*what, snapshot.law) if each),
     ]
     if is_paused:
         words.insert(1, Word("⏸ paused", Tone.WARNING))

@@ -1,6 +1,7 @@
 """The test bench's figures of a run, read from its node at the end, for people; a controller does not need them."""
 
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,7 +49,8 @@ def read_assessment(session: SdoSession, cell: Cell) -> dict[str, JointFigures]:
     return figures
 
 
-def name_internals(session: SdoSession, names: list[str]) -> None:
-    """Tell the bench what the law's internal quantities are called. Raises `SdoAborted` or `BusError`."""
+def name_law(session: SdoSession, law: str, names: Sequence[str]) -> None:
+    """Tell the bench what the law and its internal quantities are called. Raises `SdoAborted` or `BusError`."""
+    session.download(objects.LAW_NAME, 0, law.encode("ascii", "replace"))
     for position, name in enumerate(names[: objects.INTERNALS], start=1):
         session.download(objects.INTERNAL_NAME, position, name.encode("ascii", "replace"))

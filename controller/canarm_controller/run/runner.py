@@ -13,7 +13,7 @@ from canarm_protocol.transport.port import BusPort
 from canarm_protocol.transport.realtime import Collector, undisturbed
 from canarm_protocol.transport.sdo_session import SdoSession
 
-from ..bus.assessment import JointFigures, name_internals, read_assessment
+from ..bus.assessment import JointFigures, name_law, read_assessment
 from ..errors import ControllerError
 from .controller import Controller
 from .pacing import LockstepPace, Pacer
@@ -162,7 +162,7 @@ class Runner:
             self._ask_to_stop()
         if not controller.is_finished:
             self._owns_the_bus = True
-            self._name_internals()
+            self._name_law()
         self._watch_state()
         self._flush()
 
@@ -276,11 +276,12 @@ class Runner:
             return None
         return SdoSession(self._bench, *sdo_channel(self._controller.cell.bus.bench_node_id, CONTROLLER_CHANNEL))
 
-    def _name_internals(self) -> None:
+    def _name_law(self) -> None:
         session = self._session()
         if session is not None:
             try:
-                name_internals(session, list(self._controller.loop.internal_names))
+                loop = self._controller.loop
+                name_law(session, str(loop.law.name), loop.internal_names)
             except ProtocolError as error:
                 self._note = f"no bench node answers: {error}"
                 self._bench = None

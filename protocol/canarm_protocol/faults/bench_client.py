@@ -101,6 +101,15 @@ class BenchClient:
         """The last detections of controllers, oldest first: cycle, detector, where, detail, reaction."""
         return self._lines(objects.PACKED_DETECTIONS)
 
+    def law(self) -> tuple[str, tuple[str, ...]]:
+        """What the controller's law and its own values are called; empty where nobody has said so."""
+
+        def read(session: SdoSession) -> tuple[str, tuple[str, ...]]:
+            names = (session.upload(objects.INTERNAL_NAME, place + 1) for place in range(objects.INTERNALS))
+            return _text(session.upload(objects.LAW_NAME)), tuple(map(_text, names))
+
+        return self._ask(read)
+
     @property
     def is_stopped(self) -> bool:
         """Whether the emergency stop is on."""
