@@ -64,8 +64,8 @@ class SupervisedRun:
         if verdict is None:
             return
         if self.state in (State.RUNNING, State.STOPPING):
-            row = DETECTORS[verdict.detector]
-            reaction = row.reaction if row.reaction.stops else Reaction.OFF
+            reaction = verdict.reaction or DETECTORS[verdict.detector].reaction
+            reaction = reaction if reaction.stops else Reaction.OFF
             self._detect(verdict.detector, verdict.where, verdict.detail, reaction)
 
     def _detect_at_joint(self, detector: str, joint: int, detail: str, reaction: Reaction | None) -> bool:

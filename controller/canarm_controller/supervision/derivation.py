@@ -19,7 +19,7 @@ from .grip_watch import FIRST_S, OBJECT_LOST, SURE, TAKEN_UP_S, TIMES, UNSURE, g
 from .nominal import JointNominal, joint_nominals, sensor_nominal
 from .reach import Reach
 from .sensor_less import BLIND_FACTOR, PERSISTENT_CYCLES
-from .tachless import STUCK_FACTOR, UNLEARNED_SHARE
+from .tachless import STUCK_FACTOR, UNLEARNED_SHARE, least_travel_rad
 from .thresholds import Thresholds, cell_thresholds
 from .timing import Timing
 
@@ -155,8 +155,10 @@ def _position_rows(nominal: JointNominal, derived: Thresholds, limits: Supervisi
     yield Row("potentiometer-spike", _deg(factor * derived.jump), f"the same, for fewer cycles{too_far}")
     stuck = f"{limit.STUCK_TRAVEL:g} grains that the tachometer turns while the code stands"
     if not has_tachometer:
+        least = STUCK_FACTOR * least_travel_rad(nominal)
         stuck = f"{STUCK_FACTOR:g} x {limit.STUCK_TRAVEL:g} grains that the model turns while the code stands, and "
-        stuck += f"{UNLEARNED_SHARE * limit.unmodelled_rad_s2(nominal):.3g} rad/s2 that it may lack"
+        stuck += f"{UNLEARNED_SHARE * limit.unmodelled_rad_s2(nominal):.3g} rad/s2 that it may lack; down to "
+        stuck += f"{_deg(least)} at low speeds, after readings that the model has foreseen"
     travel = derived.stuck_travel if has_tachometer else STUCK_FACTOR * derived.stuck_travel
     yield Row("potentiometer-stuck", _deg(travel), stuck + reach.beyond_travel(travel))
     drift = f"{limit.POSITION_DRIFT:g} grains, filtered over 16 readings"

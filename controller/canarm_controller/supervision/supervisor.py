@@ -19,6 +19,7 @@ from canarm_protocol.errors import FrameError
 
 from ..errors import ControllerError, InterruptedRunError
 from ..laws.failure import shown
+from .detection import Reaction
 from .nominal import sensor_nominal
 from .thresholds import longest_step_rad, missing_cycles, range_rad, silent_cycles
 
@@ -47,6 +48,8 @@ class Verdict:
     detail: str
     where: str | None = None
     """Name of the joint or card concerned; None for the run as a whole."""
+    reaction: Reaction | None = None
+    """If it is not the table's."""
 
     def __str__(self) -> str:
         return f"{self.detector}: {self.detail}"
@@ -75,7 +78,10 @@ class Supervisor:
         """No card's last heartbeat is older than this cycle."""
         self._started: set[int] = set()
         """Cards that have been seen in OPERATIONAL."""
-        positions = [sensor_nominal(sensors.position) for sensors in joint_sensors(cell)]
+        sensing = joint_sensors(cell)
+        positions = [sensor_nominal(sensors.position) for sensors in sensing]
+        self._impossible = [None if sensors.velocity else Reaction.OFF for sensors in sensing]
+        """The reaction to what a joint's position sensor cannot show, if it is not to hold: with nothing to hold by."""
         joints = list(zip(cell.joints, positions, strict=True))
         self._range_rad = [range_rad(joint, position, limits) for joint, position in joints]
         self._max_step_rad = [
@@ -222,6 +228,7 @@ class Supervisor:
                     f"{self._names[joint]} measured at {math.degrees(position):.1f} deg; "
                     f"its range is {math.degrees(low):.0f} to {math.degrees(high):.0f} deg",
                     self._names[joint],
+                    self._impossible[joint],
                 )
             longest_rad = self._max_step_rad[joint] * factor
             if last is not None and abs(position - last[joint]) > longest_rad:
@@ -230,6 +237,7 @@ class Supervisor:
                     f"{self._names[joint]} measured {math.degrees(last[joint]):.1f} deg, then "
                     f"{math.degrees(position):.1f} deg; at most {math.degrees(longest_rad):.0f} deg is possible",
                     self._names[joint],
+                    self._impossible[joint],
                 )
         return None
 

@@ -10,8 +10,9 @@ from .detection import Reaction
 from .joint_state import Mode
 from .limits import Report
 from .nominal import JointNominal
+from .read_speed import ReadSpeed
 from .sensor_less import BLIND_FACTOR, PERSISTENT_CYCLES, SensorLess
-from .thresholds import Thresholds, unmodelled_rad_s2
+from .thresholds import REFERENCE_NOISE, STUCK_TRAVEL, TIMING_SHARE, Thresholds, unmodelled_rad_s2
 from .timing import Timing
 from .uncertainty import COULOMB
 
@@ -35,13 +36,15 @@ class TachlessWitness(SensorLess):
     A code that does not change is judged by the model's travel meanwhile, from the speed and with the
     acceleration bias estimated when it last changed, and as far as the highest friction of the box would let it: of a
     joint so slow that this stops it within a step, and for a while after, until the bias has learned the friction.
-    So long, the observer's speed is in doubt by what that friction makes of it.
+    So long, the observer's speed is in doubt by what that friction makes of it; the readings' own speed, of a fine
+    sensor, by much less. A joint that its readings have just shown to accelerate as nobody foresaw may do so again.
     """
 
     __slots__ = (
         "_doubt_rad_s", "_gone_bias", "_gone_rad", "_gone_rad_s", "_has_moved", "_last_off_rad", "_last_rad",
-        "_lasting_cycles", "_learning", "_rubbed_rad_s", "_rubs_rad_s2", "_shaken_until", "_slow_at", "_slow_rad_s",
-        "_stood_cycles", "_struck_cycles", "_unmodelled", "_x_code",
+        "_lasting_cycles", "_learning", "_least_rad", "_read", "_rubbed_rad_s", "_rubs_rad_s2", "_shaken_until",
+        "_slow_at", "_slow_rad_s", "_stood_cycles", "_struck_cycles", "_travel_rad", "_turned_rad_s", "_unmodelled",
+        "_way", "_x_code",
     )  # fmt: skip
 
     def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
@@ -53,6 +56,9 @@ class TachlessWitness(SensorLess):
         self._slow_rad_s = math.sqrt(2.0 * self._rubs_rad_s2 * self._position_lsb)
         self._doubt_rad_s = SPEED_SHARE * self._rubs_rad_s2 / blind_pole_rad_s(self._period_s)
         self._struck_cycles = max(round(STRUCK_S / timing.period_s), 2)
+        self._read = ReadSpeed(nominal.position.noise, self._rubs_rad_s2, self._period_s)
+        self._least_rad = least_travel_rad(nominal)
+        self._turned_rad_s = 2.0 * self._rubs_rad_s2 * self._period_s
         self.start(0.0)
 
     def start(self, position_rad: float) -> None:
@@ -60,7 +66,9 @@ class TachlessWitness(SensorLess):
         super().start(position_rad)
         self.mode = Mode.NO_TACHOMETER
         self._blind.start(position_rad, 0.0, 0.0)
-        self._gone_rad = self._gone_rad_s = self._gone_bias = self._rubbed_rad_s = 0.0
+        self._read.start(position_rad, 0.0)
+        self._gone_rad = self._gone_rad_s = self._gone_bias = self._rubbed_rad_s = self._way = 0.0
+        self._travel_rad = self._thresholds.stuck_travel
         self._x_code, self._stood_cycles, self._lasting_cycles = -1, 0, 0
         self._slow_at = 0
         self._has_moved, self._last_rad, self._last_off_rad, self._shaken_until = False, position_rad, 0.0, 0
@@ -103,6 +111,7 @@ class TachlessWitness(SensorLess):
         """As `step`, but when this was measured is known badly."""
         self._stood_cycles = self._lasting_cycles = 0
         self._x_code = -1
+        self._read.start(x, self.model_rad_s)
         if is_gap and self.mode is not Mode.BLIND:
             self._blind.start(x, self.speed, self.bias)
         self._calm_at = max(self._calm_at, self.cycles + self._timing.blurred)
@@ -154,21 +163,31 @@ class TachlessWitness(SensorLess):
 
     def _judge_code(self, x_code: int, acceleration: float) -> None:
         """Whether the model moves while the code does not."""
+        read, unlearned = self._read, max(self._slow_at + self._learning - self.cycles, 0) / self._learning
+        rubs_rad_s2 = unlearned * self._rubs_rad_s2
+        read.take(self._last_rad, self.model_rad_s, self.bias, rubs_rad_s2)
         if x_code != self._x_code or self._stood_cycles > self._timing.agree:
             self._x_code, self._stood_cycles = x_code, 0
-            unlearned = max(self._slow_at + self._learning - self.cycles, 0) / self._learning
-            self._rubbed_rad_s = unlearned * self._rubs_rad_s2 * self._period_s
             self._gone_rad, self._gone_bias = 0.0, self.bias
-            self._gone_rad_s = math.copysign(max(abs(self.speed) - unlearned * self._doubt_rad_s, 0.0), self.speed)
+            if read.doubt_rad_s < self._doubt_rad_s:
+                self._gone_rad_s = _surely(read.speed, read.doubt_rad_s)
+            else:
+                self._gone_rad_s = _surely(self.speed, unlearned * self._doubt_rad_s)
+            self._way = self._gone_rad_s
+            self._rubbed_rad_s = max(rubs_rad_s2, read.unforeseen_rad_s2) * self._period_s
+            is_foreseen = read.unforeseen_rad_s2 <= self._rubs_rad_s2
+            self._travel_rad = self._least_rad if is_foreseen else self._thresholds.stuck_travel
             return
         self._stood_cycles += 1
         gone_rad_s = self._gone_rad_s + self._period_s * (acceleration + self._gone_bias)
-        self._gone_rad_s = math.copysign(max(abs(gone_rad_s) - self._rubbed_rad_s, 0.0), gone_rad_s)
+        is_turning = gone_rad_s * self._way <= 0.0
+        self._gone_rad_s = _surely(gone_rad_s, max(self._rubbed_rad_s, is_turning * self._turned_rad_s))
         self._gone_rad += self._period_s * self._gone_rad_s
         if self._stood_cycles < STUCK_CYCLES or self.cycles < self._calm_at or self.mode is Mode.BLIND:
             return
         stood_s = self._stood_cycles * self._period_s
-        limit = STUCK_FACTOR * self._thresholds.stuck_travel + 0.5 * self._unmodelled * stood_s**2
+        timing_rad = STUCK_TRAVEL * TIMING_SHARE * self._period_s * abs(self._gone_rad_s)
+        limit = STUCK_FACTOR * max(self._travel_rad, timing_rad) + 0.5 * self._unmodelled * stood_s**2
         if abs(self._gone_rad) > limit:
             detail = f"code {x_code} while the model turned {self._gone_rad / self._position_lsb:.1f} LSB"
             if self._report("potentiometer-stuck", detail, Reaction.OFF):
@@ -181,3 +200,13 @@ class TachlessWitness(SensorLess):
         if self._lasting_cycles > self._timing.lasting:
             detail = f"{self.bias:+.0f} rad/s2 beyond the model, more than any payload, and lasting"
             self._report("acceleration-mismatch", detail, Reaction.OFF)
+
+
+def least_travel_rad(joint: JointNominal) -> float:
+    """How far a joint goes at least while its code stands: a step, and what noise hides of it."""
+    return STUCK_TRAVEL * joint.position.noise / REFERENCE_NOISE
+
+
+def _surely(speed: float, doubt: float) -> float:
+    """What of a speed is left by its doubt."""
+    return math.copysign(max(abs(speed) - doubt, 0.0), speed)
