@@ -21,7 +21,7 @@ from canarm_protocol.runs.tentative import Tentative
 
 from .child import START_S, Child, ended_too_early, offered_port, running
 from .options import BENCH_BUS, ROBOT_BUS, ControlOptions, pace_text, wait_text
-from .recording import PARQUET, Recording, recording_failure
+from .recording import BENCH, PARQUET, Recording, recording_failure
 from .runs.converting import convert_all
 from .serving import attach_flags
 from .summary import Summary
@@ -84,9 +84,8 @@ class DemoRun:
         common += ["--sync-timeout", wait_text(plan.sync_timeout), *_each("--set", plan.settings)]
         if plan.rotate is not None:
             common += ["--rotate", str(plan.rotate)]
-        if PARQUET in plan.recording.formats:
-            common += ["--record", PARQUET]
         robot = ["--serve", plan.serve, "--seed", str(plan.seed), *_each("--truth", plan.truth)]
+        robot += self._further(BENCH, PARQUET)
         if plan.wire:
             robot.append("--wire")
         if plan.faults is not None:
@@ -97,11 +96,16 @@ class DemoRun:
         if not is_another:
             for bus in (ROBOT_BUS, BENCH_BUS):
                 tell(f"to attach to {bus}: {attach_flags(bus, plan.host, self.port)}")
-        self._controller = self._begun("controller", [*common, *self._controller_arguments()])
+        self._controller = self._begun("controller", [*common, *self._further(PARQUET), *self._controller_arguments()])
         # With no time-out, a debugger may hold it for ever.
         if math.isfinite(plan.sync_timeout):
             self._limit_s = START_S + SLOWEST * plan.seconds / min(plan.pace or 1.0, 1.0)
         self._deadline_s = time.monotonic() + self._limit_s
+
+    def _further(self, *kinds: str) -> list[str]:
+        """What a process is to record besides its plain files, of what it can."""
+        wanted = [each for each in kinds if each in self.plan.recording.formats]
+        return ["--record", ",".join(wanted)] if wanted else []
 
     @property
     def is_over(self) -> bool:

@@ -20,7 +20,8 @@ class OutputOptions:
         str | None,
         Parameter(
             metavar="FORMAT,…",
-            help="Further formats: parquet (of the signals, while the run goes on), and blf, mcap, mf4 at its end; "
+            help="Further records: bench (the frames of the bench's own bus), parquet (of the signals, while the run "
+            "goes on), and blf, mcap, mf4 at its end; "
             "needs: pip install 'canarm[parquet,mcap,mf4]'.",
         ),
     ] = None

@@ -14,9 +14,10 @@ from .usage import UsageError
 if TYPE_CHECKING:
     from canarm_protocol.runs.packing import Packer
 
-NEEDED = {"blf": None, "mcap": "mcap.writer", "mf4": "asammdf", "parquet": "pyarrow"}
-"""Formats that can be asked for, and the library of each that canarm does not bring along."""
-PARQUET = "parquet"
+NEEDED = {"bench": None, "blf": None, "mcap": "mcap.writer", "mf4": "asammdf", "parquet": "pyarrow"}
+"""What can be asked for: the frames of the bench's own bus, and formats, with the library of each that canarm does not
+bring along."""
+BENCH, PARQUET = "bench", "parquet"
 MEGABYTE = 1_000_000
 
 
@@ -45,7 +46,12 @@ class Recording:
     @property
     def at_the_end(self) -> tuple[str, ...]:
         """The formats that are written when a run is over."""
-        return tuple(each for each in self.formats if each != PARQUET)
+        return tuple(each for each in self.formats if each not in (BENCH, PARQUET))
+
+    @property
+    def with_bench(self) -> bool:
+        """Whether the frames of the bench's own bus are recorded."""
+        return BENCH in self.formats
 
     def close(self) -> None:
         """Wait for what is still being packed."""

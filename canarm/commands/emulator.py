@@ -225,7 +225,9 @@ def _start_recording(
         update_run_file(folder, "cell", cell.model_dump(mode="json"))
         update_run_file(folder, "emulator", {**provenance(), **given})
 
-    recorder = SessionRecorder(folder, cell, _tell, describe, recording.frames, recording.signals)
+    recorder = SessionRecorder(
+        folder, cell, _tell, describe, recording.frames, recording.signals, with_bench=recording.with_bench
+    )
     describe(folder)
     return recorder
 

@@ -17,7 +17,15 @@ from canarm_protocol.errors import CanarmError
 from canarm_protocol.runs.can_log import log_frames
 from canarm_protocol.runs.own_file import replace_file
 from canarm_protocol.runs.packing import SUFFIX, pack
-from canarm_protocol.runs.run_folder import CAN_LOG_FILE, LOG_START_S, SIGNALS_FOLDER, RunFolderError, part_of, parts_of
+from canarm_protocol.runs.run_folder import (
+    BENCH_LOG_FILE,
+    CAN_LOG_FILE,
+    LOG_START_S,
+    SIGNALS_FOLDER,
+    RunFolderError,
+    part_of,
+    parts_of,
+)
 from canarm_protocol.shown import first_line
 
 from ..libraries import load_library
@@ -68,14 +76,15 @@ def unit_of(column: str) -> str:
 
 
 def _to_blf(run: Run) -> list[Path]:
-    """python-can's BLF: the same frames, the same bytes."""
-    return [_frames_file(run, "can0.blf", can.BLFWriter)]
+    """python-can's BLF: the same frames, the same bytes; of the bench's own bus too, if they are recorded."""
+    bench = [BENCH_LOG_FILE] if any(each.is_file() for each in parts_of(run.path / BENCH_LOG_FILE)) else []
+    return [_frames_file(run, log, ".blf", can.BLFWriter) for log in (CAN_LOG_FILE, *bench)]
 
 
 def _to_mf4(run: Run) -> list[Path]:
     """Frames by python-can's writer, as a logged bus; signals with their units by asammdf."""
     asammdf = load_library("asammdf", "MF4")
-    frames = _frames_file(run, "can0.mf4", can.MF4Writer)
+    frames = _frames_file(run, CAN_LOG_FILE, ".mf4", can.MF4Writer)
     file = asammdf.MDF(version="4.10")
     for table, columns in ((name, getattr(run, name)) for name in TABLES):
         signals = [
@@ -161,10 +170,11 @@ FORMATS: Mapping[str, Callable[[Run], list[Path]]] = {
 """Format → what writes it."""
 
 
-def _frames_file(run: Run, name: str, writer: Callable[..., Any]) -> Path:
-    path, draft = run.path / name, run.path / f".draft-{name}"
+def _frames_file(run: Run, log: str, suffix: str, writer: Callable[..., Any]) -> Path:
+    path = (run.path / log).with_suffix(suffix)
+    draft = path.with_name(f".draft-{path.name}")
     with writer(draft) as file:
-        for time_ns, frame in log_frames(run.path / CAN_LOG_FILE):
+        for time_ns, frame in log_frames(run.path / log):
             file.on_message_received(_message_of(time_ns, frame))
     draft.replace(path)
     return path

@@ -24,6 +24,7 @@ from canarm_protocol.faults.fault_events import FaultEvent
 from canarm_protocol.runs.can_log import log_frames
 from canarm_protocol.runs.run_events import event_lines
 from canarm_protocol.runs.run_folder import (
+    BENCH_LOG_FILE,
     CAN_LOG_FILE,
     EVENTS_FILE,
     RUN_FILE,
@@ -143,8 +144,16 @@ class Run:
     @property
     def frames(self) -> Any:
         """The frames of can0 as a DataFrame: time_s, id, data (bytes), is_extended, is_remote, is_error."""
+        return self._frames_in(CAN_LOG_FILE)
+
+    @property
+    def bench_frames(self) -> Any:
+        """The frames of the bench's own bus, in the same columns; none unless they were recorded (`--record bench`)."""
+        return self._frames_in(BENCH_LOG_FILE)
+
+    def _frames_in(self, log: str) -> Any:
         begin_s = self.begin_s
-        found = list(log_frames(self.path / CAN_LOG_FILE, self._complain))
+        found = list(log_frames(self.path / log, self._complain))
         is_error = [frame.can_id >= ERROR_FLAG for _, frame in found]
         columns: dict[str, Any] = {
             "time_s": np.array([time_ns * 1e-9 - begin_s for time_ns, _ in found], dtype=np.float64),

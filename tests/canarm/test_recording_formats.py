@@ -137,11 +137,30 @@ def test_a_demo_is_recorded_in_all_formats_and_parted(canarm, run_folder) -> Non
     assert not [name for name in names if "draft" in name]
 
 
+def test_the_benchs_own_bus_is_recorded_where_that_is_asked_for(canarm, run_folder) -> None:
+    pytest.importorskip("pyarrow")
+    demo = canarm("demo", "--no-tui", "--seconds", "0.5", "--out", "run", "--record", "bench,parquet,blf")
+    assert demo.wait() == 0, demo
+    run = open_run(canarm.folder / "run")
+    with can.CanutilsLogReader(run.path / "bench.log") as log, can.BLFReader(run.path / "bench.blf") as blf:
+        candump, packed = list(log), list(blf)
+    assert {message.channel for message in candump} == {"bench"}
+    # What the controller reports of every cycle (docs/faults.md): its tick comes in the bench node's first RPDO.
+    ticks = [message for message in candump if message.arbitration_id == 0x200 + run.cell.bus.bench_node_id]
+    assert len(ticks) >= 10
+    assert [(m.arbitration_id, bytes(m.data)) for m in packed] == [(m.arbitration_id, bytes(m.data)) for m in candump]
+    assert run.bench_frames["data"].tolist() == [bytes(message.data) for message in candump]
+    assert run.complaints == []
+
+
 @pytest.mark.parametrize(
     ("words", "why"),
     [
         (["emulator", "--record", "blf"], "--record: there is no record; name its folder with --out"),
-        (["demo", "--no-tui", "--record", "wav", "--out", "r"], "--record 'wav': must be blf, mcap, mf4, parquet"),
+        (
+            ["demo", "--no-tui", "--record", "wav", "--out", "r"],
+            "--record 'wav': must be bench, blf, mcap, mf4, p",
+        ),
         (["controller", "--record", "blf", "--out", "r"], "the emulator records the frames"),
         (["emulator", "--rotate", "0", "--out", "r"], "rotate"),
     ],

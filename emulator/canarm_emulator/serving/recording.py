@@ -14,6 +14,7 @@ from canarm_protocol.faults.fault_events import FaultEvent, event_details, event
 from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.faults.script import FaultScript
 from canarm_protocol.runs.run_folder import (
+    BENCH_LOG_FILE,
     CAN_LOG_FILE,
     EVENTS_FILE,
     SIGNALS_FOLDER,
@@ -60,6 +61,7 @@ class Recorder:
     """Writes the files of one run. `frames` takes the robot's bus, `cycle` the truth at each SYNC.
 
     `on_failure` is told, once, why nothing more is written. `frames` and `signals` say when their files are parted.
+    `with_bench` records the bench's own bus too: what listeners ask for, on which no run depends.
     """
 
     def __init__(
@@ -69,14 +71,18 @@ class Recorder:
         on_failure: Callable[[str], None] = lambda text: None,
         frames: Rotation | None = None,
         signals: Rotation | None = None,
+        *,
+        with_bench: bool = False,
     ) -> None:
-        self._rotations = frames, signals
+        self._rotations, self._with_bench = (frames, signals), with_bench
         self._cell, self._unwritten = cell, Unwritten(folder, on_failure)
         self._open(folder)
 
     def _open(self, folder: Path) -> None:
         cell = self._cell
         self._log = CanLog(folder / CAN_LOG_FILE, rotation=self._rotations[0])
+        bench = folder / BENCH_LOG_FILE
+        self._bench_log = CanLog(bench, "bench", self._rotations[0]) if self._with_bench else None
         columns = [f"{joint}.{column}" for joint in cell.joint_names for column in _COLUMNS]
         if cell.object is not None:
             columns += [f"object.{column}" for column in _OBJECT_COLUMNS]
@@ -114,6 +120,12 @@ class Recorder:
         for each in special:
             self._event_of(each)
 
+    def bench_frames(self, records: Sequence[Record]) -> None:
+        """Append frames of the bench's own bus, if they are recorded."""
+        if self._bench_log is not None and self._unwritten.why is None:
+            with self._unwritten:
+                self._bench_log.write_all(records)
+
     def cycle(self, truth: CycleTruth) -> None:
         """Append the true state at a SYNC."""
         if self._unwritten.why is None:
@@ -139,9 +151,10 @@ class Recorder:
 
     def close(self) -> None:
         """Write out what is left, as far as possible. May be called again."""
-        for file in (self._events, self._signals, self._log):
+        for file in (self._events, self._signals, self._log, self._bench_log):
             with self._unwritten:
-                file.close()
+                if file is not None:
+                    file.close()
 
     def _event_of(self, record: Record) -> None:
         """The event of an EMCY message or an error frame."""

@@ -302,6 +302,8 @@ class EmulatorRunner:
                 hub.send(BENCH_BUS, time_ns, frame, exclude=origin)  # type: ignore[arg-type]
             hub.flush()
             self._send_to_ports(BENCH_BUS, records)
+            if self._recorder is not None:
+                self._recorder.bench_frames(records)
 
     def _send_to_ports(self, bus: str, records: Sequence[Record]) -> None:
         """Send frames to the ports, except error frames: other buses have their own."""

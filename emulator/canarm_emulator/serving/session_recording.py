@@ -35,8 +35,10 @@ class SessionRecorder(Recorder):
         describe: Callable[[Path], None],
         frames: Rotation | None = None,
         signals: Rotation | None = None,
+        *,
+        with_bench: bool = False,
     ) -> None:
-        super().__init__(folder, cell, on_failure, frames, signals)
+        super().__init__(folder, cell, on_failure, frames, signals, with_bench=with_bench)
         self._session, self._describe = folder, describe
         self._log_file, self._runs = folder / CAN_LOG_FILE, 1
         self._left: tuple[int, int] | None = None

@@ -21,6 +21,8 @@ from .own_file import append_lines, open_own, replace_file
 from .tentative import Tentative
 
 RUN_FILE, EVENTS_FILE, CAN_LOG_FILE, SIGNALS_FOLDER = "run.json", "events.jsonl", "can0.log", "signals"
+BENCH_LOG_FILE = "bench.log"
+"""The frames of the bench's own bus, where they are recorded."""
 CONTROLLER_SIGNALS, ROBOT_SIGNALS = f"{SIGNALS_FOLDER}/controller.csv", f"{SIGNALS_FOLDER}/robot.csv"
 EMULATOR_FILES = (CAN_LOG_FILE, ROBOT_SIGNALS, EVENTS_FILE, RUN_FILE)
 CONTROLLER_FILES = (CONTROLLER_SIGNALS, "memory.bin", EVENTS_FILE, RUN_FILE)
