@@ -43,6 +43,7 @@ from ..summary import Summary, detections_as_plain
 from ..usage import UsageError, value_text
 from .any_rig import AnyRig
 from .arguments import RigWarning, Unused, check_mechanics
+from .branching import Branching
 from .findings import Noticed
 from .rig_cell import rig_cell
 from .rig_history import Event, History, StampedFrame
@@ -53,7 +54,7 @@ FRAMES_KEPT = 10_000
 _STOPPING = State.STOPPING  # looking it up is slow
 
 
-class Rig(Carrying, AnyRig):
+class Rig(Branching, Carrying, AnyRig):
     """A cell with its controller, ready to run in virtual time; use it in a `with` statement.
 
     `cell` is a name, a file or a `Cell`. `law`, `trajectory` and `feedforward` are as on the command line; `law` may be

@@ -1,0 +1,61 @@
+"""Several futures of one rig: each is lived by an exact copy of it, in a process of its own.
+
+What a rig is, and how a copy of a process is made, is not known here.
+"""
+
+import pickle
+from collections.abc import Callable
+from typing import Any, Self, TypeVar, cast
+
+from canarm_protocol.shown import named_error
+
+from ..usage import UsageError
+from ..workers.forking import CAN_FORK, in_copy
+
+_Result = TypeVar("_Result")
+
+
+class Branching:
+    """What a rig in one process adds: `branch`."""
+
+    _recorders: Any
+
+    def branch(self, do: Callable[[Self], _Result]) -> _Result:
+        """What `do` returns for an exact copy of this rig; this one stays as it is, and may branch again.
+
+        The copy is bit for bit the same, laws, faults and noise included: in it a run goes on as it would here. It has
+        no folder, and nothing of it comes back but the result, which must be picklable. What `do` raises is raised
+        here. Raises `UsageError` where the system has no fork (Linux has), or for a result that cannot be pickled, and
+        `LostWorkerError` if the copy is killed.
+        """
+        __tracebackhide__ = True
+        if not CAN_FORK:
+            raise UsageError("branch: this system cannot copy a process (fork); make two rigs, and run both up to here")
+
+        def live() -> tuple[bool, bytes]:
+            self._recorders = None
+            try:
+                result = do(self)
+            except BaseException as error:
+                return False, _as_bytes(error)
+            try:
+                return True, pickle.dumps(result)
+            except Exception as error:
+                why = f"branch: what came of it cannot be handed over: {named_error(error)}"
+                return False, pickle.dumps(UsageError(why))
+
+        is_result, said = in_copy(live)
+        given = pickle.loads(said)
+        if is_result:
+            return cast(_Result, given)
+        raise given
+
+
+def _as_bytes(error: BaseException) -> bytes:
+    """An exception that is raised elsewhere: itself, or one that says what it said."""
+    try:
+        said = pickle.dumps(error)
+        pickle.loads(said)
+        return said
+    except Exception:
+        return pickle.dumps(UsageError(f"branch: {named_error(error)}"))
