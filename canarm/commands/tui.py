@@ -7,6 +7,7 @@ from cyclopts import Parameter
 from canarm_tui.app import run_dashboard
 from canarm_tui.bus.address import BusAddress
 
+from ..jogging.hand import HandInThread
 from ..options import (
     BENCH_BUS,
     DEFAULT_ADDRESS,
@@ -43,4 +44,5 @@ def tui(
         robot_bus = NamedBus("canarm", ROBOT_BUS, here)
     named = bench_bus or NamedBus("canarm", BENCH_BUS, here)
     robot = None if robot_bus is None else BusAddress(robot_bus.interface, robot_bus.channel, robot_bus.options)
-    return run_dashboard(nominal, named.interface, named.channel, named.options, robot_bus=robot)
+    hand = None if robot is None else HandInThread(nominal, robot.open)
+    return run_dashboard(nominal, named.interface, named.channel, named.options, robot_bus=robot, hand=hand)

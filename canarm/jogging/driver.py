@@ -50,6 +50,12 @@ class Driver:
         self._flush(())
         self._jog.check()
 
+    def idle(self) -> None:
+        """Wait a moment, and keep the bus alive meanwhile. Raises `BusError`."""
+        self._receive(POLL_S)
+        self._jog.now_ns = time.monotonic_ns()
+        self._flush(self._jog.heartbeat_if_due())
+
     def ask_user(self, read: Callable[[], str]) -> str:
         """The result of `read`; meanwhile heartbeats are sent and frames received. Main thread only.
 
@@ -111,9 +117,7 @@ class Driver:
     def _pump(self, end: threading.Event) -> None:
         try:
             while not end.is_set():
-                self._receive(POLL_S)
-                self._jog.now_ns = time.monotonic_ns()
-                self._flush(self._jog.heartbeat_if_due())
+                self.idle()
         except BusError as error:
             self._lost = error
             # Interrupts a read from the terminal, which would hide the loss until the user types something. A signal

@@ -20,6 +20,7 @@ from canarm_protocol.transport.port import BusPort
 
 from . import texts
 from .bus.address import BusAddress
+from .bus.hand import Hand
 from .bus.watch import BusWatch, robot_watch
 from .events import Happening, happenings
 from .events_view import EventsPane
@@ -57,7 +58,8 @@ class DashboardApp(RunControls):
     `where` names the bus in the header until a port describes itself. `clock_ns` is the wall clock in ns. `on_start` is
     called once, when the first screen is up; `until` is asked at every drain, and ends the dashboard when true. Each of
     `signals` ends it too. `outcome_of` is asked as well: what it returns is how the run has ended, which is shown;
-    `again` can run again then. `bus` is the robot's, which is opened when it is first looked at.
+    `again` can run again then. `bus` is the robot's, which is opened when it is first looked at; `hand`
+    drives its cards when it is asked to.
     """
 
     TITLE = "canarm"
@@ -92,6 +94,7 @@ class DashboardApp(RunControls):
         signals: Iterable[signal.Signals] = (),
         bus: BusWatch | None = None,
         again: Again | None = None,
+        hand: Hand | None = None,
     ) -> None:
         super().__init__(again, in_background)
         self.cell = cell
@@ -99,7 +102,7 @@ class DashboardApp(RunControls):
         self.link = Link(open_feed_port, where, in_background=in_background)
         self.desk = FaultDesk(cell, self.link, in_background)
         bus = bus or robot_watch(cell, None, in_background)
-        self.context = Context(cell, self.feed, bus, [bus])
+        self.context = Context(cell, self.feed, bus, [bus], hand)
         self.is_paused = False
         self.view = FIRST
         """What is on the screen."""
@@ -304,12 +307,14 @@ def run_dashboard(
     outcome_of: Callable[[], Outcome | None] = lambda: None,
     robot_bus: BusAddress | None = None,
     again: Again | None = None,
+    hand: Hand | None = None,
 ) -> int:
     """Show the bench bus `-i interface -c channel key=value …` until the user quits; return an exit status, 0 = quit.
 
     `on_start` is called once, when the first screen is up; `until` often, and the dashboard ends when it is true.
     `on_left` is told at the end how the user has left it, in a few words. `outcome_of` returns how the run has ended,
-    once it has; the dashboard shows it and stays. `robot_bus` is opened when a view of it is first chosen.
+    once it has; the dashboard shows it and stays. `robot_bus` is opened when a view of it is first chosen, and `hand`
+    drives its cards when the user asks for it.
     A missing or lost bus is shown and tried again. SIGINT, SIGTERM and SIGHUP end the dashboard and leave the terminal
     as it was. Raises `TerminalError` if stdin or stderr, on which the dashboard is drawn, is no terminal.
     """
@@ -325,6 +330,7 @@ def run_dashboard(
         signals=ending_signals(),
         bus=robot_watch(cell, robot_bus),
         again=again,
+        hand=hand,
     )
     status = run_app(app)
     if on_left is not None:

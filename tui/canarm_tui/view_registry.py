@@ -1,7 +1,7 @@
 """The views of the dashboard, in the order of their tabs. A view is a file and a line here."""
 
 from . import events_view, joints_view
-from .bus import frames_view, nodes_view
+from .bus import cards_view, frames_view, nodes_view
 from .views import Context, View
 
 VIEWS: tuple[View[Context], ...] = (
@@ -9,4 +9,5 @@ VIEWS: tuple[View[Context], ...] = (
     events_view.VIEW,
     frames_view.VIEW,
     nodes_view.VIEW,
+    cards_view.VIEW,
 )

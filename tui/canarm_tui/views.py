@@ -11,6 +11,7 @@ from textual.containers import Vertical
 
 from canarm_protocol.cell.model import Cell
 
+from .bus.hand import Hand
 from .bus.watch import BusWatch
 from .events import Happening
 from .faults import Faults
@@ -54,6 +55,8 @@ class Context:
     """The robot's bus; one of `sources`."""
     sources: list[Source] = field(default_factory=list)
     """A view adds its own here when it is made; it takes what has arrived when it is asked to `show`."""
+    hand: Hand | None = None
+    """Drives the cards by hand; None where a controller of this program has them."""
 
 
 class Pane(Vertical):

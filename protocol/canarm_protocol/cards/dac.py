@@ -4,7 +4,17 @@ It is no particular part; its parameters are those that data sheets of such conv
 """
 
 from .analogue import ResolutionSettings, codec_of_bits, error_values, output_place
-from .kind import CardKind, Wire
+from .kind import CardKind, RegisterByte, Wire
+
+SPACING = 4
+"""Addresses per channel."""
+
+
+def _latches(_: object, number: int, code: int) -> tuple[RegisterByte, ...]:
+    """The low byte, and the high byte that loads the converter with both."""
+    first = SPACING * (number - 1)
+    return RegisterByte(first, code & 0xFF), RegisterByte(first + 1, code >> 8)
+
 
 DAC = CardKind(
     model="dac",
@@ -14,6 +24,7 @@ DAC = CardKind(
     settings=ResolutionSettings,
     codec=codec_of_bits,
     place=output_place,
+    registers=_latches,
     highest_error_value=lambda settings: codec_of_bits(settings).full_scale,
     application_values=lambda settings, dictionary, values: error_values(
         codec_of_bits(settings).bits, dictionary, values

@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from .kind import CardKind, Codec, Place, Settings, Wire
+from .kind import CardKind, Codec, Place, RegisterByte, Settings, Wire
 
 PRESET_VALUES, POSITION_VALUES = 0x6010, 0x6020
 """Preset and position values for multi-sensor devices (CiA 406)."""
@@ -22,6 +22,15 @@ def _codec(settings: Settings) -> Codec:
     return Codec(settings.counter_bits, is_signed=True)
 
 
+SPACING = 4
+"""Addresses per channel: the bytes of what was latched last, lowest first."""
+
+
+def _latched(_: object, number: int, code: int) -> tuple[RegisterByte, ...]:
+    first = SPACING * (number - 1)
+    return tuple(RegisterByte(first + byte, code >> 8 * byte & 0xFF) for byte in range(SPACING))
+
+
 ENCODER_COUNTER = CardKind(
     model="encoder_counter",
     takes=Wire.PULSES,
@@ -30,6 +39,7 @@ ENCODER_COUNTER = CardKind(
     settings=CounterSettings,
     codec=_codec,
     place=lambda _, number: Place(POSITION_VALUES, number),
+    registers=_latched,
     tap="{joint}.encoder",
     tap_about="count of {signal}",
 )

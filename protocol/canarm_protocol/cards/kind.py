@@ -7,6 +7,7 @@ emulator's module of the same name. Nothing here knows a particular kind.
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 from pydantic import BaseModel, ConfigDict
 
@@ -83,6 +84,14 @@ class Place:
     start_bit: int = 0
 
 
+class RegisterByte(NamedTuple):
+    """The bits of `mask` of the byte at an address (0 to 15) of the card's slot."""
+
+    address: int
+    value: int
+    mask: int = 0xFF
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CardKind:
     """One kind of card. Its EDS file, `[[card]] model` and the emulator's module have its name."""
@@ -95,6 +104,8 @@ class CardKind:
     codec: Callable[[Settings], Codec]
     place: Callable[[Settings, int], Place]
     """The place of channel `number` (from 1)."""
+    registers: Callable[[Settings, int, int], tuple[RegisterByte, ...]]
+    """What the computer writes for, or reads of, a code of channel `number` (from 1)."""
     channel_us: Callable[[Settings], int] = lambda _: 0
     """Conversion time per channel, one channel after the other; 0 where all are sampled at SYNC."""
     highest_error_value: Callable[[Settings], int] = lambda _: 0

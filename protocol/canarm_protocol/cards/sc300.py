@@ -10,7 +10,7 @@ from ..canopen.dictionary import (
     DIGITAL_OUTPUT,
     Dictionary,
 )
-from .kind import CardKind, Codec, ErrorValues, ObjectValue, Place, Wire
+from .kind import CardKind, Codec, ErrorValues, ObjectValue, Place, RegisterByte, Wire
 
 BITS_PER_JOINT = 2
 """Channel n has bits 2n-2 and 2n-1."""
@@ -42,6 +42,12 @@ def _application_values(dictionary: Dictionary, error_values: ErrorValues) -> It
         yield DIGITAL_FILTER_MASK, 1, ALL_BITS
 
 
+def _latch(_: object, number: int, code: int) -> tuple[RegisterByte, ...]:
+    """Two bits of the one latch, which every address of the slot selects."""
+    shift = BITS_PER_JOINT * (number - 1)
+    return (RegisterByte(0, code << shift, JOINT_BITS << shift),)
+
+
 SC300 = CardKind(
     model="sc300",
     takes=Wire.DIRECTION,
@@ -49,6 +55,7 @@ SC300 = CardKind(
     is_output=True,
     codec=lambda _: Codec(BITS_PER_JOINT),
     place=lambda _, number: Place(DIGITAL_OUTPUT, 1, BITS_PER_JOINT * (number - 1)),
+    registers=_latch,
     highest_error_value=lambda _: DirectionBits.COUNTER_CLOCKWISE,
     application_values=lambda _, dictionary, values: _application_values(dictionary, values),
     tap="{joint}.latch",

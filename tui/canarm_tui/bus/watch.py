@@ -1,7 +1,8 @@
 """A bus that is watched: its connection, drained often, and the store that it fills. Only its desk ever sends."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.decoding import Book, Decoder, robot_book
 from canarm_protocol.errors import BusError
@@ -28,6 +29,8 @@ class BusWatch:
         self.store = BusStore(self.decoder, bitrate)
         self.link = Link(open_port, where, node_id=None, in_background=in_background)
         self.desk = SdoDesk(self.link, self.store, in_background)
+        self.listeners: list[Callable[[Sequence[tuple[int, Frame]]], None]] = []
+        """Are given all frames, in order."""
         self.is_awake = False
         self._connections = 0
 
@@ -49,6 +52,8 @@ class BusWatch:
             self._connections = self.link.connections
             self.store.reconnected()
         self.store.receive(frames, now_ns)
+        for listen in self.listeners:
+            listen(frames)
         self.desk.poll(now_ns)
 
     def now(self, now_ns: int) -> BusNow:

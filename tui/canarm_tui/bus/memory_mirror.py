@@ -1,0 +1,102 @@
+"""The log pages of the Apple II's memory as a controller on the bus fills them, put together from the cards' inputs.
+
+The controller keeps the image itself and writes it down at the end. What is on the bus tells of every cycle: which one
+by SYNC's counter, and the bytes by the inputs that follow. The torque table is not on the bus.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from canarm_protocol.canopen.frames import Cob, Frame, NmtCommand
+from canarm_protocol.cell.configuration import SYNC_COUNTER
+from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.wiring import InputSlot, card_nodes, input_slots
+
+SAMPLES = 4096
+LOG_BASE = 0x4000
+BANK_JOINTS = 2
+TABLE_BASE = 0x2000
+_PAGES = {Quantity.POSITION: 0, Quantity.VELOCITY: 1}
+
+
+def address_of(joint: int, quantity: Quantity, sample: int = 0) -> int:
+    """The address of a sample's byte in the joint's bank: position pages from $4000, velocity pages from $6000."""
+    page = _PAGES[quantity] * BANK_JOINTS + joint % BANK_JOINTS
+    return LOG_BASE + page * SAMPLES + sample % SAMPLES
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PageNow:
+    """One page: what it holds, and which of its bytes are known. Both (4096,)."""
+
+    joint: int
+    quantity: Quantity
+    data: NDArray[np.uint8]
+    is_known: NDArray[np.bool_]
+
+    @property
+    def address(self) -> int:
+        """Of its first byte."""
+        return address_of(self.joint, self.quantity)
+
+
+class MemoryMirror:
+    """The pages of `cell`. `receive` every frame of the robot's bus, in order."""
+
+    def __init__(self, cell: Cell) -> None:
+        slots = [slot for slot in input_slots(cell, card_nodes(cell)) if slot.quantity in _PAGES]
+        self._by_cob: dict[int, list[InputSlot]] = {}
+        for slot in slots:
+            self._by_cob.setdefault(slot.cob_id, []).append(slot)
+        self._layouts = {layout.cob_id: layout for node in card_nodes(cell) for layout in node.tpdos}
+        keys = sorted({(slot.joint, slot.quantity) for slot in slots}, key=lambda key: (key[0], _PAGES[key[1]]))
+        self.pages = [PageNow(*key, np.zeros(SAMPLES, np.uint8), np.zeros(SAMPLES, np.bool_)) for key in keys]
+        self._page_of = {(page.joint, page.quantity): page for page in self.pages}
+        self._near: int | None = None
+        self.cycle: int | None = None
+        """The cycle of the last SYNC; None until it is known."""
+
+    def anchor(self, cycle: int | None) -> None:
+        """Telemetry says that the present cycle is about this one: the next SYNC's counter tells exactly which."""
+        self._near = cycle
+
+    def receive(self, frames: Iterable[tuple[int, Frame]]) -> None:
+        """Take frames of the bus."""
+        by_cob = self._by_cob
+        for _, (can_id, data, is_extended, is_remote) in frames:
+            if is_extended or is_remote:
+                continue
+            if can_id in by_cob:
+                self._take(can_id, data)
+            elif can_id == Cob.SYNC:
+                self._sync(data)
+            elif can_id == Cob.NMT and data[:1] == bytes((NmtCommand.START,)):
+                self.cycle = -1
+
+    def _sync(self, data: bytes) -> None:
+        counter = data[0] if len(data) == 1 else None
+        if self.cycle is not None:
+            self.cycle += 1
+            if counter is None or self.cycle % SYNC_COUNTER + 1 == counter:
+                return
+            self.cycle = None  # a SYNC was missed, or another master counts
+        if self._near is not None and counter is not None:
+            ahead = (counter - 1 - self._near) % SYNC_COUNTER
+            self.cycle = self._near + (ahead if ahead <= SYNC_COUNTER // 2 else ahead - SYNC_COUNTER)
+            if self.cycle < 0:
+                self.cycle = None
+
+    def _take(self, can_id: int, data: bytes) -> None:
+        layout = self._layouts[can_id]
+        if self.cycle is None or self.cycle < 0 or len(data) < layout.size:
+            return
+        values = layout.unpack(data[: layout.size])
+        place = self.cycle % SAMPLES
+        for slot in self._by_cob[can_id]:
+            page, codec = self._page_of[slot.joint, slot.quantity], slot.codec
+            code = codec.code(values[slot.position])
+            page.data[place] = (code if codec.is_signed else code >> codec.bits - 8) & 0xFF
+            page.is_known[place] = True
