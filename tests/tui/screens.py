@@ -17,11 +17,15 @@ def screen_lines(app) -> list[str]:
     return ["".join(segment.text for segment in strip).rstrip() for strip in strips]
 
 
-def check_screen(app, name: str) -> None:
-    """Compare the screen with the one that is kept as `name`."""
+def check_screen(app, name: str, part: str | None = None) -> None:
+    """Compare the screen, or the lines of the widget `part` of it, with what is kept as `name`."""
     width, height = app.size
     path = FOLDER / f"{name}-{width}x{height}.txt"
-    shown = "\n".join(screen_lines(app)) + "\n"
+    lines = screen_lines(app)
+    if part is not None:
+        region = app.query_one(part).region
+        lines = lines[region.y : region.bottom]
+    shown = "\n".join(lines) + "\n"
     if os.environ.get("CANARM_WRITE_SCREENS"):
         path.parent.mkdir(exist_ok=True)
         path.write_text(shown, encoding="utf-8")

@@ -72,7 +72,7 @@ def line_of(app, text):
 async def test_the_view_at_every_size(app, port, size):
     async with app.run_test(size=size) as pilot:
         await running(app, port, pilot, 600)
-        check_screen(app, "cards")
+        check_screen(app, "cards", "#pane-cards")
 
 
 async def test_a_channel_has_registers_code_volts_and_value(app, port):
