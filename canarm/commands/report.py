@@ -12,7 +12,8 @@ from canarm_protocol.shown import printable
 
 from ..options import named_file
 from ..runs.report.figures import above, figures_of, parse_limits
-from ..runs.report.page import report_page, run_names
+from ..runs.report.figures_drawn import draw_figures
+from ..runs.report.page import charts_in_page, report_page, run_names
 from ..runs.run import Run
 from ..usage import UsageError
 
@@ -29,6 +30,14 @@ def report(
             metavar="FILE",
             converter=named_file,
             help="The file; report.html in the run folder unless given, for several runs in the working folder.",
+        ),
+    ] = None,
+    figures: Annotated[
+        Path | None,
+        Parameter(
+            metavar="DIR",
+            converter=named_file,
+            help="Write every chart as SVG and PNG into this folder too; needs: pip install 'canarm[figures]'.",
         ),
     ] = None,
     fail_above: Annotated[
@@ -59,6 +68,9 @@ def report(
     page = report_page(opened, limits)
     replace_file(path, page.encode("utf-8"))
     print(printable(str(path)))
+    if figures is not None:
+        drawn = draw_figures(charts_in_page(opened), figures)
+        print(f"{len(drawn)} pictures in {printable(str(figures))}")
     for run in opened:
         for text in run.complaints:
             print(f"canarm: {printable(str(run.path))}: {text}", file=sys.stderr)

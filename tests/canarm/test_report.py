@@ -6,6 +6,7 @@ import shutil
 import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -90,6 +91,42 @@ def test_the_curves_are_those_of_the_files(recorded: Path) -> None:
     limits = [each["y"][0] for each in charts["joint2: current, A"]["series"] if each["name"].startswith("limit")]
     assert limits == [1.5, -1.5]  # of the D669 (cell konkuk1)
     assert "joint2: alpha of the law" in charts
+
+
+def test_the_tip_is_where_two_links_of_180_mm_put_it(recorded: Path) -> None:
+    """The paper's arm: a2 = a3 = 180 mm in the vertical plane."""
+    run = open_run(recorded / "mras")
+    charts = {str(chart["title"]): chart for chart in charts_in(report_page([run]))}
+    places = {each["name"]: each["y"] for each in charts["konkuk1: place of its tip, m"]["series"]}
+    known = np.isfinite(run.columns["joint2.reference_rad"])  # not through the stop
+    for suffix, column in (("", "true_angle_rad"), (", reference", "reference_rad")):
+        first, second = (run.columns[f"{joint}.{column}"][known] for joint in ("joint2", "joint3"))
+        x, y = (np.array(places[f"{axis}{suffix}"], dtype=float)[known] for axis in "xy")
+        np.testing.assert_allclose(x, 0.18 * (np.cos(first) + np.cos(first + second)), atol=1e-6)
+        np.testing.assert_allclose(y, 0.18 * (np.sin(first) + np.sin(first + second)), atol=1e-6)
+    assert set(places) == {"x", "x, reference", "y", "y, reference"}, "it never leaves the plane"
+    (distance,) = charts["konkuk1: its tip from where it should be, mm"]["series"]
+    last = int(np.flatnonzero(known)[-1])
+    off = [places[axis][last] - places[f"{axis}, reference"][last] for axis in "xy"]
+    assert distance["y"][last] == pytest.approx(1e3 * np.linalg.norm(off), abs=2e-3)
+
+
+def test_every_chart_becomes_an_svg_and_a_png_and_the_same_ones_each_time(recorded: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    page = charts_in(report_page([open_run(recorded / "mras")]))
+    words = ["report", str(recorded / "mras"), "--out", str(tmp_path / "page.html"), "--figures"]
+    for name in ("one", "two"):
+        assert canarm([*words, str(tmp_path / name)]) == 0
+    one, two = (sorted((tmp_path / name).iterdir()) for name in ("one", "two"))
+    assert len(one) == 2 * len(page)
+    assert [path.read_bytes() for path in one] == [path.read_bytes() for path in two]
+    pictures = [path for path in one if path.suffix == ".svg"]
+    for path, chart in zip(pictures, page, strict=True):
+        root = ElementTree.parse(path).getroot()
+        texts = {"".join(each.itertext()) for each in root.iter("{http://www.w3.org/2000/svg}text")}
+        assert str(chart["title"]) in texts
+        assert {str(each["name"]) for each in chart["series"]} <= texts
+        assert path.with_suffix(".png").read_bytes().startswith(b"\x89PNG\r\n")
 
 
 def test_no_spike_is_lost_in_a_long_run() -> None:

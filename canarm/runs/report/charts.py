@@ -102,11 +102,11 @@ def _of_joint(runs: Sequence[Run], names: Sequence[str], joint: str) -> Iterable
     if any(values is not None for values, _ in errors):
         unit = errors[0][1]
         series = [
-            _series(_named("true minus reference", names, place), run.columns["time_s"], values, place)
+            series_of(named("true minus reference", names, place), run.columns["time_s"], values, place)
             for place, (run, (values, _)) in enumerate(zip(runs, errors, strict=True))
             if values is not None
         ]
-        yield _annotated(f"{shown}: error, {unit}", series, runs, joint)
+        yield annotated(f"{shown}: error, {unit}", series, runs, joint)
     yield _chart(
         f"{shown}: current, A",
         runs,
@@ -196,22 +196,22 @@ def _chart(
             if column in run.columns:
                 colour = number if len(runs) == 1 else place
                 series.append(
-                    _series(
-                        _named(name, names, place), run.columns["time_s"], run.columns[column] * scale, colour, dashed
+                    series_of(
+                        named(name, names, place), run.columns["time_s"], run.columns[column] * scale, colour, dashed
                     )
                 )
     reference = next((column for name, column, *_ in wanted if name == "reference"), None)
     if len(runs) > 1 and reference in runs[0].columns:
         scale = next(scale for _, column, scale, _ in wanted if column == reference)
         values = runs[0].columns[str(reference)] * scale
-        series.append(_series(_named("reference", names, 0), runs[0].columns["time_s"], values, GREY, True))
+        series.append(series_of(named("reference", names, 0), runs[0].columns["time_s"], values, GREY, True))
     if limit is not None and series:
         ends = [min(each.x[0] for each in series if each.x), max(each.x[-1] for each in series if each.x)]
         series += [Series(f"limit {sign * limit:+g} A", ends, [sign * limit] * 2, GREY, True) for sign in (1, -1)]
-    return _annotated(title, series, runs, joint)
+    return annotated(title, series, runs, joint)
 
 
-def _annotated(title: str, series: list[Series], runs: Sequence[Run], joint: str | None) -> Chart:
+def annotated(title: str, series: list[Series], runs: Sequence[Run], joint: str | None) -> Chart:
     """With fault spans and detections, of one run only: of several nobody could tell them apart."""
     if len(runs) > 1:
         return Chart(title, series)
@@ -243,7 +243,7 @@ def _histograms(runs: Sequence[Run], names: Sequence[str]) -> Iterable[Chart]:
             pairs = list(zip(_numbers(bins.get("from_us")), _numbers(bins.get("count")), strict=False))
             if pairs:
                 x, y = [each[0] for each in pairs], [each[1] for each in pairs]
-                series.append(Series(_named("cycles", names, place), x, list(y), place % COLOURS))
+                series.append(Series(named("cycles", names, place), x, list(y), place % COLOURS))
         if series:
             yield Chart(
                 f"{title}: cycles in each bin, over us",
@@ -260,11 +260,13 @@ def _numbers(values: object) -> list[float]:
     return [float(each) for each in listed if isinstance(each, int | float) and abs(each) < 1e15]
 
 
-def _named(name: str, names: Sequence[str], place: int) -> str:
+def named(name: str, names: Sequence[str], place: int) -> str:
+    """The name of a curve; of several runs with the name of its run, which is at `place`."""
     return printable(name, 60) if len(names) == 1 else f"{printable(names[place], 60)}: {printable(name, 60)}"
 
 
-def _series(name: str, times_s: Floats, values: Floats, colour: int, dashed: bool = False) -> Series:
+def series_of(name: str, times_s: Floats, values: Floats, colour: int, dashed: bool = False) -> Series:
+    """A curve of values over time, thinned out and with numbers as short as a picture can show."""
     order = np.argsort(times_s, kind="stable")
     x, y = thinned(times_s[order], values[order])
     plain = [float(f"{each:.6g}") if math.isfinite(each) and abs(each) < 1e15 else None for each in y.tolist()]

@@ -12,6 +12,7 @@ from ..run import Run, details_of
 from .charts import Chart, charts_of
 from .figures import Figure, above, figures_of
 from .html_parts import cell_of, chart_place, escaped, number_cell, page_of, table_of
+from .pose import pose_charts
 from .story import fault_spans, verdict
 
 MOST_ROWS = 300
@@ -27,7 +28,7 @@ def report_page(runs: Sequence[Run], limits: Mapping[str, float] | None = None) 
     `limits` of ratios, as `above` takes them, are marked. Raises `UsageError` for a limit of no figure.
     """
     names = run_names(runs)
-    charts = charts_of(runs, names)
+    charts = charts_in_page(runs)
     figures = figures_of(runs)
     title = f"canarm: {names[0]}" if len(runs) == 1 else f"canarm: {len(runs)} runs"
     body = [
@@ -43,6 +44,12 @@ def report_page(runs: Sequence[Run], limits: Mapping[str, float] | None = None) 
         *(_origin(run, name) for run, name in zip(runs, names, strict=True)),
     ]
     return page_of(title, body, charts)
+
+
+def charts_in_page(runs: Sequence[Run]) -> list[Chart]:
+    """The charts of the page, in its order but for those that are not over time."""
+    names = run_names(runs)
+    return [*charts_of(runs, names), *pose_charts(runs, names)]
 
 
 def run_names(runs: Sequence[Run]) -> list[str]:
