@@ -1,10 +1,12 @@
 """`canarm tui`: the dashboard."""
 
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from canarm_tui.app import run_dashboard
+from canarm_protocol.runs.run_folder import RunFolderError
+from canarm_tui.app import run_dashboard, show_record
 from canarm_tui.bus.address import BusAddress
 
 from ..jogging.hand import HandInThread
@@ -17,11 +19,18 @@ from ..options import (
     BusOptions,
     CellOptions,
     NamedBus,
+    named_file,
     parse_address,
 )
+from ..usage import UsageError
 
 
 def tui(
+    run: Annotated[
+        Path | None,
+        Parameter(name="RUN", converter=named_file, help="A run folder, which is played instead of watching a bench."),
+    ] = None,
+    /,
     *,
     cell: CellOptions = CellOptions(),
     connect: Annotated[
@@ -35,7 +44,10 @@ def tui(
 
     A bus that is missing or lost is shown, and tried again. f injects a fault, x clears faults, e is the emergency
     stop, R switches the robot off and on again, q or Ctrl-C quits; bench and controller go on.
+    A recorded RUN plays in the same views: space stops and goes on, n goes to the next event, [ and ] skip.
     """
+    if run is not None:
+        return _play(run, connect, bus, bench)
     nominal = cell.load()
     host, port = parse_address("--connect", connect)
     here = {"host": host, "port": port}
@@ -46,3 +58,16 @@ def tui(
     robot = None if robot_bus is None else BusAddress(robot_bus.interface, robot_bus.channel, robot_bus.options)
     hand = None if robot is None else HandInThread(nominal, robot.open)
     return run_dashboard(nominal, named.interface, named.channel, named.options, robot_bus=robot, hand=hand)
+
+
+def _play(path: Path, connect: str, *buses: BusOptions | BenchBusOptions) -> int:
+    from ..runs.record_of import record_of
+    from ..runs.run import Run
+
+    if connect != DEFAULT_ADDRESS or any(each.named() is not None for each in buses):
+        raise UsageError("tui RUN: a recorded run is played, and no bus is opened; leave the options of a bus out")
+    run = Run(path)
+    record = record_of(run)
+    if not len(record.history.cycles):
+        raise RunFolderError(f"{path}: has no signals that could be played; canarm runs show {path} has the rest")
+    return show_record(record)

@@ -15,8 +15,10 @@ import pytest
 from canarm import Rig, Run, open_run
 from canarm.cli import run as canarm
 from canarm.libraries import MissingLibraryError
+from canarm.runs.record_of import record_of
 from canarm.runs.run import RunFolderError
 from canarm_protocol.runs.run_folder import LOG_START_S
+from canarm_tui.history import Column
 
 ESCAPE = "\x1b]0;owned\x07"
 
@@ -211,3 +213,40 @@ def test_a_list_of_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert canarm(["runs", "list", str(tmp_path)]) == 0
     assert "no runs" in capsys.readouterr().out
     assert canarm(["runs", "list", str(tmp_path / "nowhere")]) == 2
+
+
+def test_the_dashboard_is_given_the_rows_of_both_files_and_the_events(recorded: Path) -> None:
+    record = record_of(open_run(recorded))
+    robot, controller = (recorded / "signals" / f"{name}.csv" for name in ("robot", "controller"))
+    history, joint = record.history, record.cell.joint_names.index("joint3")
+    assert history.cycles.tolist() == csv_column(robot, "cycle")
+    for column, path, name in (
+        (Column.ANGLE, robot, "joint3.true_angle_rad"),
+        (Column.CURRENT, robot, "joint3.motor_current_a"),
+        (Column.REFERENCE, controller, "joint3.reference_rad"),
+        (Column.MEASURED, controller, "joint3.measured_rad"),
+        (Column.INTERNAL + 1, controller, "joint3.beta"),
+    ):
+        expected = csv_column(path, name)
+        np.testing.assert_allclose(history.values[: len(expected), joint, column], expected, rtol=1e-6)
+    # One step of the potentiometer is 270 degrees over 255 codes.
+    error = np.subtract(
+        csv_column(robot, "joint3.true_angle_rad")[:800], csv_column(controller, "joint3.reference_rad")
+    )
+    np.testing.assert_allclose(
+        history.values[:800, joint, Column.ERROR], error / np.radians(270.0 / 255.0), rtol=1e-3, atol=1e-4
+    )
+    assert record.internal_names == ("alpha", "beta", "bias_a", "model_rad")
+    assert [(event.is_begin, event.cycle) for event in record.faults.events] == [(False, 600), (True, 400)]
+    assert record.faults.detections[-1].detector.startswith("tachometer-")
+    assert (record.law, record.outcome is not None and record.outcome.is_well) == ("mras", True)
+
+
+def test_a_record_of_a_controller_alone_is_shown_as_far_as_it_goes(copy: Path) -> None:
+    (copy / "signals" / "robot.csv").unlink()
+    record = record_of(open_run(copy))
+    assert len(record.history.cycles) == 800
+    assert np.isnan(record.history.values[:, :, Column.ANGLE]).all()
+    assert np.isfinite(record.history.values[:, :, Column.MEASURED]).all()
+    (copy / "signals" / "controller.csv").unlink()
+    assert not len(record_of(open_run(copy)).history.cycles)

@@ -5,7 +5,7 @@ import pytest
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.script import parse_faults
 from canarm_tui import fault_texts
-from canarm_tui.event_texts import event_lines, marks_of
+from canarm_tui.event_texts import event_line, marks_of
 from canarm_tui.events import happenings
 from canarm_tui.fault_catalogue import FaultKind, Parameter, catalogue_of, injection, matching
 from canarm_tui.fault_desk import Refusal
@@ -114,7 +114,7 @@ def test_events_are_newest_first():
 def test_a_detection_says_how_long_after_the_last_fault_it_came_and_what_was_done():
     events = [event("begins", 1.0, 300), event("ends", 3.0, 1100)]
     faults = faults_of(status(), events, [detection(1.5, 305), detection(3.1, 1140)])
-    assert text_of(event_lines(happenings(faults), CYCLE_S)) == [
+    assert text_of([event_line(each, CYCLE_S) for each in happenings(faults)]) == [
         "3.100 s (cycle 1140) │ ◆ detected: tachometer-stuck at joint2 │ substitute │ "
         "2100.0 ms after joint2.tachometer stuck (dies) │ joint2: no change",
         "3.000 s (cycle 1100) │ ○ fault ends: joint2.tachometer stuck (dies)",
@@ -131,7 +131,7 @@ def test_a_detection_without_a_fault_answers_none():
 
 def test_a_detection_that_stops_the_robot_looks_worse_than_one_that_does_not():
     faults = faults_of(status(), (), [detection(1.0, 1), detection(2.0, 2, reaction="safe-stop-off")])
-    stopped, went_on = event_lines(happenings(faults), CYCLE_S)
+    stopped, went_on = (event_line(each, CYCLE_S) for each in happenings(faults))
     assert (stopped[1].tone, went_on[1].tone) == (Tone.BAD, Tone.GOOD)
 
 
@@ -145,10 +145,6 @@ def test_a_joints_trace_is_marked_with_what_is_about_it_or_about_no_joint():
     marks = [(cycle, sign.text) for cycle, sign in marks_of(happened, "joint2", ("joint2", "joint3"))]
     assert marks == [(700, "▲"), (305, "◆"), (300, "▲")]
     assert [cycle for cycle, _ in marks_of(happened, "joint3", ("joint2", "joint3"))] == [900, 700]
-
-
-def test_without_events_it_is_said_that_there_are_none():
-    assert "nothing has happened yet" in text_of(event_lines((), CYCLE_S))[0]
 
 
 # What the panel says

@@ -16,6 +16,7 @@ from textual.screen import Screen
 from textual.widgets import ContentSwitcher, Footer
 
 from canarm_protocol.cell.model import Cell
+from canarm_protocol.errors import BusError
 from canarm_protocol.transport.port import BusPort
 
 from . import texts
@@ -34,6 +35,8 @@ from .inject_screen import InjectScreen
 from .joints_view import JointsPane
 from .link import InBackground, Link, in_thread
 from .outcome import Outcome, OutcomePanel
+from .player import NoLink, Player, RecordDesk
+from .record import Record
 from .run_again import Again
 from .run_controls import RunControls
 from .terminal import check_terminal, ending_signals, run_app
@@ -58,8 +61,8 @@ class DashboardApp(RunControls):
     `where` names the bus in the header until a port describes itself. `clock_ns` is the wall clock in ns. `on_start` is
     called once, when the first screen is up; `until` is asked at every drain, and ends the dashboard when true. Each of
     `signals` ends it too. `outcome_of` is asked as well: what it returns is how the run has ended, which is shown;
-    `again` can run again then. `bus` is the robot's, which is opened when it is first looked at; `hand`
-    drives its cards when it is asked to.
+    `again` can run again then. `record` is a recorded run, which plays in the place of a live one. `bus` is that of the
+    robot, which is opened when it is first looked at; `hand` drives its cards when it is asked to.
     """
 
     TITLE = "canarm"
@@ -95,12 +98,17 @@ class DashboardApp(RunControls):
         bus: BusWatch | None = None,
         again: Again | None = None,
         hand: Hand | None = None,
+        record: Record | None = None,
     ) -> None:
         super().__init__(again, in_background)
         self.cell = cell
-        self.feed = Feed(cell)
-        self.link = Link(open_feed_port, where, in_background=in_background)
-        self.desk = FaultDesk(cell, self.link, in_background)
+        if record is None:
+            self.feed, self.link = Feed(cell), Link(open_feed_port, where, in_background=in_background)
+            self.desk = FaultDesk(cell, self.link, in_background)
+        else:
+            self.feed = self.player = player = Player(record)
+            self.link = no_link = NoLink(record)
+            self.desk, outcome_of = RecordDesk(player, no_link, record, in_background), player.outcome
         bus = bus or robot_watch(cell, None, in_background)
         self.context = Context(cell, self.feed, bus, [bus], hand)
         self.is_paused = False
@@ -176,7 +184,7 @@ class DashboardApp(RunControls):
         self.desk.poll(self.feed.faults, now_ns)
         self.drain_sources()
         self.take_answers()
-        if self.outcome is None:
+        if self.outcome is None or self.player is not None:
             self.outcome = self._outcome_of()
         if self._until is not None and self._until():
             self.exit()
@@ -214,6 +222,7 @@ class DashboardApp(RunControls):
         notice.set_class(said is not None, "-shown")
         notice.show(() if said is None else (said,))
         counted = texts.counter_words(snapshot.counters, self.link.discarded, self.size.width - 2)
+        counted = counted if self.player is None else ()
         screen.query_one("#counters", WordLine).show(counted)
         screen.query_one(OutcomePanel).show(self.outcome)
         faults, cycle_s = self.desk.faults, self.cell.bus.cycle_s
@@ -248,7 +257,10 @@ class DashboardApp(RunControls):
             self.tell(Refusal(f"cycle {event.cycle} is not among those that are kept"))
 
     def action_pause(self) -> None:
-        """Pause or resume the panes."""
+        """Pause or resume the panes, or the record that plays."""
+        if self.player is not None:
+            self.player.toggle()
+            return
         self.is_paused = not self.is_paused
         self.redraw()
 
@@ -336,3 +348,13 @@ def run_dashboard(
     if on_left is not None:
         on_left(app.left_by)
     return status
+
+
+def show_record(record: Record) -> int:
+    """Play a recorded run until the user quits; return an exit status. Raises `TerminalError`."""
+    check_terminal()
+
+    def refuse() -> BusPort:
+        raise BusError(f"{record.where}: a recorded run has no bus")
+
+    return run_app(DashboardApp(record.cell, refuse, record=record, signals=ending_signals()))

@@ -6,17 +6,19 @@ waits. Time is passed in. What is drawn is not known here.
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import BusError, FaultError
 from canarm_protocol.faults.bench_client import BenchClient
 from canarm_protocol.shown import named_error
+from canarm_protocol.transport.port import BusPort
 
 from .fault_catalogue import FaultKind, Tap, catalogue_of, injection
 from .faults import Faults, FaultSignal, faults_of
-from .link import InBackground, Link
+from .link import InBackground
 
 LOOK_NS = 2_000_000_000
 """Telemetry has no waiting sets, so the faults are read this often while the bench sends telemetry."""
@@ -30,6 +32,15 @@ LIMIT_S = 3.0
 T = TypeVar("T")
 
 
+class Lender(Protocol):
+    """Who has a bus for conversations."""
+
+    where: str
+
+    def lend(self) -> AbstractContextManager[BusPort]:
+        """The bus. Raises `BusError` without one."""
+
+
 @dataclass(frozen=True, slots=True)
 class Refusal:
     """A refused request: the reason, as the bench or the bus gave it."""
@@ -40,7 +51,7 @@ class Refusal:
 class FaultDesk:
     """Conversations with the bench node of `cell` over `link`. `poll` calls the callbacks with the answers."""
 
-    def __init__(self, cell: Cell, link: Link, in_background: InBackground) -> None:
+    def __init__(self, cell: Cell, link: Lender, in_background: InBackground) -> None:
         self.faults: Faults | None = None
         """None until they have been read."""
         self.refusal: Refusal | None = None

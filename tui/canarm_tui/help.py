@@ -20,6 +20,7 @@ _KEYS = """\
   R  reset: the robot off and on again, as canarm reset does; it asks first
   q  leave; whatever runs goes on      Q  leave and stop what runs; it asks first      ctrl+c  leave; ends a demo
   When the run of canarm demo is over, the dashboard stays, with how it went at the top.
+  A recorded run: space stops and goes on, n N the next event and the one before, [ ] 5 s back and on, , . speed
   Paused, the panes stand still; data are still received, and the header stays live."""
 _SCREEN = """\
 [b]Header[/b]

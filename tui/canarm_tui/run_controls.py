@@ -8,7 +8,6 @@ from collections import deque
 from collections.abc import Callable
 from typing import ClassVar
 
-from textual.app import App
 from textual.binding import Binding, BindingType
 from textual.widgets import Input
 
@@ -19,6 +18,8 @@ from .fault_screens import LeaveScreen, ResetScreen, StopScreen
 from .feed import Feed
 from .link import InBackground, Link
 from .outcome import Outcome
+from .player import NoLink, Player
+from .replay_controls import ReplayControls
 from .run_again import Again, AgainScreen, NextRun
 
 LEFT = "the dashboard was left"
@@ -29,7 +30,7 @@ NO_AGAIN = (
 STILL_RUNNING = "the run goes on; r runs again when it is over, and Q ends it"
 
 
-class RunControls(App[None]):
+class RunControls(ReplayControls):
     """`again` is who can run again, None if nobody can."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -41,8 +42,8 @@ class RunControls(App[None]):
         Binding("Q", "leave_and_stop", "Leave and stop", id="app.stop", show=False, tooltip="Asks first"),
         Binding("ctrl+c", "interrupt", "Quit", id="app.interrupt", show=False, priority=True),
     ]
-    feed: Feed
-    link: Link
+    feed: Feed | Player
+    link: Link | NoLink
     desk: FaultDesk
     outcome: Outcome | None
     left_by = LEFT
@@ -69,7 +70,9 @@ class RunControls(App[None]):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """The letter of the emergency stop can be typed into a field."""
-        return action != "stop" or not isinstance(self.focused, Input)
+        if action == "stop" and isinstance(self.focused, Input):
+            return False
+        return super().check_action(action, parameters)
 
     def action_interrupt(self) -> None:
         """Leave, as Ctrl-C does everywhere, which ends a demo."""

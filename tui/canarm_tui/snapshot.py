@@ -119,4 +119,6 @@ class Snapshot:
     law: str = ""
     """The controller's; empty if it is not known."""
     internal_names: tuple[str, ...] = ()
+    replay: str = ""
+    """Of a recorded run: where it is, and how fast it plays."""
     """Of the law's own values; empty if they are not known."""

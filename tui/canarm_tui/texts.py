@@ -7,12 +7,12 @@ import math
 import re
 from collections.abc import Sequence
 from enum import Enum
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from canarm_protocol.cell.bench_objects import CONTROLLER_STATES
 from canarm_protocol.shown import printable
 
-from .link import Link, LinkState
+from .link import LinkState
 from .signals import LIMIT_LSB
 from .snapshot import BusNow, Counters, JointNow, Rates, Report, Snapshot
 
@@ -28,6 +28,15 @@ LEAST_PLACE = 18
 """The bus is left out if it would be cut shorter than "-i canarm -c bench"."""
 _HOST_AND_PORT = re.compile(r"\bhost=(\S+) port=(\d+)")
 ABSENT = "–"
+
+
+class Connection(Protocol):
+    """What is said of a bus."""
+
+    where: str
+    state: LinkState
+    reason: str | None
+    connections: int
 
 
 class Tone(Enum):
@@ -58,8 +67,10 @@ _STATE_WORDS = {
 }
 
 
-def link_word(link: Link, snapshot: Snapshot) -> Word:
+def link_word(link: Connection, snapshot: Snapshot) -> Word:
     """The state of the connection and its data."""
+    if snapshot.replay:
+        return Word(snapshot.replay)
     if link.state is LinkState.CONNECTING:
         return Word("… connecting", Tone.WARNING)
     if link.state is LinkState.LOST:
@@ -123,20 +134,23 @@ def load_word(bus: BusNow | None) -> tuple[Word, ...]:
 
 
 def header_words(
-    link: Link, snapshot: Snapshot, is_paused: bool, width: int, what: Sequence[str] = ()
+    link: Connection, snapshot: Snapshot, is_paused: bool, width: int, what: Sequence[str] = ()
 ) -> tuple[Word, ...]:
     """The header line for `width` columns; what does not fit is cut from the end, where the bus is named.
 
     `what` are words for what runs, such as the cell and the clock; the law stands with them once it is known.
     """
-    words = [
-        link_word(link, snapshot),
+    live = (
         state_word(snapshot.report),
         age_word(snapshot.age_ns),
         late_word(snapshot.report),
         rate_word(snapshot.rates),
         real_time_word(snapshot.rates),
         *load_word(snapshot.bus),
+    )
+    words = [
+        link_word(link, snapshot),
+        *(() if snapshot.replay else live),
         *(Word(printable(each, LONGEST_NAME), Tone.DIM) for each in (*what, snapshot.law) if each),
     ]
     if is_paused:
@@ -162,7 +176,7 @@ def _length(words: Sequence[Word]) -> int:
     return sum(len(word.text) for word in words) + len(SEPARATOR) * (len(words) - 1)
 
 
-def notice(link: Link, snapshot: Snapshot) -> Word | None:
+def notice(link: Connection, snapshot: Snapshot) -> Word | None:
     """What the reader should know about the connection, or None if all is well."""
     if link.state is LinkState.LOST:
         return Word(f"{link.reason or link.where}; trying again every second", Tone.BAD)

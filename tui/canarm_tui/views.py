@@ -16,6 +16,7 @@ from .bus.watch import BusWatch
 from .events import Happening
 from .faults import Faults
 from .feed import Feed
+from .player import Player
 from .snapshot import Snapshot
 
 
@@ -50,7 +51,7 @@ class Context:
     """What a view may keep from the beginning: the cell, the memory of the run, further sources."""
 
     cell: Cell
-    feed: Feed
+    feed: Feed | Player
     bus: BusWatch
     """The robot's bus; one of `sources`."""
     sources: list[Source] = field(default_factory=list)

@@ -1,0 +1,113 @@
+"""A run folder as the dashboard is given it: rows of both tables, events, how it ended. Nothing is drawn here."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from canarm_protocol.cell.bench_objects import INTERNALS
+from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.sensing import position_steps_rad
+from canarm_protocol.faults.detection_events import DetectionEvent
+from canarm_tui.faults import Faults
+from canarm_tui.history import COLUMNS, Column, History
+from canarm_tui.outcome import Outcome
+from canarm_tui.record import Record
+
+from ..rig.findings import Noticed
+from ..signal_table import Columns
+from .run import Run
+
+MOST_ROWS = 1_000_000
+"""More cycles than that, 40 minutes at 400 Hz, are thinned out."""
+_TRUE = (
+    (Column.ANGLE, "true_angle_rad"),
+    (Column.SPEED, "true_speed_rad_s"),
+    (Column.CURRENT, "motor_current_a"),
+    (Column.COMMAND, "command_a"),
+)
+_REPORTED = (
+    (Column.REFERENCE, "reference_rad"),
+    (Column.MEASURED, "measured_rad"),
+    (Column.MEASURED_SPEED, "measured_rad_s"),
+    (Column.ASKED, "command_a"),
+    (Column.FEEDFORWARD, "feedforward_nm"),
+)
+_OTHERS = {"reference_rad_s", "measured_a", *(name for _, name in _REPORTED)}
+
+
+def record_of(run: Run) -> Record:
+    """All that the dashboard shows of `run`. Raises `RunFolderError` if its record has no cell."""
+    cell = run.cell
+    names = inner_names(run.controller, cell.joint_names)
+    said = run.summary
+    verdict = Outcome(run.headline, said.get("state") == "done", [f"recorded in {run.path}", *run.complaints])
+    return Record(
+        cell=cell,
+        where=str(run.path),
+        history=_history(run, cell, names),
+        faults=_faults(run),
+        outcome=verdict,
+        law=str(said.get("law") or run.made_by.get("law") or ""),
+        internal_names=names,
+    )
+
+
+def inner_names(controller: Columns, joints: Sequence[str]) -> tuple[str, ...]:
+    """What the law calls its own values: the columns of the first joint that every controller does not have."""
+    first = f"{joints[0]}."
+    own = (name.removeprefix(first) for name in controller if name.startswith(first))
+    return tuple(name for name in own if name not in _OTHERS)[:INTERNALS]
+
+
+def _history(run: Run, cell: Cell, inner: Sequence[str]) -> History:
+    robot, controller = run.robot, run.controller
+    base = robot if len(robot.get("cycle", ())) else controller
+    if not len(base.get("cycle", ())):
+        return History(np.zeros(0, dtype=np.int64), np.zeros((0, len(cell.joints), COLUMNS), dtype=np.float32))
+    cycles = np.unique(base["cycle"].astype(np.int64))
+    cycles = cycles[:: max(1, -(-len(cycles) // MOST_ROWS))]
+    values = np.full((len(cycles), len(cell.joints), COLUMNS), np.nan, dtype=np.float32)
+    own = tuple((Column.INTERNAL + place, name) for place, name in enumerate(inner))
+    for table, columns in ((robot, _TRUE), (controller, (*_REPORTED, *own))):
+        _fill(values, cycles, table, columns, cell.joint_names)
+    lsb_rad = np.array(position_steps_rad(cell))
+    with np.errstate(invalid="ignore", over="ignore"):
+        error = (values[:, :, Column.ANGLE] - values[:, :, Column.REFERENCE].astype(np.float64)) / lsb_rad
+    values[:, :, Column.ERROR] = error
+    for array in (cycles, values):
+        array.flags.writeable = False
+    return History(cycles, values)
+
+
+def _fill(
+    values: NDArray[np.float32],
+    cycles: NDArray[np.int64],
+    table: Columns,
+    columns: Sequence[tuple[int, str]],
+    joints: Sequence[str],
+) -> None:
+    """Write the columns of a table into the rows of their cycles."""
+    if not len(table.get("cycle", ())):
+        return
+    own, rows = np.unique(table["cycle"].astype(np.int64), return_index=True)
+    place = np.searchsorted(own, cycles).clip(max=len(own) - 1)
+    there = own[place] == cycles
+    for joint, name in enumerate(joints):
+        for column, leaf in columns:
+            found = table.get(f"{name}.{leaf}")
+            if found is not None:
+                values[there, joint, column] = found[rows[place[there]]]
+
+
+def _faults(run: Run) -> Faults:
+    return Faults(
+        events=tuple(sorted(run.faults, key=lambda event: event.time_ns, reverse=True)),
+        detections=tuple(_event(each, run.begin_s) for each in reversed(run.detections)),
+    )
+
+
+def _event(each: Noticed, begin_s: float) -> DetectionEvent:
+    found = each.detection
+    time_ns = round((each.time_s + begin_s) * 1e9)
+    return DetectionEvent(found.tick, found.detector, found.where, found.detail, found.reaction.value, time_ns)

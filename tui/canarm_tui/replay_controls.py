@@ -1,0 +1,47 @@
+"""The keys that play a recorded run. A base of the dashboard; without a player none of them is there."""
+
+from typing import ClassVar
+
+from textual.app import App
+from textual.binding import Binding, BindingType
+
+from .player import Player
+
+ACTIONS = ("skip", "faster", "event")
+LIVE_ACTIONS = ("inject", "clear", "stop", "stop_anyway", "reset", "again", "leave_and_stop")
+
+
+class ReplayControls(App[None]):
+    """`player` is None unless a recorded run is shown."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("n", "event(False)", "Next event", id="replay.next", tooltip="Go to the next event of the run"),
+        Binding("N", "event(True)", "Event before", id="replay.before", show=False),
+        Binding("left_square_bracket", "skip(-1)", "Back", key_display="[", id="replay.back", tooltip="5 s back"),
+        Binding("right_square_bracket", "skip(1)", "On", key_display="]", id="replay.on", tooltip="5 s on"),
+        Binding("comma", "faster(-1)", "Slower", id="replay.slower", show=False),
+        Binding("full_stop", "faster(1)", "Faster", id="replay.faster", show=False),
+    ]
+    player: Player | None = None
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Some only with a player, and those that would do something to a bench only without."""
+        if action in (*ACTIONS, *LIVE_ACTIONS) and (action in ACTIONS) is (self.player is None):
+            return False
+        return super().check_action(action, parameters)
+
+    def action_skip(self, steps: int) -> None:
+        """Some seconds on, or back."""
+        self._playing().skip(steps)
+
+    def action_faster(self, steps: int) -> None:
+        """Another speed."""
+        self._playing().faster(steps)
+
+    def action_event(self, is_back: bool) -> None:
+        """To the next event, or the one before."""
+        self._playing().next_event(is_back)
+
+    def _playing(self) -> Player:
+        assert self.player is not None
+        return self.player
