@@ -92,7 +92,7 @@ async def test_enter_shows_the_traces_at_the_moment_of_the_event(cell, port, clo
         await pilot.press("2")
         pane = app.query_one(EventsPane)
         pane.show(
-            Scene(app.feed.snapshot(clock()), (Happening(FaultEvent(True, 1, cycle, "s", "joint2.dac", "stuck")),))
+            Scene(app.feed.snapshot(clock()), (Happening(FaultEvent(1, cycle, True, "s", "joint2.dac", "stuck")),))
         )
         await pilot.press("enter")
         await pilot.pause()
