@@ -110,7 +110,7 @@ class DashboardApp(RunControls):
             self.link = no_link = NoLink(record)
             self.desk, outcome_of = RecordDesk(player, no_link, record, in_background), player.outcome
         bus = bus or robot_watch(cell, None, in_background)
-        self.context = Context(cell, self.feed, bus, [bus], hand)
+        self.context = Context(cell, self.feed, bus, [bus], self.desk, hand)
         self.is_paused = False
         self.view = FIRST
         """What is on the screen."""

@@ -13,6 +13,7 @@ from typing import Protocol, TypeVar
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import BusError, FaultError
 from canarm_protocol.faults.bench_client import BenchClient
+from canarm_protocol.faults.wire_figures import WireFigures
 from canarm_protocol.shown import named_error
 from canarm_protocol.transport.port import BusPort
 
@@ -99,6 +100,10 @@ class FaultDesk:
             then(self._catalogue)
         else:
             self._ask(lambda client: catalogue_of(client.catalogue()), keep)
+
+    def load_wire(self, then: Callable[[WireFigures | Refusal], None]) -> None:
+        """Read load, errors and clients of the buses."""
+        self._ask(lambda client: client.wire_figures(self._cell), then)
 
     def inject(
         self, tap: str, fault: FaultKind, typed: dict[str, str], duration: str, then: Callable[[str | Refusal], None]

@@ -1,6 +1,6 @@
 """The views of the dashboard, in the order of their tabs. A view is a file and a line here."""
 
-from . import events_view, joints_view
+from . import events_view, joints_view, wire_view
 from .bus import cards_view, frames_view, nodes_view
 from .views import Context, View
 
@@ -10,4 +10,5 @@ VIEWS: tuple[View[Context], ...] = (
     frames_view.VIEW,
     nodes_view.VIEW,
     cards_view.VIEW,
+    wire_view.VIEW,
 )

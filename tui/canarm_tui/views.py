@@ -14,6 +14,7 @@ from canarm_protocol.cell.model import Cell
 from .bus.hand import Hand
 from .bus.watch import BusWatch
 from .events import Happening
+from .fault_desk import FaultDesk
 from .faults import Faults
 from .feed import Feed
 from .player import Player
@@ -56,6 +57,8 @@ class Context:
     """The robot's bus; one of `sources`."""
     sources: list[Source] = field(default_factory=list)
     """A view adds its own here when it is made; it takes what has arrived when it is asked to `show`."""
+    desk: FaultDesk | None = None
+    """Asks the bench node; None where there is none."""
     hand: Hand | None = None
     """Drives the cards by hand; None where a controller of this program has them."""
 

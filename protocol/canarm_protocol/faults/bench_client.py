@@ -23,6 +23,7 @@ from ..transport.sdo_session import SdoSession
 from .bench_answers import P, plain_of, unpacked
 from .fault_toml import as_toml
 from .script import LARGEST_TEXT, FaultScript, clearing
+from .wire_figures import WireFigures, wire_figures
 
 RENEW_S = objects.CLAIM_S / 2
 """After this long without use the channel is claimed again first: another client may soon take it."""
@@ -109,6 +110,10 @@ class BenchClient:
             return _text(session.upload(objects.LAW_NAME)), tuple(map(_text, names))
 
         return self._ask(read)
+
+    def wire_figures(self, cell: Cell) -> WireFigures:
+        """Load, errors and clients of the buses; `cell` is the bench's."""
+        return self._ask(lambda session: self._sense(lambda: wire_figures(session.upload, cell)))
 
     @property
     def is_stopped(self) -> bool:
