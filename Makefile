@@ -16,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
 .PHONY: help setup demo test soak check check-format check-lint check-types check-imports check-lock check-wheels \
-	check-docs check-install \
+	check-docs check-install check-mf4 \
 	check-socketcan bench ablation alarms matrix pair-matrix paper rhino robots fuzz docs notice format lock clean
 
 help: ## List the targets
@@ -32,7 +32,7 @@ test: setup ## Run the tests, but for the long ones (ARGS="-k encoder")
 soak: setup ## Run the long tests: 10^6 cycles, 10^6 frames, the whole matrix, processes on the wall clock
 	$(BIN)/python -m pytest -n $(JOBS) -m slow $(ARGS)
 
-check: check-format check-lint check-types check-imports check-lock check-docs test check-wheels check-install ## Run what CI runs, but for soak and check-socketcan
+check: check-format check-lint check-types check-imports check-lock check-docs test check-wheels check-install check-mf4 ## Run what CI runs, but for soak and check-socketcan
 
 check-format: setup ## Formatting
 	$(BIN)/python -m ruff format --check .
@@ -56,6 +56,9 @@ check-docs: setup ## Build the documentation; a link that leads nowhere fails
 
 check-install: setup ## Install as the README says, in an empty environment of every Python from 3.11 to 3.14 that is there
 	$(BIN)/python scripts/try_install.py
+
+check-mf4: setup ## Tests of records as MF4, with a library that is too slow to be among the development tools
+	scripts/with_mf4.sh $(BIN)/python -m pytest tests/canarm/test_recording_formats.py
 
 check-wheels: setup ## Build the wheels, install them alone, run them
 	$(BIN)/python scripts/smoke_wheels.py
