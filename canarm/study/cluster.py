@@ -5,6 +5,7 @@ import queue
 import threading
 import time
 from collections.abc import Generator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -43,10 +44,10 @@ def on_cluster(address: str) -> Runner:
 
 def run_alone(task: Task) -> Row:
     """`run_task`, one at a time in a worker, which may have several threads: Python runs one of them at a time anyway,
-    and the controller's tables are not made for two.
+    and the controller's tables are not made for two. With these threads, no copy of the process is made.
     """
     with _turn:
-        return run_task(task)
+        return run_task(replace(task, shares=False))
 
 
 def _results(client: Any, where: str, tasks: Sequence[Task]) -> Generator[tuple[int, Row], None, None]:

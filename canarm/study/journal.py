@@ -64,7 +64,10 @@ class Journal:
         """Append one row. Raises `OSError`, as on a full disk; the file then ends with the row before."""
         place = os.fstat(self._descriptor).st_size
         line = json.dumps(row, allow_nan=False, ensure_ascii=False, separators=(",", ":")) + "\n"
-        append_lines(self._descriptor, line.encode())
+        try:
+            append_lines(self._descriptor, line.encode())
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(self.path)) from None
         self.places[row["run"]] = place
 
     def rows(self) -> Iterator[dict[str, Any]]:
@@ -81,8 +84,10 @@ class Journal:
                 if not line.endswith(b"\n"):
                     os.ftruncate(self._descriptor, place)  # a kill in the middle of a line
                     break
-                with contextlib.suppress(ValueError, KeyError, TypeError):
-                    self.places[int(json.loads(line)["run"])] = place
+                with contextlib.suppress(ValueError):
+                    row = json.loads(line)
+                    if isinstance(row, dict) and type(row.get("run")) is int and isinstance(row.get("state"), str):
+                        self.places[row["run"]] = place
                 place += len(line)
 
 

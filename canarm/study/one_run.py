@@ -2,6 +2,7 @@
 
 import functools
 import math
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from canarm_protocol.shown import first_line, named_error, printable
 from ..open_cell import open_cell
 from ..rig.rig import Rig
 from ..summary import Summary
+from .beginnings import from_beginning
 from .plan import Settings
 
 Row = dict[str, Any]
@@ -26,17 +28,21 @@ BROKEN = "broken"
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Run `number` of a study: its settings, and the columns that say what varies."""
+    """Run `number` of a study: its settings, and the columns that say what varies.
+
+    `shares` says that others differ from it in their faults alone.
+    """
 
     number: int
     settings: Settings
     varied: tuple[tuple[str, Any], ...]
+    shares: bool = False
 
 
 def run_task(task: Task) -> Row:
     """The row of one run. Whatever goes wrong is in it."""
     try:
-        return _row(task, _summary(task.settings))
+        return _row(task, _summary(task))
     except CanarmError as error:
         return broken(task, str(error))
     except Exception as error:
@@ -48,22 +54,32 @@ def broken(task: Task, why: object) -> Row:
     return {"run": task.number, **dict(task.varied), "state": BROKEN, "reason": first_line(why)}
 
 
-def _summary(settings: Settings) -> Summary:
-    cell = _load(settings.cell, settings.settings)
-    faults = None if settings.faults is None else Path(settings.faults)
-    with Rig(
-        cell,
+def _summary(task: Task) -> Summary:
+    settings = task.settings
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a thousand runs each would warn of the same
+        if task.shares:
+            cell = _load(settings.cell, settings.settings)
+            summary = from_beginning(settings, cell, _rig)
+            if summary is not None:
+                return summary
+        with _rig(settings) as rig:
+            rig.run(settings.seconds)
+            return rig.finish()
+
+
+def _rig(settings: Settings) -> Rig:
+    return Rig(
+        _load(settings.cell, settings.settings),
         settings.law,
         settings.trajectory,
         feedforward=settings.feedforward,
         seed=settings.seed,
         wire=settings.wire,
         truth=dict(settings.truth),
-        faults=faults,
+        faults=None if settings.faults is None else Path(settings.faults),
         history_s=min(settings.seconds, HISTORY_S),
-    ) as rig:
-        rig.run(settings.seconds)
-        return rig.finish()
+    )
 
 
 def _row(task: Task, summary: Summary) -> Row:

@@ -7,10 +7,12 @@ from functools import partial
 from ..workers.pool import LostWorkerError, results_of
 from .journal import Journal
 from .one_run import Row, Task, broken, run_task
-from .plan import Study
+from .plan import Sample, Study
 
 Runner = Callable[[Sequence[Task]], Generator[tuple[int, Row], None, None]]
 """Carries out tasks: the place of each, and its row, as they come. Closing it early ends what runs."""
+LEAST_SHARED = 3
+"""With fewer fault files than that, a process seldom gets two runs that could share their beginning."""
 OnProgress = Callable[[int, int], None]
 
 
@@ -19,13 +21,16 @@ class Tasks(Sequence[Task]):
 
     def __init__(self, study: Study, numbers: Sequence[int]) -> None:
         self._study, self._numbers = study, numbers
+        self._shares = (
+            study.sample is Sample.GRID and study.axes[-1].name == "faults" and study.steps[-1] >= LEAST_SHARED
+        )
 
     def __len__(self) -> int:
         return len(self._numbers)
 
     def __getitem__(self, place: int) -> Task:  # type: ignore[override]
         number = self._numbers[place]
-        return Task(number, self._study.settings(number), tuple(self._study[number].items()))
+        return Task(number, self._study.settings(number), tuple(self._study[number].items()), self._shares)
 
 
 def on_this_machine(jobs: int) -> Runner:
@@ -46,6 +51,8 @@ def run_study(study: Study, journal: Journal, runner: Runner, on_progress: OnPro
 
     Raises `OSError` where the journal cannot be written.
     """
+    for number in [each for each in journal.places if not 0 <= each < len(study)]:
+        del journal.places[number]  # whoever has written that: it is no run of this study
     left = [number for number in range(len(study)) if number not in journal.places]
     on_progress(len(study) - len(left), len(study))
     with contextlib.suppress(KeyboardInterrupt), contextlib.closing(runner(Tasks(study, left))) as coming:

@@ -5,6 +5,7 @@ import re
 import shutil
 import signal
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,9 @@ from canarm.study.journal import ROWS_FILE, Journal
 from canarm.study.objective import LOST, Objective
 from canarm.study.one_run import Task, run_task
 from canarm.study.plan import Sample
+from canarm.study.running import Tasks
 from canarm.study.study_file import read_study
+from canarm.workers.forking import CAN_FORK
 
 parquet = pytest.importorskip("pyarrow.parquet")
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
@@ -230,6 +233,32 @@ def test_a_run_that_cannot_be_carried_out_is_a_row_that_says_why(tmp_path: Path)
     row = run_task(Task(0, settings, ()))
     assert row["state"] == "broken"
     assert "gone.csv" in row["reason"]
+
+
+def test_runs_that_share_a_beginning_come_to_the_same_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    faults = {
+        "late.toml": '[[set]]\nat = 1.5\n[[set.fault]]\ntap = "joint2.tachometer"\nfault = "stuck"',
+        "noisy.toml": '[[set]]\ncycle = 440\n[[set.fault]]\ntap = "joint3.potentiometer"\nfault = "noise"',
+        "when.toml": '[[set]]\nwhen = "joint2.angle_deg>30"\n[[set.fault]]\ntap = "joint2.motor"\nfault = "open-load"',
+        "wrong.toml": '[[set]]\nat = 1.5\n[[set.fault]]\ntap = "joint9.motor"\nfault = "open-load"',
+    }
+    names = ["none", *(str(written(tmp_path, text, name)) for name, text in faults.items())]
+    study, _ = read_study(written(tmp_path, f"[run]\nseconds = 2.8\n[vary]\nseed = [3]\nfaults = {names}"))
+    begun: list[int] = []
+
+    def counted(*arguments: Any, **options: Any) -> Rig:
+        begun.append(1)
+        return Rig(*arguments, **options)
+
+    monkeypatch.setattr("canarm.study.one_run.Rig", counted)
+    tasks = list(Tasks(study, range(len(study))))
+    assert all(task.shares for task in tasks)
+    together = [run_task(task) for task in tasks]
+    assert len(begun) == (4 if CAN_FORK else 5), "the last one goes on from the beginning of another"
+    alone = [run_task(replace(task, shares=False)) for task in tasks]
+    assert together == alone
+    assert [row["state"] for row in alone] == ["done", "done", "failed", "failed", "broken"]
+    assert [row["first_detector"] is not None for row in alone[:4]] == [False, True, True, True]
 
 
 def test_a_heat_map_has_the_mean_of_each_field_and_the_share_of_stopped_runs(finished: Path) -> None:

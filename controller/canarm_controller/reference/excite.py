@@ -4,6 +4,7 @@ Owns the choice. After Swevers and others, "Optimal robot excitation and identif
 harmonics, within the limits of the joints; here the best conditioned of some drawn series, always the same ones.
 """
 
+import contextlib
 import random
 from collections.abc import Sequence
 
@@ -28,8 +29,8 @@ EXCITED = 1e-8
 MOST_OF_TRAVEL, MOST_OF_SPEED, MOST_OF_CURRENT = 0.35, 0.8, 0.6
 """The largest shares of the travel between the limits (either way of the centre), of the highest speed, and of the
 amplifier's current by the nominal model: a robot that is half as heavy again still follows."""
-SHRINKS = 12
-"""How often a series is made smaller by a tenth until its current is allowed."""
+SHRINKS = 30
+"""How often a series is made smaller by a tenth until its current is allowed: to a twentieth at most."""
 
 
 class Excite(Trajectory):
@@ -89,7 +90,7 @@ def _places(cell: Cell) -> list[tuple[Robot, slice]]:
 
 
 def _drawn(limits: Limits, chance: random.Random, centre: Floats, room: Floats, speed_rad_s: Floats) -> Excite | None:
-    """A series as large as position and speed allow, then smaller until the nominal current is allowed."""
+    """A series as large as position and speed allow, then smaller until current and voltage are allowed."""
     joints = len(centre)
     numbers = np.array([chance.gauss(0.0, 1.0) for _ in range(2 * HARMONICS * joints)]).reshape(2, HARMONICS, joints)
     sines, cosines = numbers / np.arange(1, HARMONICS + 1)[:, None]
@@ -106,7 +107,9 @@ def _drawn(limits: Limits, chance: random.Random, centre: Floats, room: Floats, 
         at = made._at(times_s)
         torque_nm = limits.arm.torque_batch_nm(at.position_rad, at.velocity_rad_s, at.acceleration_rad_s2)
         if np.all(np.abs(torque_nm / np.asarray(limits.arm.torque_per_ampere)) <= most_a):
-            return made
+            with contextlib.suppress(TrajectoryError):
+                limits.check(made, PERIOD_S, "excite")
+                return made
         scale *= 0.9
     return None
 
