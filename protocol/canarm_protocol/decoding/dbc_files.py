@@ -1,4 +1,4 @@
-"""Messages of a DBC file (or KCD, SYM, ARXML), read and decoded by cantools, which is loaded for that alone."""
+"""Messages of a DBC file, read and decoded by cantools, which is loaded for that alone."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,12 +49,9 @@ def load_databases(book: Book, path: Path) -> int:
         from cantools.database import load_string
     except ImportError:
         raise DatabaseError(f"{name}: reading it needs cantools; pip install 'canarm[dbc]'") from None
-    form = path.suffix.lower().lstrip(".") or "dbc"
     try:
-        text = read_text(path, LARGEST_BYTES, "a CAN database", form.upper())
-        database = load_string(
-            text, database_format=form if form in ("dbc", "kcd", "sym", "arxml") else None, strict=False
-        )
+        text = read_text(path, LARGEST_BYTES, "a CAN database", "DBC")
+        database = load_string(text, database_format="dbc", strict=False)
     except OSError as error:
         raise DatabaseError(f"{name}: {error.strerror or first_line(error)}; name a DBC file") from None
     # Its parsers raise what their parts raise.
