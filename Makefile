@@ -68,7 +68,7 @@ check-wheels: setup ## Build the wheels, install them alone, run them
 # Of the conformance suite only what goes over SocketCAN; its 10^6 random frames, which need no bus, stay outside. On the
 # wall clock that is what python-canopen documents: the rest asks the same cards the same, an emulated second at a time.
 check-socketcan: setup ## Test emulator, controller and conformance over SocketCAN (in qemu where the kernel has none)
-	$(BIN)/python -c 'import can.interfaces.socketcan, canarm.commands.controller, canarm.commands.emulator, canarm.rig, \
+	$(BIN)/python -c 'import can.interfaces.socketcan, canarm.commands.controller, canarm.commands.emulator, canarm.commands.monitor, canarm.rig, \
 		canopen, pytest'
 	VCAN_LIMIT=$(or $(VCAN_LIMIT),2400) scripts/with_vcan.sh 'CANARM_SOCKETCAN=vcan0,vcan1 PATIENCE=10 \
 		$(BIN)/python -m pytest -p no:cacheprovider -o timeout=1200 -k "test_socketcan or socketcan-sync or (documented and socketcan-wall)" \

@@ -262,3 +262,24 @@ def test_a_master_in_plain_c_moves_joint_2_to_its_goal(canarm, tmp_path):
         emulator.send(signal.SIGTERM)
         assert emulator.wait() == 0, emulator
     assert master.returncode == 0, master.stdout + master.stderr
+
+
+def test_the_monitor_decodes_what_others_send_and_sends_nothing_itself(canarm, until):
+    """Frames of python-can's own interface, as lines; a second listener hears those and no others."""
+    robot = INTERFACES[0]
+    sent = [(0x312, "00220000", False), (0x714, "05", False), (0x1ABCDEF, "0102", True)]
+    with on_one_cpu(), Listener(robot) as listener:
+        words = ["monitor", "-i", "socketcan", "-c", robot, "--cell", "konkuk1", "--bitrate", "1000000"]
+        monitor = canarm(*words, "--seconds", "600")
+        monitor.wait_for(f"listening on -i socketcan -c {robot}")
+        with can.Bus(interface="socketcan", channel=robot) as bus:
+            for can_id, data, is_extended in sent:
+                bus.send(can.Message(arbitration_id=can_id, data=bytes.fromhex(data), is_extended_id=is_extended))
+            bus.send(can.Message(arbitration_id=0x294, is_extended_id=False, is_remote_frame=True, dlc=8))
+        monitor.wait_for(r"^\(\d+\.\d{6}\) 312#00220000 +RPDO2 of dac: joint2\.current_command 0\.4000 A")
+        monitor.wait_for(r"714#05 +heartbeat of adc: operational$")
+        monitor.wait_for(r"01ABCDEF#0102 +29-bit identifier, not CANopen's$")
+        monitor.wait_for(r"294#R +remote frame$")
+        monitor.send(signal.SIGINT)
+        assert monitor.wait() == 0, monitor
+        until(lambda: len(listener.messages) == len(sent) + 1, "what was sent")

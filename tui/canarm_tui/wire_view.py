@@ -48,13 +48,14 @@ def wire_lines(figures: WireFigures) -> list[Line]:
     lines.append(
         [_count("error frames", figures.error_frames), Word("   "), _count("lost frames", figures.lost_frames)]
     )
-    lines += [[], [Word(f"{'card':<14} {'TEC':>5} {'REC':>5}  state", Tone.DIM)]]
+    width = max(map(len, ("card", *figures.cards)))
+    lines += [[], [Word(f"{'card':<{width}} {'TEC':>5} {'REC':>5}  state", Tone.DIM)]]
     for name, card in figures.cards.items():
-        counts = f"{printable(name, 14):<14} {card.transmit:>5} {card.receive:>5}  "
+        counts = f"{printable(name):<{width}} {card.transmit:>5} {card.receive:>5}  "
         lines.append([Word(counts), STATES.get(card.state, Word(f"state {card.state}", Tone.BAD))])
-    lines += [[], [Word(f"{'bus':<14} {'clients':>7}  dropped for slow clients", Tone.DIM)]]
+    lines += [[], [Word(f"{'bus':<{width}} {'clients':>11}  dropped for slow clients", Tone.DIM)]]
     for bus, clients in figures.clients.items():
-        lines.append([Word(f"{bus:<14} {clients:>7}  "), _count("", figures.dropped.get(bus, 0))])
+        lines.append([Word(f"{bus:<{width}} {clients:>11}  "), _count("", figures.dropped.get(bus, 0))])
     return lines
 
 

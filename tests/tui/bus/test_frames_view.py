@@ -149,6 +149,18 @@ async def test_the_log_follows_until_its_reader_leaves_the_end(monitor, port, cl
         assert log.cursor == len(log.rows) - 1
 
 
+async def test_a_frame_of_the_log_is_opened_as_it_was(monitor, port):
+    async with monitor.run_test(size=(160, 30)) as pilot:
+        port.arriving = [(0, frame("213#02")), (1, frame("213#01"))]
+        await shown(monitor, pilot)
+        await pilot.press("tab", "home", "enter")
+        port.arriving = [(2, frame("213#00"))]
+        monitor.drain()
+        monitor.screen.redraw()
+        await pilot.pause()
+        assert any("a  joint2.direction" in line and "counter-clockwise" in line for line in screen_lines(monitor))
+
+
 async def test_nothing_is_ever_sent(monitor, port, clock):
     async with monitor.run_test(size=(120, 30)) as pilot:
         await filled(monitor, port, clock, pilot, 2.0)

@@ -30,6 +30,7 @@ from .watch import BusWatch
 LINES_SHOWN = 6
 """Of what the hand says."""
 MEMORY_FROM_LINES = 22
+LONGEST_CARD = 16
 HOW = "commands of canarm jog, such as current joint2 0.3; step 10; read"
 DIRECTIONS = ("off", "ccw", "cw")
 COLUMNS = (
@@ -99,7 +100,9 @@ class CardsPane(Pane):
     def compose(self) -> ComposeResult:
         """Figures, channels, memory, what the hand says."""
         yield WordLine(id="cards-state", may_wrap=True)
-        yield Grid[CardChannel](COLUMNS, self._cells, lambda each: (each.card.name, each.channel.number), id="cards")
+        grid = Grid[CardChannel](COLUMNS, self._cells, lambda each: (each.card.name, each.channel.number), id="cards")
+        grid.widths = {"card": min(LONGEST_CARD, max(len(each.card.name) for each in self._channels))}
+        yield grid
         with VerticalScroll(id="memory", can_focus=False):
             yield Static(id="memory-text")
         yield Static(id="hand")

@@ -67,7 +67,7 @@ class FramesPane(Pane):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("slash", "filter", "Filter", key_display="/", id="bus.filter", tooltip=HOW),
         Binding("o", "order", "Order", id="bus.order", tooltip="By identifier, by rate, or the newest first"),
-        Binding("c", "clear_counts", "Clear", id="bus.clear", tooltip="Count anew"),
+        Binding("c", "clear_counts", "Recount", id="bus.clear", tooltip="Count anew"),
         Binding("escape", "unfilter", "No filter", show=False),
     ]
 
