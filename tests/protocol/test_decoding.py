@@ -5,12 +5,14 @@ them, and from python-can's and cantools' own decoders.
 import math
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from canarm_protocol.canopen.frames import ERROR_FLAG, Frame
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.dbc_file import Signal
 from canarm_protocol.decoding import Book, Decoder, Field, Sort, bench_book, raw_text, robot_book
-from canarm_protocol.decoding.signals import signal_text
+from canarm_protocol.decoding.signals import SignalMessage, signal_text
 
 
 def frame(text: str) -> Frame:
@@ -162,3 +164,38 @@ def test_the_bits_of_a_big_endian_field_run_as_in_a_dbc_file():
     """DBC's own numbering, as cantools draws it: start bit 3 with 10 bits fills byte 0 down, then byte 1 from bit 7."""
     assert Field("a", "", 3, 10, is_big_endian=True).bits == (3, 2, 1, 0, 15, 14, 13, 12, 11, 10)
     assert Field("a", "", 3, 4).bits == (3, 4, 5, 6)
+
+
+def books():
+    """What can be known of a bus: nothing, a cell, a file with scales that no number bears."""
+    cell = load_cell("konkuk1")
+    strange = Book()
+    signals = [Signal("a", 0, 16, factor=factor, unit="x") for factor in (0.0, 1e308, 1e-320, math.inf, math.nan)]
+    strange.messages[0x123, False] = SignalMessage("strange", 2, [*signals, Signal("b", 0, 64, is_float=True)])
+    return [Book(), robot_book(cell), bench_book(cell), strange]
+
+
+@given(
+    st.lists(
+        st.builds(
+            Frame,
+            st.one_of(st.integers(0, 0x7FF), st.integers(0, 0x1FFFFFFF), st.sampled_from([0x123, ERROR_FLAG | 0x1FF])),
+            st.binary(max_size=64),
+            st.booleans(),
+            st.booleans(),
+        ),
+        max_size=20,
+    )
+)
+@settings(max_examples=200, deadline=None)
+def test_no_frame_whatever_makes_a_decoder_fail(frames):
+    for book in BOOKS:
+        decoder = Decoder(book)
+        for each in frames:
+            meaning = decoder.meaning(each, decoder.follow(each))
+            assert str(meaning)
+            assert raw_text(each)
+            assert all(field.bits is not None for field in meaning.fields)
+
+
+BOOKS = books()

@@ -50,7 +50,7 @@ def signal_text(signal: Signal, bits: int) -> str:
 
 def number_text(value: float, step: float, unit: str) -> str:
     """`value` with as many decimals as one `step` needs; seven digits if it has none."""
-    if step > 0.0 and abs(value) < 1e9:
+    if 0.0 < step < math.inf and abs(value) < 1e9:
         decimals = min(MOST_DECIMALS, max(0, math.ceil(-math.log10(step))))
         text = f"{value:.{decimals}f}"
     else:
