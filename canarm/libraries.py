@@ -17,6 +17,7 @@ EXTRAS = {
     "distributed": "dask",
     "scipy": "tune",
     "matplotlib": "figures",
+    "textual_serve": "web",
 }
 """Which extra of the distribution brings each."""
 TABLES = ("pandas", "polars")

@@ -196,6 +196,18 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt(signal.Signals(number).name)
 
 
+@contextlib.contextmanager
+def signals_as_before() -> Iterator[None]:
+    """An event loop puts its own handlers in the place of ours; afterwards ours are back."""
+    before = {number: signal.getsignal(number) for number in _HELD_BACK}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            if handler is not None:
+                signal.signal(number, handler)
+
+
 def cause_of(interrupt: KeyboardInterrupt) -> str:
     """What has caused an interrupt, in a few words: Python's own says nothing and is a Ctrl-C."""
     return str(interrupt) or signal.SIGINT.name

@@ -44,6 +44,7 @@ from ..session import make_bench, make_controller, tick_count, traffic_warning
 from ..stdout import keep_stdout
 from ..stopping import cause_of, ignore_hangups
 from ..usage import UsageError, parse_settings
+from ..web import DEFAULT_PORT, Web, WebPort, serve_web
 
 PACE_HELP = (
     "Lockstep: virtual time passes at most X times as fast as the wall clock; max does not wait. "
@@ -71,22 +72,25 @@ def demo(
     ] = f"{DEFAULT_HOST}:0",
     output: OutputOptions = OutputOptions(),
     no_tui: Annotated[Flag, Parameter(help="No dashboard, even on a terminal.")] = False,
+    web: Web = False,
+    web_port: WebPort = DEFAULT_PORT,
 ) -> int:
     """Run emulator and controller against each other over the virtual bus; with the dashboard on a terminal.
 
     Time stands still until every part of a cycle is done (lockstep), so a busy machine makes it slower, never wrong.
     Ends with a summary. The run is recorded in --out, or in a new folder below runs/. Ctrl-C stops the robot safely.
     The dashboard stays when the run is over and shows how it went; r runs again, with another law, motion, seed or pace
-    if you like. q leaves it, and what runs goes on to its end; Q leaves it and stops what runs.
+    if you like. q leaves it, and what runs goes on to its end; Q leaves it and stops what runs. With --web it is in a
+    browser on this machine instead, until Ctrl-C.
     """
     nominal = cell.load()
     settings = truth or []
     host = _served_host(serve)
     is_terminal = _is_terminal()
-    with_dashboard = not no_tui and not output.json and is_terminal
+    with_dashboard = web or (not no_tui and not output.json and is_terminal)
     check_pace(clock, pace)
     if clock == "sync" and pace is None:
-        pace = 1.0 if is_terminal else math.inf
+        pace = 1.0 if is_terminal or web else math.inf
     say = keep_stdout()
     built = _check(nominal, control, clock, seconds, settings)
     if faults is not None:
@@ -102,7 +106,9 @@ def demo(
     runs = DemoRuns(plan, output.out, with_dashboard)
     try:
         runs.run.start()
-        if with_dashboard:
+        if web:
+            _serve(runs, web_port)
+        elif with_dashboard:
             _watch(runs)
         runs.run.wait()
     except KeyboardInterrupt as interrupt:
@@ -135,6 +141,15 @@ def _served_host(serve: str) -> str:
     if is_open:
         raise UsageError(f"--serve {serve}: a demo is for this machine; canarm emulator has --allow-remote")
     return host
+
+
+def _serve(runs: DemoRuns, port: int) -> None:
+    """The dashboard in a browser, until SIGINT or SIGTERM; raises `KeyboardInterrupt` if the run is not over then."""
+    plan = runs.run.plan
+    words = ["tui", "--cell", plan.cell_name, *(word for each in plan.settings for word in ("--set", each))]
+    serve_web([*words, "--connect", f"{plan.host}:{runs.run.port}"], port, "canarm demo")
+    if not runs.run.is_over:
+        raise KeyboardInterrupt
 
 
 def _watch(runs: DemoRuns) -> None:

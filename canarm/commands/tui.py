@@ -1,13 +1,16 @@
 """`canarm tui`: the dashboard."""
 
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
+from canarm_protocol.errors import ExitStatus
 from canarm_protocol.runs.run_folder import RunFolderError
 from canarm_tui.app import run_dashboard, show_record
 from canarm_tui.bus.address import BusAddress
+from canarm_tui.record import Record
 
 from ..jogging.hand import HandInThread
 from ..options import (
@@ -23,6 +26,7 @@ from ..options import (
     parse_address,
 )
 from ..usage import UsageError
+from ..web import DEFAULT_PORT, Web, WebPort, serve_web
 
 
 def tui(
@@ -39,17 +43,28 @@ def tui(
     ] = DEFAULT_ADDRESS,
     bus: BusOptions = BusOptions(),
     bench: BenchBusOptions = BenchBusOptions(),
+    web: Web = False,
+    web_port: WebPort = DEFAULT_PORT,
 ) -> int:
     """Watch a running bench in a dashboard: link, rate, late cycles, joints, error traces, faults, frames of the bus.
 
     A bus that is missing or lost is shown, and tried again. f injects a fault, x clears faults, e is the emergency
     stop, R switches the robot off and on again, q or Ctrl-C quits; bench and controller go on.
     A recorded RUN plays in the same views: space stops and goes on, n goes to the next event, [ and ] skip.
+    --web serves the same to a browser on this machine.
     """
     if run is not None:
-        return _play(run, connect, bus, bench)
+        record = _record(run, connect, bus, bench)
+        if web:
+            serve_web(["tui", str(run.absolute())], web_port, f"canarm tui {run.name}")
+            return ExitStatus.DONE
+        return show_record(record)
     nominal = cell.load()
     host, port = parse_address("--connect", connect)
+    if web:
+        words = ["tui", "--cell", cell.cell, *(word for each in cell.settings for word in ("--set", each))]
+        serve_web([*words, "--connect", connect, *_words(bus), *_words(bench)], web_port, "canarm tui")
+        return ExitStatus.DONE
     here = {"host": host, "port": port}
     robot_bus, bench_bus = bus.named(), bench.named()
     if robot_bus is None and bench_bus is None:
@@ -60,7 +75,7 @@ def tui(
     return run_dashboard(nominal, named.interface, named.channel, named.options, robot_bus=robot, hand=hand)
 
 
-def _play(path: Path, connect: str, *buses: BusOptions | BenchBusOptions) -> int:
+def _record(path: Path, connect: str, *buses: BusOptions | BenchBusOptions) -> Record:
     from ..runs.record_of import record_of
     from ..runs.run import Run
 
@@ -70,4 +85,14 @@ def _play(path: Path, connect: str, *buses: BusOptions | BenchBusOptions) -> int
     record = record_of(run)
     if not len(record.history.cycles):
         raise RunFolderError(f"{path}: has no signals that could be played; canarm runs show {path} has the rest")
-    return show_record(record)
+    return record
+
+
+def _words(options: BusOptions | BenchBusOptions) -> list[str]:
+    """The options that were given, as on the command line."""
+    words = []
+    for each in fields(options):
+        value = getattr(options, each.name)
+        if value:
+            words += [f"--{each.name.replace('_', '-')}", *(value if isinstance(value, list) else [value])]
+    return words

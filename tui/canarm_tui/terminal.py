@@ -1,5 +1,6 @@
 """Running an application on a terminal: there has to be one, and signals end it and leave the terminal as it was."""
 
+import os
 import signal
 import sys
 import threading
@@ -11,7 +12,9 @@ from .errors import TerminalError
 
 
 def check_terminal(what: str = "the dashboard") -> None:
-    """Raises `TerminalError` if stdin or stderr, on which `what` is drawn, is no terminal."""
+    """Raises `TerminalError` if stdin or stderr, on which `what` is drawn, is no terminal; a browser needs none."""
+    if os.environ.get("TEXTUAL_DRIVER"):
+        return
     for stream, name in ((sys.__stdin__, "stdin"), (sys.__stderr__, "stderr")):
         if stream is None or not stream.isatty():
             raise TerminalError(f"{name} is no terminal, and {what} needs one")
