@@ -32,3 +32,12 @@ def check_screen(app, name: str, part: str | None = None) -> None:
     assert shown == path.read_text(encoding="utf-8"), (
         f"{path.name}: see the diff; CANARM_WRITE_SCREENS=1 keeps the new one"
     )
+
+
+async def at_every_size(app, pilot, name: str, part: str | None = None) -> None:
+    """`check_screen` in each of `SIZES`, one after the other."""
+    for size in SIZES:
+        await pilot.resize_terminal(*size)
+        app.redraw()
+        await pilot.pause()
+        check_screen(app, name, part)

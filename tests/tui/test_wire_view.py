@@ -6,7 +6,7 @@ from canarm_protocol.faults.wire_figures import ErrorCounters, WireFigures
 from canarm_tui import DashboardApp
 from canarm_tui.texts import Tone
 from canarm_tui.wire_view import WirePane, wire_lines
-from tests.tui.screens import SIZES, check_screen, screen_lines
+from tests.tui.screens import SIZES, at_every_size, screen_lines
 
 FIGURES = WireFigures(
     load=0.214,
@@ -94,11 +94,8 @@ async def test_a_bench_that_does_not_answer_is_named_and_asked_again_later(app, 
         assert any("no wire model runs" in word.text for line in app.query_one(WirePane).lines for word in line)
 
 
-@pytest.mark.parametrize("size", SIZES, ids="{0[0]}x{0[1]}".format)
-async def test_the_view_at_every_size(app, loop, clock, size):
-    async with app.run_test(size=size) as pilot:
+async def test_the_view_at_every_size(app, loop, clock):
+    async with app.run_test(size=SIZES[0]) as pilot:
         await looked_at(app, loop, clock, pilot)
         app.query_one(WirePane).lines = wire_lines(FIGURES)
-        app.redraw()
-        await pilot.pause()
-        check_screen(app, "wire", "#pane-wire")
+        await at_every_size(app, pilot, "wire", "#pane-wire")

@@ -3,22 +3,22 @@
 import numpy as np
 import pytest
 
-from canarm.cli import run as canarm_here
+from canarm import Rig
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.model import Quantity
 from canarm_protocol.runs.can_log import log_frames
 from canarm_tui.bus.memory_mirror import SAMPLES, MemoryMirror, address_of
 
-SECONDS = 3
+SECONDS = 2.0
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """A recorded run of two joints."""
     folder = tmp_path_factory.mktemp("mirror") / "run"
-    words = ["demo", "--no-tui", "--law", "pd", "--seconds", str(SECONDS), "--out", str(folder)]
-    assert canarm_here(words) == 0
+    with Rig("konkuk1", law="pd", out=folder) as rig:
+        rig.run(SECONDS)
     return folder
 
 

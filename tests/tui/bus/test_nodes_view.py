@@ -10,7 +10,7 @@ from canarm_tui.bus.sdo_screen import SdoScreen
 from canarm_tui.bus.watch import BusWatch
 from canarm_tui.grid import Grid
 from tests.tui.bus.frames import at_once, filled, frame, shown
-from tests.tui.screens import SIZES, check_screen, screen_lines
+from tests.tui.screens import SIZES, at_every_size, screen_lines
 
 EMERGENCY = frame("094#3081110000000000")
 
@@ -19,16 +19,14 @@ def line_of(app, text):
     return next((line for line in screen_lines(app) if text in line), "")
 
 
-@pytest.mark.parametrize("size", SIZES, ids="{0[0]}x{0[1]}".format)
-async def test_the_view_at_every_size(monitor, port, clock, size):
-    async with monitor.run_test(size=size) as pilot:
+async def test_the_view_at_every_size(monitor, port, clock):
+    async with monitor.run_test(size=SIZES[0]) as pilot:
         await pilot.press("2")
         await filled(monitor, port, clock, pilot)
         port.arriving = [(2_000_000_000, frame("713#00")), (2_000_000_000, EMERGENCY)]
         await shown(monitor, pilot)
         clock.advance(2.5)
-        await shown(monitor, pilot)
-        check_screen(monitor, "nodes")
+        await at_every_size(monitor, pilot, "nodes")
 
 
 async def test_a_node_that_falls_silent_is_marked(monitor, port, clock):
@@ -224,13 +222,12 @@ async def test_without_a_data_sheet_there_is_what_every_device_has(cards, clock)
         assert said(app) == "1000:00 Device type = 524689 (0x00080191)"
 
 
-@pytest.mark.parametrize("size", SIZES, ids="{0[0]}x{0[1]}".format)
-async def test_the_objects_at_every_size(objects, size):
-    async with objects.run_test(size=size) as pilot:
+async def test_the_objects_at_every_size(objects):
+    async with objects.run_test(size=SIZES[0]) as pilot:
         await opened(objects, pilot)
         await pilot.press("enter")
         await answered(objects, pilot)
-        check_screen(objects, "objects")
+        await at_every_size(objects, pilot, "objects")
 
 
 async def test_a_started_card_is_read_as_well(objects, cards):
