@@ -147,6 +147,13 @@ def test_the_command_says_it_as_text_and_as_json(recorded: Path, canarm: Any) ->
     assert robot["condition"] < 100.0
 
 
+def test_a_run_of_it_can_be_repeated_byte_for_byte(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with Rig("konkuk1", law="pd", trajectory="excite", out=tmp_path / "run") as rig:
+        rig.run(0.5)
+    assert canarm_here(["replay", str(tmp_path / "run"), "--check"]) == 0
+    assert "every byte of can0" in capsys.readouterr().out
+
+
 def test_what_cannot_be_identified_is_refused_in_a_line(
     recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -22,6 +22,7 @@ from canarm.study.one_run import Task, run_task
 from canarm.study.plan import Sample
 from canarm.study.running import Tasks
 from canarm.study.study_file import read_study
+from canarm.usage import UsageError
 from canarm.workers.forking import CAN_FORK
 
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -181,6 +182,40 @@ def test_a_law_that_was_edited_makes_another_study(tmp_path: Path, capsys: pytes
     law.write_text(law.read_text() + "\n# another one\n")
     assert canarm_here(words) == 2
     assert "other settings, files or version" in capsys.readouterr().err
+
+
+def test_a_folder_serves_one_study_at_a_time(tmp_path: Path) -> None:
+    about = {"title": "one"}
+    with Journal(tmp_path, about) as journal:
+        journal.add({"run": 0, "state": "done"})
+        with pytest.raises(UsageError, match="goes on in another process"):
+            Journal(tmp_path, about)
+    with Journal(tmp_path, about) as journal:
+        assert list(journal.places) == [0]
+
+
+def test_what_somebody_has_written_among_the_rows_is_no_row(tmp_path: Path) -> None:
+    lines = [
+        '{"run": 1, "state": "done"}',
+        "[]",
+        "nonsense",
+        '{"run": "2", "state": "done"}',
+        '{"run": true}',
+        '{"run": 3}',
+    ]
+    with Journal(tmp_path, {}):
+        (tmp_path / ROWS_FILE).write_text("\n".join(lines) + "\n")
+    with Journal(tmp_path, {}) as journal:
+        assert list(journal.rows()) == [{"run": 1, "state": "done"}]
+
+
+def test_a_full_disk_leaves_whole_rows_and_is_named(tmp_path: Path, full_at: Any) -> None:
+    with Journal(tmp_path, {}) as journal:
+        journal.add({"run": 0, "state": "done"})
+        with full_at(40), pytest.raises(OSError, match=ROWS_FILE):
+            journal.add({"run": 1, "state": "done"})
+    with Journal(tmp_path, {}) as journal:
+        assert list(journal.rows()) == [{"run": 0, "state": "done"}]
 
 
 @pytest.mark.parametrize(
