@@ -6,7 +6,7 @@ own registers.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from canarm_protocol.canopen.dictionary import (
     ANALOGUE_ERROR_MODE,
@@ -175,7 +175,7 @@ class AdcDevice:
     `sample(channel)` gives the volts at a pin now.
     """
 
-    INPUTS = frozenset(INPUT_BITS)
+    INPUTS: ClassVar = frozenset(INPUT_BITS)
 
     def __init__(
         self, card: AdcRegisters, sample: Callable[[int], float], bits: int, channels: int, clock: Clock

@@ -24,6 +24,8 @@ from .pdo_rules import (
 )
 from .store import ObjectStore
 
+_UP_TO_DATE_TYPES = (ON_REQUEST, *EVENT_DRIVEN_TYPES)
+"""What they carry on a remote frame is what is there now."""
 SYNC_START_VALUE = 6
 """Sub-index of a TPDO's communication parameter."""
 
@@ -190,7 +192,7 @@ class Pdos:
             if layout.cob_id == cob_id:
                 if self._store.number(COMMUNICATION["tpdo"] + layout.number - 1, 1) & NO_REMOTE:
                     return False
-                if layout.transmission_type in (ON_REQUEST, *EVENT_DRIVEN_TYPES):
+                if layout.transmission_type in _UP_TO_DATE_TYPES:
                     self.events.refresh(layout)
                 data = self._pack(layout)
                 if layout.transmission_type == SYNCHRONOUS_ON_REQUEST:
