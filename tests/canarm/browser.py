@@ -80,6 +80,10 @@ class Page:
                 pass
         return answer
 
+    async def heard(self) -> None:
+        """Wait for the next message of the page."""
+        await self._next()
+
     async def press(self, *keys: str) -> None:
         for key in keys:
             text = {"text": key} if len(key) == 1 else {"text": "\r"} if key == "Enter" else {}

@@ -55,17 +55,31 @@ def bench_at(port: int) -> Iterator[BenchClient]:
         yield bench
 
 
-def text_of(page: Page) -> str:
-    """What the dashboard has written to the page's terminal."""
-    frames = (each["params"]["response"] for each in page.seen if each["method"] == "Network.webSocketFrameReceived")
-    return b"".join(base64.b64decode(each["payloadData"]) for each in frames if each["opcode"] == 2).decode()
+class Terminal:
+    """What the dashboard has written to the terminal of a page."""
 
+    def __init__(self, page: Page) -> None:
+        self._page, self._read, self._data = page, 0, b""
 
-async def shows(page: Page, text: str) -> None:
-    """Wait until the dashboard has written `text`."""
-    async with asyncio.timeout(60.0):
-        while text not in text_of(page):
-            await page.evaluate("0")
+    @property
+    def text(self) -> str:
+        news, self._read = self._page.seen[self._read :], len(self._page.seen)
+        for each in news:
+            if each["method"] == "Network.webSocketFrameReceived" and each["params"]["response"]["opcode"] == 2:
+                self._data += base64.b64decode(each["params"]["response"]["payloadData"])
+        return self._data.decode(errors="replace")
+
+    async def shows(self, text: str) -> None:
+        """Wait until `text` has been written."""
+        async with asyncio.timeout(60.0):
+            while text not in self.text:
+                await self._page.heard()
+
+    async def type(self, text: str) -> None:
+        """Letter by letter: textual may put keys that come faster than a hand types them into another order."""
+        for end in range(1, len(text) + 1):
+            await self._page.press(text[end - 1])
+            await self.shows(text[:end])
 
 
 def test_the_page_asks_nobody_outside_and_strangers_are_refused(url: str) -> None:
@@ -92,21 +106,20 @@ def test_a_fault_is_injected_and_the_robot_stopped_from_a_browser(url: str, emul
         with started(find_browser(), tmp_path / "profile") as tools:
             async with aiohttp.ClientSession() as session, session.ws_connect(tools, max_msg_size=0) as socket:
                 page = await Page.opened(socket, url)
+                terminal = Terminal(page)
                 await page.call("Emulation.setFocusEmulationEnabled", enabled=True)
-                await shows(page, "connected")
+                await terminal.shows("connected")
                 await page.click(100, 100)
                 await page.press("f")
-                await shows(page, "where?")
-                await page.press(*"2 tacho")
-                await shows(page, "2 tacho")
+                await terminal.shows("where?")
+                await terminal.type("2 tacho")
                 await page.press("Enter")
-                await shows(page, "which fault?")
-                await page.press(*"stuck")
-                await shows(page, "stuck ")
+                await terminal.shows("which fault?")
+                await terminal.type("stuck")
                 await page.press("Enter")
-                await shows(page, "enter injects")
+                await terminal.shows("enter injects")
                 await page.press("Enter")
-                await shows(page, "accepted")
+                await terminal.shows("accepted")
                 with bench_at(emulator_port) as bench:
                     assert [each["tap"] for each in bench.status()["active"]] == ["joint2.tachometer"]
                     assert not bench.is_stopped
@@ -114,9 +127,9 @@ def test_a_fault_is_injected_and_the_robot_stopped_from_a_browser(url: str, emul
                 columns, rows = map(int, re.findall(r"(?:width|height)=(\d+)", made["params"]["url"]))
                 box = "document.querySelector('.xterm-screen').getBoundingClientRect()"
                 width, height = [await page.evaluate(f"{box}.{each}") for each in ("width", "height")]
-                row, column = re.findall(r"\x1b\[(\d+);(\d+)H(?:\x1b\[[\d;]*m| e )+Stop!", text_of(page))[-1]
+                row, column = re.findall(r"\x1b\[(\d+);(\d+)H(?:\x1b\[[\d;]*m| e )+Stop!", terminal.text)[-1]
                 await page.click((int(column) + 0.5) * width / columns, (int(row) - 0.5) * height / rows)
-                await shows(page, "EMERGENCY STOP")
+                await terminal.shows("EMERGENCY STOP")
                 with bench_at(emulator_port) as bench:
                     assert bench.is_stopped
 
