@@ -8,6 +8,7 @@ import signal
 import time
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
+from pathlib import Path
 from typing import Any, ClassVar
 
 from textual.app import ComposeResult, SystemCommand
@@ -37,9 +38,11 @@ from .link import InBackground, Link, in_thread
 from .outcome import Outcome, OutcomePanel
 from .player import NoLink, Player, RecordDesk
 from .record import Record
+from .remembered import config_file, remember_theme, remembered_theme
 from .run_again import Again
 from .run_controls import RunControls
 from .terminal import check_terminal, ending_signals, run_app
+from .themes import SAFE
 from .view_registry import VIEWS
 from .view_tabs import ViewTabs
 from .views import Context, Pane, Scene
@@ -62,7 +65,8 @@ class DashboardApp(RunControls):
     called once, when the first screen is up; `until` is asked at every drain, and ends the dashboard when true. Each of
     `signals` ends it too. `outcome_of` is asked as well: what it returns is how the run has ended, which is shown;
     `again` can run again then. `record` is a recorded run, which plays in the place of a live one. `bus` is that of the
-    robot, which is opened when it is first looked at; `hand` drives its cards when it is asked to.
+    robot, which is opened when it is first looked at; `hand` drives its cards when it is asked to. What the user has
+    chosen is remembered in the file `config`.
     """
 
     TITLE = "canarm"
@@ -99,8 +103,14 @@ class DashboardApp(RunControls):
         again: Again | None = None,
         hand: Hand | None = None,
         record: Record | None = None,
+        config: Path | None = None,
     ) -> None:
         super().__init__(again, in_background)
+        self.register_theme(SAFE)
+        self._config = config
+        theme = None if config is None else remembered_theme(config)
+        if theme in self.available_themes:
+            self.theme = theme
         self.cell = cell
         if record is None:
             self.feed, self.link = Feed(cell), Link(open_feed_port, where, in_background=in_background)
@@ -305,7 +315,23 @@ class DashboardApp(RunControls):
 
     def _save_picture(self) -> None:
         # The palette must be gone before the picture is taken.
-        self.set_timer(0.1, self.deliver_screenshot)
+        self.set_timer(0.1, self._take_picture)
+
+    def _take_picture(self) -> None:
+        """Into the folder of the run, or where we are; a browser is given it."""
+        if self.is_web:
+            self.deliver_screenshot()
+            return
+        folder = Path() if self._again is None else Path(self._again.folder)
+        try:
+            self.tell(f"picture saved as {self.save_screenshot(path=str(folder))}")
+        except OSError as error:
+            self.tell(Refusal(f"picture not saved in {folder.absolute()}: {error.strerror}"))
+
+    def watch_theme(self, theme: str) -> None:
+        """Remember the theme that was chosen."""
+        if self._config is not None and self.is_running:
+            remember_theme(self._config, theme)
 
 
 def run_dashboard(
@@ -342,6 +368,7 @@ def run_dashboard(
         signals=ending_signals(),
         bus=robot_watch(cell, robot_bus),
         again=again,
+        config=config_file(),
         hand=hand,
     )
     status = run_app(app)
@@ -357,4 +384,4 @@ def show_record(record: Record) -> int:
     def refuse() -> BusPort:
         raise BusError(f"{record.where}: a recorded run has no bus")
 
-    return run_app(DashboardApp(record.cell, refuse, record=record, signals=ending_signals()))
+    return run_app(DashboardApp(record.cell, refuse, record=record, signals=ending_signals(), config=config_file()))
