@@ -183,7 +183,7 @@ def test_an_unreadable_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_misspelt_name_is_refused_with_the_nearest() -> None:
-    with pytest.raises(TrajectoryError, match=r"built in: sine, trapezoid; did you mean 'trapezoid'\?"):
+    with pytest.raises(TrajectoryError, match=r"built in: sine, trapezoid, excite; did you mean 'trapezoid'\?"):
         make_trajectory("trapezoidal", CELL)
 
 
