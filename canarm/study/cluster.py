@@ -11,6 +11,7 @@ from typing import Any
 
 from canarm_protocol.shown import first_line, printable
 
+from ..cli import version
 from ..libraries import load_library
 from ..usage import UsageError
 from .one_run import Row, Task, broken, run_task
@@ -39,7 +40,28 @@ def on_cluster(address: str) -> Runner:
     except Exception:
         client.close()
         raise UsageError(f"{where}: it has no workers; start some: dask worker {printable(address)}") from None
+    try:
+        _check_workers(client, where)
+    except UsageError:
+        client.close()
+        raise
     return partial(_results, client, where)
+
+
+def version_there() -> str:
+    """The version of canarm in the process that is asked."""
+    return version()
+
+
+def _check_workers(client: Any, where: str) -> None:
+    """Refuse workers that would run something else. Raises `UsageError`."""
+    try:
+        there = set(client.run(version_there).values())
+    except Exception as error:
+        raise UsageError(f"{where}: its workers cannot run canarm; install it there: {first_line(error)}") from None
+    if there != {version()}:
+        found = ", ".join(sorted(map(str, there)))
+        raise UsageError(f"{where}: its workers have canarm {found}; this is {version()}: they must be the same")
 
 
 def run_alone(task: Task) -> Row:

@@ -21,7 +21,9 @@ seed = {from = 0, to = 7}
 
 
 @pytest.mark.slow
-def test_a_cluster_comes_to_the_same_table_though_one_of_its_workers_is_killed(canarm: Any, until: Any) -> None:
+def test_a_cluster_comes_to_the_same_table_though_one_of_its_workers_is_killed(
+    canarm: Any, until: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     (canarm.folder / "my.toml").write_text(TEXT)
     port = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
     scheduler = canarm.run(sys.executable, "-m", "distributed.cli.dask_scheduler", *port)
@@ -30,6 +32,11 @@ def test_a_cluster_comes_to_the_same_table_though_one_of_its_workers_is_killed(c
     workers = [canarm.run(*worker, "--no-dashboard") for _ in range(3)]
     for each in workers:
         each.wait_for("Starting established connection")
+    with monkeypatch.context() as patched:
+        patched.setattr("canarm.study.cluster.version", lambda: "0.0.1")
+        words = ["study", str(canarm.folder / "my.toml"), "--out", str(canarm.folder / "no"), "--scheduler", address]
+        assert canarm_here(words) == 2
+        assert "this is 0.0.1: they must be the same" in capsys.readouterr().err
     rows = canarm.folder / "cluster" / "rows.jsonl"
     study = canarm("study", "my.toml", "--out", "cluster", "--scheduler", address, "--json")
     until(lambda: rows.exists() and rows.read_bytes().count(b"\n") >= 2, "two rows")
