@@ -135,13 +135,17 @@ def _write_lines(bus: NamedBus, book: Book, wanted: FrameFilter, until: Callable
     with bus.open() as port:
         print(f"canarm: listening on {port.description}", file=sys.stderr, flush=True)
         with contextlib.suppress(KeyboardInterrupt):
-            write_lines(port, Decoder(book), wanted, sys.stdout, until)
+            write_lines(port, Decoder(book), wanted, sys.stdout, lambda: until() or _nobody_reads())
         counted = port.discarded
     left_out = {"error frames": counted.error_frames, "FD frames": counted.fd_frames, "malformed": counted.malformed}
     for what, count in left_out.items():
         if count:
             print(f"canarm: {count} {what} were left out", file=sys.stderr)
     return 0
+
+
+def _nobody_reads() -> bool:
+    return bool(getattr(sys.stdout, "has_lost_its_reader", False))
 
 
 def _enter_sheet(book: Book, text: str) -> None:

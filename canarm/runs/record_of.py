@@ -9,6 +9,9 @@ from canarm_protocol.cell.bench_objects import INTERNALS
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.sensing import position_steps_rad
 from canarm_protocol.faults.detection_events import DetectionEvent
+from canarm_protocol.runs.can_log import log_frames
+from canarm_protocol.runs.run_folder import CAN_LOG_FILE, MEMORY_FILE
+from canarm_tui.bus.memory_mirror import BANK_BYTES, BANK_JOINTS
 from canarm_tui.faults import Faults
 from canarm_tui.history import COLUMNS, Column, History
 from canarm_tui.outcome import Outcome
@@ -41,6 +44,7 @@ def record_of(run: Run) -> Record:
     cell = run.cell
     names = inner_names(run.controller, cell.joint_names)
     said = run.summary
+    log = run.path / CAN_LOG_FILE
     verdict = Outcome(run.headline, said.get("state") == "done", [f"recorded in {run.path}", *run.complaints])
     return Record(
         cell=cell,
@@ -50,7 +54,19 @@ def record_of(run: Run) -> Record:
         outcome=verdict,
         law=str(said.get("law") or run.made_by.get("law") or ""),
         internal_names=names,
+        frames=(lambda: log_frames(log)) if log.is_file() else None,
+        memory=_memory(run, cell),
     )
+
+
+def _memory(run: Run, cell: Cell) -> bytes | None:
+    """The memory image, if the run has one of the size that the cell's joints take."""
+    path = run.path / MEMORY_FILE
+    size = -(-len(cell.joints) // BANK_JOINTS) * BANK_BYTES
+    try:
+        return path.read_bytes() if path.is_file() and path.stat().st_size == size else None
+    except OSError:
+        return None
 
 
 def inner_names(controller: Columns, joints: Sequence[str]) -> tuple[str, ...]:

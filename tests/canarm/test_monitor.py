@@ -1,5 +1,6 @@
 """`canarm monitor` as a process: lines of text on an emulator's bus and on other buses, exit status, one clear line."""
 
+import shlex
 import shutil
 import signal
 import sys
@@ -29,6 +30,20 @@ def test_frames_of_an_emulator_are_lines_that_say_what_they_mean_until_ctrl_c(ca
     monitor.send(signal.SIGINT)
     assert monitor.wait() == 0, monitor
     assert not any(" 080#" in line for line in monitor.stdout)
+
+
+def test_it_ends_when_nobody_reads_any_more(canarm):
+    """As candump does in `candump can0 | head`: the shell waits for both."""
+    emulator = canarm.emulator("sync")
+    address = f"127.0.0.1:{emulator.port}"
+    words = shlex.join([sys.executable, "-m", "canarm", "monitor", "--connect", address])
+    pipe = canarm.run("sh", "-c", f"{words} | head -n 1")
+    pipe.wait_for("listening on")
+    jog = canarm("jog", "--connect", address, "--clock", "sync", "--do", "read")
+    assert jog.wait() == 0, jog
+    assert pipe.wait() == 0, pipe
+    assert len(pipe.stdout) == 1
+    assert "Traceback" not in str(pipe)
 
 
 @pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")

@@ -17,12 +17,14 @@ from textual.screen import Screen
 from textual.widgets import ContentSwitcher, Footer
 
 from canarm_protocol.cell.model import Cell
+from canarm_protocol.decoding import robot_book
 from canarm_protocol.errors import BusError
 from canarm_protocol.transport.port import BusPort
 
 from . import texts
 from .bus.address import BusAddress
 from .bus.hand import Hand
+from .bus.recorded_watch import RecordedWatch
 from .bus.watch import BusWatch, robot_watch
 from .events import Happening, happenings
 from .events_view import EventsPane
@@ -119,8 +121,11 @@ class DashboardApp(RunControls):
             self.feed = self.player = player = Player(record)
             self.link = no_link = NoLink(record)
             self.desk, outcome_of = RecordDesk(player, no_link, record, in_background), player.outcome
+        if record is not None and record.frames is not None:
+            bus = RecordedWatch(robot_book(cell), record.frames, lambda: player.cycle, record.where, cell.bus.bitrate)
         bus = bus or robot_watch(cell, None, in_background)
-        self.context = Context(cell, self.feed, bus, [bus], self.desk, hand)
+        memory = None if record is None else record.memory
+        self.context = Context(cell, self.feed, bus, [bus], self.desk, hand, memory)
         self.is_paused = False
         self.view = FIRST
         """What is on the screen."""

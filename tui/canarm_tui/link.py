@@ -55,6 +55,8 @@ class Link:
     ) -> None:
         self.where = where
         """The bus as on the command line; once it is open, the port's own description."""
+        self.is_live = True
+        """Whether there is a bus at all; a recorded run has none."""
         self.state = LinkState.CONNECTING
         self.reason: str | None = None
         """Why the bus is lost, or could not be opened."""

@@ -1,7 +1,9 @@
 """A recorded run as the dashboard is given it: everything that is known of it, as values. No files, no clock."""
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
+from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.model import Cell
 
 from .faults import Faults
@@ -22,3 +24,7 @@ class Record:
     """How it ended, if that is known."""
     law: str = ""
     internal_names: tuple[str, ...] = ()
+    frames: Callable[[], Iterator[tuple[int, Frame]]] | None = None
+    """The frames of its robot's bus from the beginning, with their times; None where they were not kept."""
+    memory: bytes | None = None
+    """The Apple II's memory as it was at the end."""

@@ -61,6 +61,8 @@ class Context:
     """Asks the bench node; None where there is none."""
     hand: Hand | None = None
     """Drives the cards by hand; None where a controller of this program has them."""
+    memory: bytes | None = None
+    """The Apple II's memory as a recorded run left it."""
 
 
 class Pane(Vertical):

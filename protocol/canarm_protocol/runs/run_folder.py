@@ -25,7 +25,8 @@ BENCH_LOG_FILE = "bench.log"
 """The frames of the bench's own bus, where they are recorded."""
 CONTROLLER_SIGNALS, ROBOT_SIGNALS = f"{SIGNALS_FOLDER}/controller.csv", f"{SIGNALS_FOLDER}/robot.csv"
 EMULATOR_FILES = (CAN_LOG_FILE, ROBOT_SIGNALS, EVENTS_FILE, RUN_FILE)
-CONTROLLER_FILES = (CONTROLLER_SIGNALS, "memory.bin", EVENTS_FILE, RUN_FILE)
+MEMORY_FILE = "memory.bin"
+CONTROLLER_FILES = (CONTROLLER_SIGNALS, MEMORY_FILE, EVENTS_FILE, RUN_FILE)
 """What each of the two writes; two files are shared."""
 FLUSH_EVERY = 200
 """Lines between two flushes of a log: half a second of a run at most is lost with the process."""

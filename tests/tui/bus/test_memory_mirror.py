@@ -44,6 +44,18 @@ def test_what_was_on_the_bus_makes_the_image_that_the_controller_wrote_down(run)
         np.testing.assert_array_equal(page.data[known], written[first : first + SAMPLES][known])
 
 
+def test_with_the_image_of_a_run_its_torque_table_is_there_as_well(run):
+    """The table's pages are at $2000 and $3000 of the bank, the log's as before; a new beginning leaves the image."""
+    mirror, written = MemoryMirror(load_cell("konkuk1"), image(run).tobytes()), image(run)
+    assert [page.address for page in mirror.pages] == [0x2000, 0x4000, 0x6000, 0x3000, 0x5000, 0x7000]
+    mirror.receive([(0, Frame(0x000, b"\x01\x00")), (0, Frame(0x080, b"\x01")), (0, Frame(0x294, bytes(8)))])
+    assert mirror.pages[1].data[0] == 0
+    mirror.forget()
+    for page in mirror.pages:
+        assert page.is_known.all()
+        np.testing.assert_array_equal(page.data, written[page.address - 0x2000 :][:SAMPLES])
+
+
 def test_who_comes_later_finds_the_cycle_by_telemetry_and_the_counter_of_sync(run):
     """Telemetry that is up to a hundred cycles off tells the round of the counter, which tells the rest."""
     frames = list(log_frames(run / "can0.log"))

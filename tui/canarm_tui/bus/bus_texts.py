@@ -123,6 +123,8 @@ def state_words(link: Link, now: BusNow, wall_ns: int) -> tuple[Word, ...]:
     if link.state is LinkState.LOST:
         state = Word("✖ lost" if link.connections else "✖ not connected", Tone.BAD)
         return state, Word(f"{link.reason or link.where}; trying again every second", Tone.BAD)
+    if not link.is_live:
+        return (Word("▶ recorded"),)
     if not now.received:
         return (Word("○ silent: no frame yet", Tone.WARNING),)
     age_s = (wall_ns - now.wall_ns) * 1e-9

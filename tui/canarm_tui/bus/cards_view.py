@@ -44,7 +44,7 @@ COLUMNS = (
     Column("volts", 9, is_right=True, from_width=76),
     Column("value", 18, is_right=True),
 )
-_NO_HAND = "the cards cannot be driven from here: a controller of this program has them"
+_NO_HAND = "the cards cannot be driven from here: there is a controller that has them, or no bus"
 _NOT_TAKEN = "the cards are not in hand; t takes them"
 
 
@@ -87,11 +87,11 @@ class CardsPane(Pane):
         Binding("escape", "leave", "Back", show=False),
     ]
 
-    def __init__(self, cell: Cell, watch: BusWatch, hand: Hand | None) -> None:
+    def __init__(self, cell: Cell, watch: BusWatch, hand: Hand | None, memory: bytes | None = None) -> None:
         super().__init__()
         self.cell, self.bus, self.hand = cell, watch, hand
-        self.mirror = MemoryMirror(cell)
-        watch.listeners.append(self.mirror.receive)
+        self.mirror = MemoryMirror(cell, memory)
+        watch.listeners.append(self.mirror)
         self._channels = card_channels(cell)
         self._data: Mapping[int, bytes] = {}
         self._fresh: frozenset[int] = frozenset()
@@ -165,6 +165,12 @@ class CardsPane(Pane):
             shown.append([Word(keys, Tone.DIM)])
         panel.set_class(bool(shown), "-shown")
         panel.update(_content(shown))
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Without a hand its keys are others', such as those that play a record."""
+        if self.hand is None and action in ("nudge", "turn", "step", "off", "command"):
+            return False
+        return super().check_action(action, parameters)
 
     def _ready(self) -> Hand | None:
         """The hand, if it can be told something; else says why not."""
@@ -264,7 +270,8 @@ def _content(lines: Sequence[Sequence[Word]]) -> Content:
 HELP = """\
 A row for each wired channel: its slot and first address, → outputs and ← inputs, the code as the newest PDO carries it,
 the registers that hold it, nominal volts, and what it stands for. ▸ is a code that acts at the next step.
-Below, where there is room: the log pages of the Apple II's memory, filled from the bus, ▼ where the controller is now.
+Below, where there is room: the log pages of the Apple II's memory, filled from the bus, ▼ where the controller is now;
+of a recorded run the whole image, with its torque table.
 t takes the cards in hand where no controller runs, as canarm jog does: + − [ ] change the code of the chosen output
 by 1 and 16, d its direction, s and S step one cycle and ten, 0 switches all off, j takes any command of canarm jog."""
 
@@ -273,6 +280,6 @@ VIEW: View[Context] = View(
     title="Cards",
     key="5",
     what="The cards' registers, codes and volts, and the Apple II's memory; by hand",
-    make=lambda context: CardsPane(context.cell, context.bus, context.hand),
+    make=lambda context: CardsPane(context.cell, context.bus, context.hand, context.memory),
     help=HELP,
 )

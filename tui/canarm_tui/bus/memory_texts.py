@@ -18,7 +18,7 @@ def memory_lines(mirror: MemoryMirror, names: Sequence[str], width: int) -> list
     position = None if mirror.cycle is None or mirror.cycle < 0 else mirror.cycle % SAMPLES
     for page in mirror.pages:
         parts = min(MOST, max(FEWEST, width - HEAD_WIDTH))
-        head = f"${page.address:04X} {page.quantity.value} {names[page.joint]}"
+        head = f"${page.address:04X} {page.title} {names[page.joint]}"
         lines.append([Word(f"{head:<{HEAD_WIDTH - 1}.{HEAD_WIDTH - 1}} "), *_bar(page, parts, position)])
         if position is not None:
             lines.append(_bytes(page, position))

@@ -1,6 +1,7 @@
 """A bus that is watched: its connection, drained often, and the store that it fills. Only its desk ever sends."""
 
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.model import Cell
@@ -12,6 +13,16 @@ from ..link import InBackground, Link, in_thread
 from .address import BusAddress
 from .sdo_desk import SdoDesk
 from .store import BusNow, BusStore
+
+
+class Listener(Protocol):
+    """Is given all frames of a bus."""
+
+    def receive(self, frames: Sequence[tuple[int, Frame]]) -> None:
+        """Take frames, in order."""
+
+    def forget(self) -> None:
+        """What comes from now on begins anew."""
 
 
 class BusWatch:
@@ -29,8 +40,7 @@ class BusWatch:
         self.store = BusStore(self.decoder, bitrate)
         self.link = Link(open_port, where, node_id=None, in_background=in_background)
         self.desk = SdoDesk(self.link, self.store, in_background)
-        self.listeners: list[Callable[[Sequence[tuple[int, Frame]]], None]] = []
-        """Are given all frames, in order."""
+        self.listeners: list[Listener] = []
         self.is_awake = False
         self._connections = 0
 
@@ -51,10 +61,20 @@ class BusWatch:
         if self.link.connections != self._connections:
             self._connections = self.link.connections
             self.store.reconnected()
+        self.take(frames, now_ns)
+
+    def take(self, frames: Sequence[tuple[int, Frame]], now_ns: int) -> None:
+        """These frames have arrived."""
         self.store.receive(frames, now_ns)
-        for listen in self.listeners:
-            listen(frames)
+        for listener in self.listeners:
+            listener.receive(frames)
         self.desk.poll(now_ns)
+
+    def clear(self) -> None:
+        """Begin anew with everything that comes from now on."""
+        self.store.clear()
+        for listener in self.listeners:
+            listener.forget()
 
     def now(self, now_ns: int) -> BusNow:
         """The bus as received so far."""
