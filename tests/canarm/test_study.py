@@ -1,5 +1,6 @@
 """Studies: what is run, what is left after a kill, what the table and the page say, and what bad files are told."""
 
+import gc
 import json
 import re
 import shutil
@@ -19,7 +20,7 @@ from canarm.study.heat import heat_map
 from canarm.study.journal import ROWS_FILE, Journal
 from canarm.study.objective import LOST, Objective
 from canarm.study.one_run import Task, run_task
-from canarm.study.plan import Sample
+from canarm.study.plan import Sample, Settings
 from canarm.study.running import Tasks
 from canarm.study.study_file import read_study
 from canarm.usage import UsageError
@@ -294,6 +295,17 @@ def test_runs_that_share_a_beginning_come_to_the_same_rows(tmp_path: Path, monke
     assert together == alone
     assert [row["state"] for row in alone] == ["done", "done", "failed", "failed", "broken"]
     assert [row["first_detector"] is not None for row in alone[:4]] == [False, True, True, True]
+
+
+def test_a_process_keeps_nothing_of_the_runs_that_it_has_done() -> None:
+    counts = []
+    for number in range(12):
+        run_task(Task(number, Settings(seed=number, seconds=0.05), ()))
+        if number in (5, 11):
+            gc.collect()
+            counts.append(len(gc.get_objects()))
+    # A run makes thousands of objects; six more of them, none that stays.
+    assert abs(counts[1] - counts[0]) < 100
 
 
 def test_a_heat_map_has_the_mean_of_each_field_and_the_share_of_stopped_runs(finished: Path) -> None:
