@@ -43,6 +43,7 @@ from .record import Record
 from .remembered import config_file, remember_theme, remembered_theme
 from .run_again import Again
 from .run_controls import RunControls
+from .snapshot import Snapshot
 from .terminal import check_terminal, ending_signals, run_app
 from .themes import SAFE
 from .view_registry import VIEWS
@@ -50,11 +51,13 @@ from .view_tabs import ViewTabs
 from .views import Context, Pane, Scene
 from .widgets import FaultPanel, WordLine
 
-DRAIN_HZ = 32
+DRAIN_HZ = 40
 SOURCES_HZ = 50
-REDRAW_HZ = 16
+REDRAW_HZ = 20
 IDLE_NS = 1_000_000_000
 """Without new cycles, ages and counters are drawn this often, so that watching an idle bench is cheap."""
+WORDS_NS = 200_000_000
+"""Nobody reads numbers that change more often."""
 ANSWER_NS = 6_000_000_000
 """How long the bench's answer to a request stays below the header."""
 FIRST = VIEWS[0]
@@ -142,7 +145,8 @@ class DashboardApp(RunControls):
         self._drawn: tuple[object, ...] = ()
         self._happened: tuple[Happening, ...] = ()
         self._happened_to: Faults | None = None
-        self._redraw_ns = 0
+        self._redraw_ns = self._words_ns = 0
+        self._words: tuple[object, ...] = ()
 
     def compose(self) -> ComposeResult:
         """Header, notice, panes, faults, counters, keys."""
@@ -229,16 +233,13 @@ class DashboardApp(RunControls):
         if not self.screen_stack or not self.screen_stack[0].query("#header"):
             return  # a last timer tick, while the screen closes
         snapshot, screen = self.feed.snapshot(self._clock_ns()), self.screen_stack[0]
-        header, notice = screen.query_one("#header", WordLine), screen.query_one("#notice", WordLine)
-        header.show(texts.header_words(self.link, snapshot, self.is_paused, self.size.width - 2, (self.cell.name,)))
+        notice = screen.query_one("#notice", WordLine)
         said = texts.notice(self.link, snapshot)
         if said is None and self._clock_ns() < self._answer_until_ns:
             said = self._answer
         notice.set_class(said is not None, "-shown")
         notice.show(() if said is None else (said,))
-        counted = texts.counter_words(snapshot.counters, self.link.discarded, self.size.width - 2)
-        counted = counted if self.player is None else ()
-        screen.query_one("#counters", WordLine).show(counted)
+        self._draw_words(snapshot)
         screen.query_one(OutcomePanel).show(self.outcome)
         faults, cycle_s = self.desk.faults, self.cell.bus.cycle_s
         if faults is not self._happened_to:
@@ -252,6 +253,19 @@ class DashboardApp(RunControls):
         if not self.is_paused:
             self._scene = Scene(snapshot, happened, faults, self._clock_ns())
             self._pane().show(self._scene)
+
+    def _draw_words(self, snapshot: Snapshot) -> None:
+        """Header and counters: at once if they say something else, and if only numbers have changed, less often."""
+        now_ns, width = self._clock_ns(), self.size.width - 2
+        state = None if snapshot.report is None else snapshot.report.state
+        key = self.link.state, self.is_paused, state, snapshot.faults, snapshot.replay, width
+        if key == self._words and 0 < now_ns - self._words_ns < WORDS_NS:
+            return
+        self._words, self._words_ns = key, now_ns
+        words = texts.header_words(self.link, snapshot, self.is_paused, width, (self.cell.name,))
+        self.screen_stack[0].query_one("#header", WordLine).show(words)
+        counted = texts.counter_words(snapshot.counters, self.link.discarded, width) if self.player is None else ()
+        self.screen_stack[0].query_one("#counters", WordLine).show(counted)
 
     def _pane(self) -> Pane:
         return self.screen_stack[0].query_one(f"#{self.view.pane_id}", Pane)

@@ -1,6 +1,7 @@
 """A picture of a cell's arms in braille dots: projection to a plane, lines, trail. Arrays in and out; no widget.
 
-The picture keeps one scale for a cell: what its joints can reach one at a time, the others at home.
+The picture has one of two scales for a cell: what its joints reach one at a time, the others at home, near home or
+in all of their range.
 """
 
 import itertools
@@ -18,6 +19,9 @@ from .braille import DOTS_X, DOTS_Y, pack_dots
 from .kinematics import Floats, joint_places
 
 SWEEP_POSES = 13
+NEAR_DEG = 60.0
+"""Arms that stay this near home are drawn larger."""
+SLACK_M = 0.02
 MARGIN = 1.05
 FLAT = 0.1
 """A side view whose height is less than this share of what the top shows is not the first choice."""
@@ -45,6 +49,14 @@ class Projection:
     up: Floats
     low_m: Floats
     high_m: Floats
+    far_low_m: Floats
+    """As `low_m` and `high_m`, for poses that they do not contain."""
+    far_high_m: Floats
+
+    def box(self, *flat_m: Floats) -> tuple[Floats, Floats]:
+        """What has to fit, so that all places (..., 2) of `flat_m` do."""
+        is_near = all((each >= self.low_m - SLACK_M).all() and (each <= self.high_m + SLACK_M).all() for each in flat_m)
+        return (self.low_m, self.high_m) if is_near else (self.far_low_m, self.far_high_m)
 
     def flat(self, places_m: Floats) -> Floats:
         """Places (..., 3) as (..., 2): to the right, and up."""
@@ -60,7 +72,7 @@ def projections(cell: Cell) -> tuple[Projection, ...]:
     axis = int(np.argmax(np.abs(down)))
     up = -np.sign(down[axis]) * np.eye(3)[axis] if down.any() else np.eye(3)[2]
     one, other = (np.eye(3)[each] for each in range(3) if not np.eye(3)[each] @ up)
-    reach = _reach(cell)
+    reach = _reach(cell, NEAR_DEG), _reach(cell, 360.0)
     hands = _hands(cell, joint_places(cell, _home(cell)[np.newaxis]))
 
     def shown(view: Projection) -> tuple[bool, float]:
@@ -74,23 +86,25 @@ def projections(cell: Cell) -> tuple[Projection, ...]:
     return tuple(each for each in views if min(each.high_m - each.low_m) > 1e-6) or views[:1]
 
 
-def _view(name: str, right: Floats, up: Floats, reach: Floats) -> Projection:
+def _view(name: str, right: Floats, up: Floats, reach: tuple[Floats, Floats]) -> Projection:
     along = "".join(_AXES[int(np.argmax(np.abs(each)))] for each in (right, up))
-    flat = np.stack([reach @ right, reach @ up], axis=-1)
-    return Projection(f"{name} {along[0]}–{along[1]}", right, up, flat.min(axis=0), flat.max(axis=0))
+    near, far = (np.stack([places @ right, places @ up], axis=-1) for places in reach)
+    boxes = near.min(axis=0), near.max(axis=0), far.min(axis=0), far.max(axis=0)
+    return Projection(f"{name} {along[0]}–{along[1]}", right, up, *boxes)
 
 
 def _area(view: Projection) -> float:
     return float(np.prod(view.high_m - view.low_m))
 
 
-def _reach(cell: Cell) -> Floats:
-    """Places (n, 3) of all joints while each one goes through its range."""
+def _reach(cell: Cell, sweep_deg: float) -> Floats:
+    """Places (n, 3) of all joints while each one goes so far from home both ways, as its range allows."""
     home = _home(cell)
     poses = [home]
     for number, joint in enumerate(cell.joints):
-        low, high = np.radians(joint.limits_deg).tolist()
-        for angle in np.linspace(low, high, SWEEP_POSES):
+        low, high = joint.limits_deg
+        begin, end = max(low, joint.home_deg - sweep_deg), min(high, joint.home_deg + sweep_deg)
+        for angle in np.radians(np.linspace(begin, end, SWEEP_POSES)):
             pose = home.copy()
             pose[number] = angle
             poses.append(pose)
@@ -117,21 +131,26 @@ def drawing(
 ) -> tuple[NDArray[np.uint8], NDArray[np.int8]]:
     """Braille bits (rows, cells), and the `Layer` of each cell, −1 where it is empty."""
     layers = np.zeros((len(Layer), DOTS_Y * rows, DOTS_X * cells), dtype=np.bool_)
-    size = view.high_m - view.low_m
-    middle, room = (view.high_m + view.low_m) / 2, np.array([DOTS_X * cells - 2, DOTS_Y * rows - 2])
-    scale = float(np.min(room / (MARGIN * np.maximum(size, 1e-6))))
+    trail = pose.trail_rad[np.isfinite(pose.trail_rad).all(axis=1)]
+    tips = [view.flat(places[:, -1]) for places in joint_places(cell, trail)] if len(trail) else []
+    poses = ((pose.reference_rad, Layer.REFERENCE), (pose.true_rad, Layer.TRUE))
+    arms = {
+        layer: [view.flat(each[0]) for each in joint_places(cell, angles[np.newaxis])]
+        for angles, layer in poses
+        if np.isfinite(angles).all()
+    }
+    low_m, high_m = view.box(*tips, *(chain for chains in arms.values() for chain in chains))
+    middle, room = (high_m + low_m) / 2, np.array([DOTS_X * cells - 2, DOTS_Y * rows - 2])
+    scale = float(np.min(room / (MARGIN * np.maximum(high_m - low_m, 1e-6))))
 
-    def dots(places_m: Floats) -> Floats:
-        offset = (view.flat(places_m) - middle) * scale
+    def dots(flat_m: Floats) -> Floats:
+        offset = (flat_m - middle) * scale
         return np.stack([room[0] / 2 + offset[..., 0], room[1] / 2 - offset[..., 1]], axis=-1)
 
-    trail = pose.trail_rad[np.isfinite(pose.trail_rad).all(axis=1)]
-    for places in joint_places(cell, trail) if len(trail) else ():
-        _dot(layers[Layer.TRAIL], dots(places[:, -1]))
-    for angles, layer in ((pose.reference_rad, Layer.REFERENCE), (pose.true_rad, Layer.TRUE)):
-        if not np.isfinite(angles).all():
-            continue
-        chains = [dots(each[0]) for each in joint_places(cell, angles[np.newaxis])]
+    for tip in tips:
+        _dot(layers[Layer.TRAIL], dots(tip))
+    for layer, flat in arms.items():
+        chains = [dots(chain) for chain in flat]
         for chain in chains:
             _chain(layers[layer], chain, is_thick=layer is Layer.TRUE)
             _line(layers[Layer.GROUND], chain[0] + [-6, 3], chain[0] + [6, 3])
