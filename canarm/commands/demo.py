@@ -157,8 +157,8 @@ def _watch(runs: DemoRuns) -> None:
 
     Raises `KeyboardInterrupt`, with how, if its user has stopped what runs before it was over.
     """
-    from canarm_tui.app import run_dashboard
     from canarm_tui.bus.address import BusAddress
+    from canarm_tui.entry import run_dashboard
     from canarm_tui.outcome import Outcome
     from canarm_tui.run_controls import LEFT
 

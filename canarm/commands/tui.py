@@ -8,8 +8,8 @@ from cyclopts import Parameter
 
 from canarm_protocol.errors import ExitStatus
 from canarm_protocol.runs.run_folder import RunFolderError
-from canarm_tui.app import run_dashboard, show_record
 from canarm_tui.bus.address import BusAddress
+from canarm_tui.entry import run_dashboard, show_record
 from canarm_tui.record import Record
 
 from ..jogging.hand import HandInThread

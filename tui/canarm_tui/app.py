@@ -6,7 +6,7 @@ Only here is the wall clock read. Samples never become messages or reactives; a 
 import asyncio
 import signal
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -18,11 +18,9 @@ from textual.widgets import ContentSwitcher, Footer
 
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.decoding import robot_book
-from canarm_protocol.errors import BusError
 from canarm_protocol.transport.port import BusPort
 
 from . import texts
-from .bus.address import BusAddress
 from .bus.hand import Hand
 from .bus.recorded_watch import RecordedWatch
 from .bus.watch import BusWatch, robot_watch
@@ -40,11 +38,10 @@ from .link import InBackground, Link, in_thread
 from .outcome import Outcome, OutcomePanel
 from .player import NoLink, Player, RecordDesk
 from .record import Record
-from .remembered import config_file, remember_theme, remembered_theme
+from .remembered import remember_theme, remembered_theme
 from .run_again import Again
 from .run_controls import RunControls
 from .snapshot import Snapshot
-from .terminal import check_terminal, ending_signals, run_app
 from .themes import SAFE
 from .view_registry import VIEWS
 from .view_tabs import ViewTabs
@@ -351,56 +348,3 @@ class DashboardApp(RunControls):
         """Remember the theme that was chosen."""
         if self._config is not None and self.is_running:
             remember_theme(self._config, theme)
-
-
-def run_dashboard(
-    cell: Cell,
-    interface: str,
-    channel: str | None,
-    bus_options: Mapping[str, Any],
-    on_start: Callable[[], None] | None = None,
-    until: Callable[[], bool] | None = None,
-    on_left: Callable[[str], None] | None = None,
-    outcome_of: Callable[[], Outcome | None] = lambda: None,
-    robot_bus: BusAddress | None = None,
-    again: Again | None = None,
-    hand: Hand | None = None,
-) -> int:
-    """Show the bench bus `-i interface -c channel key=value …` until the user quits; return an exit status, 0 = quit.
-
-    `on_start` is called once, when the first screen is up; `until` often, and the dashboard ends when it is true.
-    `on_left` is told at the end how the user has left it, in a few words. `outcome_of` returns how the run has ended,
-    once it has; the dashboard shows it and stays. `robot_bus` is opened when a view of it is first chosen, and `hand`
-    drives its cards when the user asks for it.
-    A missing or lost bus is shown and tried again. SIGINT, SIGTERM and SIGHUP end the dashboard and leave the terminal
-    as it was. Raises `TerminalError` if stdin or stderr, on which the dashboard is drawn, is no terminal.
-    """
-    check_terminal()
-    bench = BusAddress(interface, channel, bus_options)
-    app = DashboardApp(
-        cell,
-        bench.open,
-        where=bench.where,
-        on_start=on_start,
-        until=until,
-        outcome_of=outcome_of,
-        signals=ending_signals(),
-        bus=robot_watch(cell, robot_bus),
-        again=again,
-        config=config_file(),
-        hand=hand,
-    )
-    status = run_app(app)
-    if on_left is not None:
-        on_left(app.left_by)
-    return status
-
-
-def show_record(record: Record) -> int:
-    """Play a recorded run until the user quits; return an exit status. Raises `TerminalError`."""
-    check_terminal()
-
-    def refuse() -> BusPort:
-        raise BusError(f"{record.where}: a recorded run has no bus")
-
-    return run_app(DashboardApp(record.cell, refuse, record=record, signals=ending_signals(), config=config_file()))
