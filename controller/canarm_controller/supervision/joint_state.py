@@ -3,6 +3,7 @@
 Owns the state that verdicts work on, and how it evolves; verdicts are elsewhere.
 """
 
+import math
 from enum import Enum
 
 from .limits import JointLimits, Report
@@ -18,6 +19,12 @@ LACKING_KEPT = 0.998
 """How what the model has lacked fades in 10 ms: by half within two swings of an arm."""
 FIRST_READINGS = 20
 """Base and offset of the tachometer are learned as if this many readings had gone before."""
+
+
+STUCK_HASTE = 1.45
+"""Factor on the model's change of speed while the tachometer's code stands, if that is not for long."""
+Mark = tuple[int, float, float, int, float]
+"""While a code stands: cycle, the model's speed, what it lacks, until when friction is unknown, and the residual."""
 
 
 class Mode(Enum):
@@ -57,6 +64,7 @@ class JointState:
         "_learn_from",
         "_learning_cycles",
         "_limits",
+        "_marks",
         "_mismatch",
         "_offset",
         "_offset_gain",
@@ -111,6 +119,7 @@ class JointState:
         self._blurred_until = -1
         self._upset_at = self.turned_until = self._code_turned = 0
         self._lacking = self._code_swing = 0.0
+        self._marks: tuple[Mark, Mark] = ((0, 0.0, 0.0, 0, 0.0),) * 2
         self._changed_at = 0
         self._set_rate()
         self.compliance_rad_nm = 0.0
@@ -186,6 +195,37 @@ class JointState:
         """What a payload that turns makes of the model's speed, rad/s, while nothing corrects it."""
         behind_s = 0.5 * elapsed_s + 2.0 / self._bandwidth_rad_s
         return self._payload_share() * self._thresholds.stuck_drift * elapsed_s * behind_s
+
+    def _is_beyond_model(
+        self, moved: float, limit: float, stood_s: float, since: int, turned_until: int, swing: float
+    ) -> bool:
+        """Whether the model's speed has moved by more than a right model may be off by in `stood_s`, since a cycle.
+
+        The payload's share turns with the arm, and its observer is two time constants behind. Friction of a joint that
+        had just turned then, as `turned_until` says, was not known; nor was what left a `swing` of a/(e·ω).
+        """
+        unlearned = self.unlearned_friction(turned_until, since, self._thresholds.stuck_turned)
+        unlearned += math.e * self._bandwidth_rad_s * abs(swing)
+        limit += self._model_drift(stood_s) + unlearned * stood_s
+        return not -limit < moved < limit
+
+    def _goes_on(self, model_rad_s: float, bias_rad_s2: float) -> bool:
+        """Whether the model's speed moves while the code has stood for long, rightly perhaps: on a stretch of constant
+        speed it does. Judged is what has come since one or two times `stuck_sure` ago; before, the bias was right.
+        """
+        sure = self._timing.stuck_sure
+        if not self._code_cycles % sure:
+            mark = self.cycles, model_rad_s, bias_rad_s2, self.turned_until, self._swing
+            self._marks = (self._marks[1] if self._code_cycles > sure else mark), mark
+            return False
+        since, model, bias, turned_until, swing = self._marks[0]
+        stood = self.cycles - since
+        if not self._timing.stuck <= stood <= self._code_cycles:
+            return False
+        stood_s = stood * self._period_s
+        moved, limit = model_rad_s - model + stood_s * bias, STUCK_HASTE * self._thresholds.stuck_speed
+        is_far = not -limit < moved < limit
+        return is_far and self._is_beyond_model(moved, limit, stood_s, since, turned_until, swing)
 
     def coast(self, acceleration: float) -> None:
         """A cycle without a measurement."""

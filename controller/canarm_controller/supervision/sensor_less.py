@@ -3,7 +3,7 @@
 Owns the substitutes; how a failure is found is elsewhere.
 """
 
-from ..estimation.blind import BlindObserver
+from ..estimation.blind import POLE_RAD_S, SUBSTITUTE_POLE_RAD_S, BlindObserver
 from .joint_state import JointState, Mode
 from .limits import Report
 from .nominal import JointNominal
@@ -28,7 +28,7 @@ class SensorLess(JointState):
 
     def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
         super().__init__(nominal, thresholds, timing, report)
-        self._blind = BlindObserver(timing.period_s)
+        self._blind = BlindObserver(timing.period_s, SUBSTITUTE_POLE_RAD_S if nominal.speed else POLE_RAD_S)
 
     def start(self, position_rad: float) -> None:
         """Start at rest at a measured angle, with all sensors."""

@@ -135,8 +135,12 @@ class SurpriseWatch:
             joint.unlearned_friction(joint.turned_until, joint.cycles, limits.turned_nm * mobility[index][index])
             for index, (joint, limits) in enumerate(zip(self._joints, self._limits, strict=True))
         ]
-        for index, (joint, limits) in enumerate(zip(self._joints, self._limits, strict=True)):
-            own = mobility[index][index]
+        least_expected = sorted(
+            range(len(self._joints)),
+            key=lambda index: -abs(missing_nm[index]) * mobility[index][index] / self._limits[index].acceleration,
+        )  # the first that is reported is the one that is blamed: of joints that shake each other, the one most astray
+        for index in least_expected:
+            joint, limits, own = self._joints[index], self._limits[index], mobility[index][index]
             unexpected = missing_nm[index] * own
             if joint.mode not in (Mode.SOUND, Mode.STEP):
                 continue

@@ -5,8 +5,9 @@ Owns how the drift has grown, and how doubtful the speed has been meanwhile; the
 
 import math
 
-SLOW_SHARE = 0.35
-"""Share of a mismatch that existed 16 to 32 cycles ago if it is slow: it grows by less than 0.1 rad/s."""
+SLOW_SHARE = 0.45
+"""Share of a mismatch that existed 12 to 16 cycles ago if it is slow. Of a tachometer that comes to be wrong, by 0.5
+rad/s in a second, it is 0.54 to 0.84; of a potentiometer that drifts by 10 % in a second, 0.39 at most."""
 
 
 class Suspicion:
@@ -17,8 +18,7 @@ class Suspicion:
     """
 
     __slots__ = (
-        "_cycles", "_hidden_per_s", "_old", "_older", "_peak_rad_s", "_period_s", "_recent", "_recent2", "_recent3",
-        "_until",
+        "_cycles", "_hidden_per_s", "_peak_rad_s", "_period_s", "_recent", "_recent2", "_recent3", "_recent4", "_until",
     )  # fmt: skip
 
     def __init__(self, doubt_cycles: int, bandwidth_rad_s: float, period_s: float) -> None:
@@ -28,7 +28,7 @@ class Suspicion:
     def start(self) -> None:
         """Nothing is suspected."""
         self._until, self._peak_rad_s = -1, 0.0
-        self._old = self._older = self._recent = self._recent2 = self._recent3 = 0.0
+        self._recent = self._recent2 = self._recent3 = self._recent4 = 0.0
 
     def doubt(self, cycle: int, off_rad_s: float) -> None:
         """The speed is off the model's by more than it should be."""
@@ -37,15 +37,12 @@ class Suspicion:
 
     def take(self, mismatch_rad: float) -> None:
         """Take the filtered residual of the angle in every fourth cycle."""
-        self._recent3, self._recent2, self._recent = self._recent2, self._recent, mismatch_rad
-
-    def take_slowly(self, mismatch_rad: float) -> None:
-        """The same in every sixteenth cycle."""
-        self._older, self._old = self._old, mismatch_rad
+        self._recent4, self._recent3, self._recent2 = self._recent3, self._recent2, self._recent
+        self._recent = mismatch_rad
 
     def is_slow(self, mismatch_rad: float) -> bool:
-        """Whether much of the mismatch existed 16 to 32 cycles ago."""
-        return self._older * mismatch_rad > SLOW_SHARE * mismatch_rad * mismatch_rad
+        """Whether much of the mismatch existed 12 to 16 cycles ago."""
+        return self._recent4 * mismatch_rad > SLOW_SHARE * mismatch_rad * mismatch_rad
 
     def fits(self, cycle: int, mismatch_rad: float) -> bool:
         """Whether the speed was doubtful lately, and by enough for what the mismatch has grown by in 8 to 12 cycles."""

@@ -4,10 +4,8 @@ Owns a joint's residuals and decides which sensor is to blame. Plain floats: `st
 Names of joints and cards, and how the robot is stopped, are not known here.
 """
 
-import math
-
 from ..estimation.blind import observer_gains
-from .joint_state import Mode
+from .joint_state import STUCK_HASTE, Mode
 from .limits import NOISE_MASK, Report
 from .noisiness import SPIKES, TURNS, SpikeCount, TurnCount
 from .nominal import JointNominal
@@ -26,8 +24,6 @@ LONGEST_GAP_S = 0.1
 """After a longer gap, residuals start over."""
 GAP_FACTOR = 6.0
 """Factor on the speed's limit after a gap: over 50 ms friction may reverse, and the payload be off by 12 rad/s²."""
-STUCK_HASTE = 1.45
-"""Factor on the model's change of speed while the tachometer's code stands, if that is not for long."""
 STUCK_SOON_CYCLES = 6
 """If the tachometer has covered part of the travel while the position's code has not changed, and will soon cover the
 rest, the verdict waits."""
@@ -63,7 +59,8 @@ class JointWitness(SensorLess):
         self._stuck_limit, self._stuck_cycles = thresholds.stuck_speed, timing.stuck
         self._suspicion = Suspicion(timing.doubt, self._bandwidth_rad_s, timing.period_s)
         self._quick_cycles = max(int(thresholds.wire_turn_s / timing.period_s), 1)
-        self._trial = StepTrial(thresholds.position_grain, timing.period_s, timing.step)
+        noise_codes = nominal.speed.noise_lsb if nominal.speed else 0.0
+        self._trial = StepTrial(thresholds.position_grain, timing.period_s, timing.step, noise_codes)
         self._end_gains = observer_gains(timing.period_s)
         self._wire = WireTwist(nominal, thresholds, timing.refresh, timing.period_s)
         self.start(0.0)
@@ -105,7 +102,10 @@ class JointWitness(SensorLess):
                 stood_s = (count - self._code_at) * period_s
                 moved = model - self._code_model + stood_s * self._code_bias
                 limit = self._stuck_limit if cycles >= self._timing.stuck_sure else STUCK_HASTE * self._stuck_limit
-                is_far = not -limit < moved < limit and self._is_beyond_model(moved, limit, stood_s)
+                is_far = not -limit < moved < limit and self._is_beyond_model(
+                    moved, limit, stood_s, self._code_at, self._code_turned, self._code_swing
+                )
+                is_far = is_far or (cycles >= self._timing.stuck_sure and self._goes_on(model, bias))
                 is_stuck = is_far or self._accused_at == self._code_at
         if x_code != self._x_code:
             self._x_code, self._x_travel = x_code, travel
@@ -136,7 +136,6 @@ class JointWitness(SensorLess):
                 self._set_rate()
                 if count >= self._timing.early:
                     limits.settle()
-                self._suspicion.take_slowly(mismatch)
         self.speed = predicted + self._speed_gain * off
         self.bias = bias + self._accel_gain * off
         self._swing = swing
@@ -233,7 +232,7 @@ class JointWitness(SensorLess):
             self.is_agitated = True
             if abs(off - self._last_off) >= STEP_SHARE * step:
                 self.mode = Mode.STEP
-                self._trial.begin(off)
+                self._trial.begin(off, self._code)
                 self._advance(predicted, predicted)
                 return self._substitute(x, predicted)
         if is_doubtful:
@@ -300,11 +299,11 @@ class JointWitness(SensorLess):
             return False
         elif self._suspicion.fits(self.cycles, mismatch) or self._code_cycles >= self._stuck_cycles:
             name = "tachometer-mismatch"
+        elif self._suspicion.is_slow(mismatch):
+            # Either may drift, but of a tachometer an offset is enough; a potentiometer that slow still holds the arm.
+            name, detail = "tachometer-mismatch", f"{detail}, slowly"
         else:
             name = "potentiometer-mismatch"
-            if self._suspicion.is_slow(mismatch):
-                # Either may drift; a potentiometer that slow still holds the arm, a tachometer soon does not.
-                return self._report(name, f"{detail}, slowly", None) and self._lose_tachometer(x, predicted)
         if not self._report(name, detail, None):
             return False
         if name == "tachometer-mismatch":
@@ -327,7 +326,7 @@ class JointWitness(SensorLess):
         """The speed has stepped away from the model. The angle decides whether the arm did, or only the tachometer."""
         trial, off, limits = self._trial, v - predicted, self._limits
         step = trial.step_rad_s
-        trial.take(off, x - self._angle(predicted) - self._mismatch)
+        trial.take(off, x - self._angle(predicted) - self._mismatch, v_code)
         if abs(off) < max(0.4 * abs(step), limits.doubt):
             self.mode = _SOUND
             if not self._spike("tachometer"):
@@ -340,7 +339,9 @@ class JointWitness(SensorLess):
                 return self._believe_step(v)
             if self._report("tachometer-range", f"code {v_code}", None):
                 return self._lose_tachometer(x, predicted)
-        elif off * step > 0.0 and trial.cycles >= 2 and abs(off) > 1.6 * abs(step) + limits.doubt:
+        elif trial.has_fallen and self._report("tachometer-jump", f"its pin goes to ground, code {v_code}", None):
+            return self._lose_tachometer(x, predicted)
+        elif off * step > 0.0 and trial.cycles >= 2 and abs(off) > 1.6 * abs(step) + limits.doubt and not trial.falls:
             return self._believe_step(v)
         elif trial.is_ready:
             is_stuck = self._code_cycles >= self._stuck_cycles - 1
@@ -380,17 +381,6 @@ class JointWitness(SensorLess):
         if sensor == "potentiometer":
             self.mode, self._agreed = Mode.NOISY_POTENTIOMETER, 0
         return False
-
-    def _is_beyond_model(self, moved: float, limit: float, stood_s: float) -> bool:
-        """Whether the model's speed has moved by more than a right model may be off by after `stood_s`.
-
-        The payload's share turns with the arm, and its observer is two time constants behind. Friction of a joint that
-        had just turned when its code changed last was not known then; nor was what left a speed of a/(e·ω).
-        """
-        unlearned = self.unlearned_friction(self._code_turned, self._code_at, self._thresholds.stuck_turned)
-        unlearned += math.e * self._bandwidth_rad_s * abs(self._code_swing)
-        limit += self._model_drift(stood_s) + unlearned * stood_s
-        return not -limit < moved < limit
 
     def _still_detail(self, turned_rad: float) -> str:
         return f"code {self._x_code} while the tachometer turned {turned_rad / self._position_lsb:.1f} LSB"
