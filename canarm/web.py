@@ -33,12 +33,17 @@ WebPort = Annotated[
 ]
 
 
+def check_web() -> Any:
+    """The library that serves. Raises `MissingLibraryError`."""
+    return load_library("textual_serve.server", "the dashboard in a browser")
+
+
 def serve_web(command: Sequence[str], port: int, title: str) -> None:
     """Serve the dashboard `canarm command …` until SIGINT or SIGTERM; says where on stderr.
 
     Raises `MissingLibraryError` without textual-serve, and `UsageError` if the port cannot be had.
     """
-    library = load_library("textual_serve.server", "the dashboard in a browser")
+    library = check_web()
     listening = _listening(port)
     url = f"http://{HOST}:{listening.getsockname()[1]}"
     words = [sys.executable, "-P", "-m", "canarm", *command]

@@ -1,4 +1,4 @@
-"""Draw the dashboard for the README: docs/pictures/dashboard.svg, 120 x 36, the same bytes every time.
+"""Draw the dashboard for the README: docs/pictures/dashboard.svg, 152 x 40, the same bytes every time.
 
 A real bench and a real controller run in this process, in virtual time: joint2's tachometer dies, and is detected.
 """
@@ -8,17 +8,19 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from canarm.session import make_bench, make_controller
+from canarm_controller.bus.assessment import name_law
 from canarm_controller.run.report import BenchReport
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell import Cell, load_cell
-from canarm_protocol.cell.bench_objects import DIVIDER
+from canarm_protocol.cell.bench_objects import CONTROLLER_CHANNEL, DIVIDER, sdo_channel
 from canarm_protocol.clock import Clock
 from canarm_protocol.faults.script import parse_faults
 from canarm_protocol.transport.port import BusPort, Discarded
+from canarm_protocol.transport.sdo_session import SdoSession
 from canarm_tui import DashboardApp
 
 PICTURE = Path(__file__).parent.parent / "docs" / "pictures" / "dashboard.svg"
-SIZE = (120, 36)
+SIZE = (152, 40)
 SECONDS = 8
 DRAINS_PER_SECOND = 20
 FAULT = """
@@ -45,6 +47,8 @@ class LivePort(BusPort):
         self._controller.on_tick = self._on_tick
         bench.start()
         bench.inject(parse_faults(FAULT, "the picture's fault"))
+        channel = sdo_channel(cell.bus.bench_node_id, CONTROLLER_CHANNEL)
+        name_law(SdoSession(self, *channel), "mras", self._controller.loop.internal_names)
         self._controller.begin(0)
 
     def run(self, until_ns: int) -> None:

@@ -44,7 +44,7 @@ from ..session import make_bench, make_controller, tick_count, traffic_warning
 from ..stdout import keep_stdout
 from ..stopping import cause_of, ignore_hangups
 from ..usage import UsageError, parse_settings
-from ..web import DEFAULT_PORT, Web, WebPort, serve_web
+from ..web import DEFAULT_PORT, Web, WebPort, check_web, serve_web
 
 PACE_HELP = (
     "Lockstep: virtual time passes at most X times as fast as the wall clock; max does not wait. "
@@ -91,6 +91,8 @@ def demo(
     check_pace(clock, pace)
     if clock == "sync" and pace is None:
         pace = 1.0 if is_terminal or web else math.inf
+    if web:
+        check_web()
     say = keep_stdout()
     built = _check(nominal, control, clock, seconds, settings)
     if faults is not None:
