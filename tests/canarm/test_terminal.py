@@ -163,7 +163,9 @@ value = 5.0
 """
 
 
-def test_the_dashboard_of_a_demo_stays_with_the_verdict_until_it_is_left(canarm, run_folder, open_terminal) -> None:
+def test_the_dashboard_of_a_demo_stays_with_the_verdict_and_runs_again_until_it_is_left(
+    canarm, run_folder, open_terminal
+) -> None:
     (canarm.folder / "laws.py").write_text(PRINTING_LAW)
     (canarm.folder / "stuck.toml").write_text(STUCK)
     options = ("--law", "laws.py:Printing", "--faults", "stuck.toml", "--out", "run")
@@ -175,12 +177,19 @@ def test_the_dashboard_of_a_demo_stays_with_the_verdict_until_it_is_left(canarm,
     assert b"xxx" not in demo.said, "what the law prints reaches the terminal"
     demo.press(b"2")
     demo.wait_for(re.compile("▲ fault begins: joint2.tachometer stuck".encode()))
+    demo.press(b"r")
+    demo.wait_for(re.compile(b"enter runs"))
+    demo.press(b"\r")
+    demo.wait_for(re.compile("✓ running again: laws.py:Printing on sine, recorded in run/run-2".encode()))
+    demo.wait_for(re.compile("✓ DONE: konkuk1.*recorded in run/run-2".encode(), re.DOTALL))
     demo.press(b"q")
     assert demo.wait() == 0, demo.said[-2000:]
     assert demo.settings == demo.before
     summary = demo.said.rpartition(LEFT)[2]
-    assert b"DONE: konkuk1" in summary
-    assert b"recorded in run" in summary
+    assert summary.count(b"DONE: konkuk1") == 2
+    assert b"recorded in run/run-2" in summary
+    again = run_folder(canarm.folder / "run" / "run-2").check().run["summary"]
+    assert (again["law"], again["ticks"]) == ("laws.py:Printing", 400)
     run = run_folder(canarm.folder / "run").check().run
     assert (run["summary"]["clock"], run["controller"]["pace"]) == ("sync", "1")
 
