@@ -9,12 +9,13 @@ from textual.widgets import Static
 from .styles import line_of
 from .texts import Tone, Word
 
+LOW_ROWS = 30
 LEAVE = Word("q leaves", Tone.DIM)
 AGAIN = Word("r runs again", Tone.DIM)
 
 
 class Outcome(NamedTuple):
-    """The verdict in a few words, whether all went well, and further lines: reason, detections, where the record is."""
+    """The verdict in a few words, whether all went well, and further lines, the important ones first."""
 
     verdict: str
     is_well: bool
@@ -27,6 +28,7 @@ class OutcomePanel(Static):
     DEFAULT_CSS = """
     OutcomePanel { display: none; height: auto; max-height: 50%; padding: 0 1; background: $panel; overflow-y: auto; }
     OutcomePanel.-shown { display: block; }
+    OutcomePanel.-low { max-height: 4; }
     """
 
     def __init__(self, may_run_again: bool = False) -> None:
@@ -35,7 +37,8 @@ class OutcomePanel(Static):
         self.outcome: Outcome | None = None
 
     def show(self, outcome: Outcome | None) -> None:
-        """Show it, or nothing."""
+        """Show it, or nothing; on a low terminal its first lines, and the others can be scrolled to."""
+        self.set_class(self.app.size.height < LOW_ROWS, "-low")
         if outcome == self.outcome:
             return
         self.outcome = outcome
