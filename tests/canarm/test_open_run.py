@@ -250,3 +250,21 @@ def test_a_record_of_a_controller_alone_is_shown_as_far_as_it_goes(copy: Path) -
     assert np.isfinite(record.history.values[:, :, Column.MEASURED]).all()
     (copy / "signals" / "controller.csv").unlink()
     assert not len(record_of(open_run(copy)).history.cycles)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nowhere"], "there is no such folder"),
+        (["run", "-i", "virtual"], "a recorded run is played, and no bus is opened"),
+        (["run", "--web", "--web-port", "70000"], "must be a port, 0 to 65535"),
+        (["run"], "is no terminal, and the dashboard needs one"),
+    ],
+)
+def test_a_run_that_cannot_be_played_is_said_why(
+    copy: Path, words: list[str], said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(copy.parent)
+    monkeypatch.setattr(sys, "__stdin__", None)
+    assert canarm(["tui", *words]) != 0
+    assert said in capsys.readouterr().err

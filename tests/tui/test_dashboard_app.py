@@ -262,7 +262,7 @@ async def test_on_a_low_terminal_the_outcome_leaves_room_for_the_views(cell, por
     outcome = Outcome("FAILED: konkuk1", False, ["joint2: stuck", "recorded in run", *map(str, range(20))])
     app = DashboardApp(cell, lambda: port, clock_ns=clock, in_background=lambda job: job(), outcome_of=lambda: outcome)
     async with running(app, (80, 24)) as pilot:
-        assert app.query_one(OutcomePanel).region.height == 4
+        assert app.query_one(OutcomePanel).region.height == 5
         assert any("recorded in run" in text for text in screen_text(app))
         assert any(trace.region for trace in app.query(Trace))
         await pilot.resize_terminal(120, 40)

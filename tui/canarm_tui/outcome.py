@@ -28,7 +28,7 @@ class OutcomePanel(Static):
     DEFAULT_CSS = """
     OutcomePanel { display: none; height: auto; max-height: 50%; padding: 0 1; background: $panel; overflow-y: auto; }
     OutcomePanel.-shown { display: block; }
-    OutcomePanel.-low { max-height: 4; }
+    OutcomePanel.-low { max-height: 5; }
     """
 
     def __init__(self, may_run_again: bool = False) -> None:
