@@ -22,6 +22,7 @@ def test_the_golden_copy_has_every_chosen_fault_in_both_scenarios() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_the_share_of_the_pairs_matrix_is_as_its_golden_copy() -> None:
     """Two minutes of one core: 21 faults in two scenarios."""
     matrix = pair_matrix.pair_matrix(1, Progress())

@@ -15,7 +15,7 @@ from canarm_protocol.clock import Clock
 
 from ..bus.master import start_frames, stop_frames
 from ..errors import BringUpError, ControllerError, InterruptedRunError, TrajectoryError
-from ..supervision.arrivals import Arrivals
+from ..supervision.arrivals import OWED_NS, Arrivals
 from ..supervision.detection import DETECTORS
 from ..supervision.supervisor import Supervisor, Verdict, law_verdict
 from .awaited_inputs import AwaitedInputs
@@ -79,7 +79,8 @@ class Controller(SupervisedRun):
         """Whether the next angles differ from the last ones because joints have been homed."""
         self._frames = CycleFrames(cell, nodes)
         self._inputs = AwaitedInputs(nodes, slots)
-        self._arrivals = Arrivals(self._inputs.layouts, self._detect_at_node)
+        owed_cycles = 1 if self._is_lockstep else max(OWED_NS // cell.bus.cycle_ns, 1)
+        self._arrivals = Arrivals(self._inputs.layouts, self._detect_at_node, owed_cycles)
 
     @property
     def is_finished(self) -> bool:

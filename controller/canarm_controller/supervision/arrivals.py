@@ -6,29 +6,43 @@ from canarm_protocol.canopen.frames import HIGHEST_NODE_ID
 
 from .detection import Reaction
 
+OWED_NS = 100_000_000
+"""On the wall clock an answer may come so long after its cycle, when the machine has kept its sender or us waiting."""
+
 
 class Arrivals:
-    """Counts arrivals of each cyclic TPDO between one SYNC and the next."""
+    """Counts arrivals of each cyclic TPDO between one SYNC and the next.
 
-    def __init__(self, cob_ids: Collection[int], report: Callable[[str, int, str, Reaction | None], bool]) -> None:
-        self._report = report
-        self._was_missing: dict[int, bool] = dict.fromkeys(cob_ids, False)
-        self._is_any_missing = False
+    One that did not come in its cycle may still come, for `owed_cycles` after the last such cycle: then it is late. One
+    that nothing is owed of is a repetition.
+    """
+
+    def __init__(
+        self, cob_ids: Collection[int], report: Callable[[str, int, str, Reaction | None], bool], owed_cycles: int = 1
+    ) -> None:
+        self._report, self._owed_cycles = report, owed_cycles
+        self._owed: dict[int, int] = dict.fromkeys(cob_ids, 0)
+        self._left_cycles = 0
 
     def open_cycle(self, missing: Collection[int]) -> None:
         """SYNC is sent; `missing` did not arrive in the cycle that ends."""
-        if not missing and not self._is_any_missing:
+        if not missing:
+            if self._left_cycles:
+                self._left_cycles -= 1
+                if not self._left_cycles:
+                    self._owed = dict.fromkeys(self._owed, 0)
             return
-        self._is_any_missing = bool(missing)
-        was_missing = self._was_missing
-        for cob_id in was_missing:
-            was_missing[cob_id] = cob_id in missing
+        self._left_cycles = self._owed_cycles
+        owed = self._owed
+        for cob_id in owed:
+            is_missing = cob_id in missing
+            owed[cob_id] = min(owed[cob_id] + is_missing, self._owed_cycles) if self._owed_cycles > 1 else is_missing
 
     def extra(self, cob_id: int) -> None:
-        """A TPDO arrived a second time in this cycle: the last cycle's, or one too many."""
+        """A TPDO arrived a second time in this cycle: one of an earlier cycle, or one too many."""
         node_id = cob_id & HIGHEST_NODE_ID
-        if self._was_missing[cob_id]:
-            self._was_missing[cob_id] = False
-            self._report("inputs-late", node_id, f"TPDO 0x{cob_id:03X} came a cycle late", None)
+        if self._owed[cob_id]:
+            self._owed[cob_id] -= 1
+            self._report("inputs-late", node_id, f"TPDO 0x{cob_id:03X} came after its cycle", None)
         else:
             self._report("inputs-repeated", node_id, f"TPDO 0x{cob_id:03X} came twice in a cycle", None)
