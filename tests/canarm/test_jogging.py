@@ -128,6 +128,18 @@ def test_a_read_shows_code_and_physical_value_of_every_input(table):
     assert lines[2].split() == ["joint2.current_sense", "0", "0.000", "A"]
 
 
+def test_a_reading_waits_for_an_emulator_that_a_busy_machine_keeps_behind(monkeypatch):
+    table = Table(Clock.WALL)
+    table.begin()
+    known, advance = table.do("read"), table.bench.advance
+    behind_ns = 16 * CELL.bus.cycle_ns
+    monkeypatch.setattr(table.bench, "advance", lambda until_ns: advance(until_ns - behind_ns))
+    assert table.do("read") == known
+    monkeypatch.setattr(table.bench, "advance", lambda until_ns: None)
+    with pytest.raises(JogError, match=r"did not come within 1 s of SYNC: 0x294, 0x394"):
+        table.do("read")
+
+
 def test_the_sensed_current_is_the_one_that_was_set(lockstep):
     lockstep.do("current joint2 0.4; step 8")
     assert lockstep.do("read")[2].split() == ["joint2.current_sense", "68", "0.400", "A"]
