@@ -10,6 +10,7 @@ from pathlib import Path
 
 from canarm_controller.laws.loading import LAWS
 from canarm_controller.reference.trajectory import named_motions
+from canarm_emulator.bench.robot_bus import is_sync
 from canarm_emulator.serving.recording import SCRIPT
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.clock import Clock
@@ -162,7 +163,11 @@ def _known(run: Run, what: str, known: tuple[str, ...]) -> str:
 def _compared(
     run: Run, again: Iterator[tuple[int, Frame]], is_planned: bool, until_ns: int | None = None
 ) -> Comparison:
-    """Frame by frame, as candump writes them: with their times; up to `until_ns` if a signal has ended the run."""
+    """Frame by frame, as candump writes them: with their times; up to `until_ns` if a signal has ended the run.
+
+    A run is as long as its SYNCs. What was said after the last one, and after its controller's end, was said by others,
+    such as a second controller that was refused: an emulator keeps it in the log of the run before.
+    """
     decoder = Decoder(run.cell)
     count = 0
     recorded = log_frames(run.path / CAN_LOG_FILE, run.complaints.append)
@@ -180,14 +185,15 @@ def _compared(
         count += 1
     else:
         return Comparison(count > 0, f"the same: every byte of can0 ({count} frames)" if count else "no frames")
-    if now is None and not is_planned and count:
+    if now is None and count:
         assert before is not None
-        left = 1 + sum(1 for _ in recorded)
-        return Comparison(
-            True,
-            f"the same: every byte of can0 up to the end of its controller ({count} frames); not "
-            f"compared: {left} frames after it",
-        )
+        rest = [before[1], *(frame for _, frame in recorded)]
+        if not is_planned or not any(is_sync(frame) for frame in rest):
+            return Comparison(
+                True,
+                f"the same: every byte of can0 up to the end of its controller ({count} frames); not "
+                f"compared: {len(rest)} frames after it",
+            )
     more = "the recorded run" if now is None else "the repetition"
     extra = before or now
     assert extra is not None

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from canarm.cli import run as canarm_here
 from canarm_protocol.runs.run_events import event_lines, runs_of
 
 CYCLE_S = 0.0025
@@ -56,6 +57,11 @@ def test_the_log_of_a_run_begins_with_its_own_configuration(session) -> None:
         assert {0x612, 0x613, 0x614} <= {each.arbitration_id for each in frames[:start]}
         syncs, cycles = sum(each.arbitration_id == 0x080 for each in frames), len(run.signals("controller")["cycle"])
         assert cycles <= syncs < cycles + 50, "not the run before as well"
+
+
+def test_the_first_run_of_several_is_the_same_again(session, capsys: pytest.CaptureFixture[str]) -> None:
+    assert canarm_here(["replay", str(session[0][0].path), "--check"]) == 0
+    assert "the same: every byte of can0 up to the end of its controller" in capsys.readouterr().out
 
 
 def test_events_before_the_first_cycle_have_a_time_of_0_or_less(session) -> None:

@@ -83,6 +83,24 @@ def test_another_seed_truth_or_law_is_another_run(
     assert " differs first: recorded at " in capsys.readouterr().out
 
 
+def test_what_others_say_after_the_end_of_a_run_does_not_count_against_it(
+    copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A second controller that is refused resets the cards and reads their objects; it never sends SYNC."""
+    log = (copy / "can0.log").read_text()
+    change_record(copy, "summary", state="done")
+    stamp = log.splitlines()[-1].split(" can0 ")[0]
+    refused = "".join(f"{stamp} can0 {text}\n" for text in ("000#8112", "712#00", "612#4000100000000000"))
+    (copy / "can0.log").write_text(log + refused)
+    assert canarm_here(["replay", str(copy), "--check"]) == 0
+    frames = log.count("\n")
+    told = "the same: every byte of can0 up to the end of its controller"
+    assert capsys.readouterr().out == f"{told} ({frames} frames); not compared: 3 frames after it\n"
+    (copy / "can0.log").write_text(f"{log}{refused}{stamp} can0 080#01\n")
+    assert canarm_here(["replay", str(copy), "--check"]) == 1
+    assert "then the recorded run goes on: 000#8112 (NMT: reset-node to dac)" in capsys.readouterr().out
+
+
 def test_the_first_frame_that_differs_is_named_and_decoded(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """DAC code c travels as c << 7 in 16 bits (CiA 401): 0x0080 is code 1."""
     lines = (copy / "can0.log").read_text().splitlines(keepends=True)

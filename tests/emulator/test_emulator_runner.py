@@ -294,6 +294,20 @@ def test_the_recorder_leaves_a_row_of_truth_a_cycle(tmp_path) -> None:
     assert float(rows[1]["joint3.command_a"]) == pytest.approx(-41 / 255 * 1.5)
 
 
+@pytest.mark.parametrize("leaves", [True, False], ids=["leaves", "falls silent"])
+def test_the_record_of_a_run_is_whole_on_disk_though_the_emulator_goes_on(leaves: bool, tmp_path: Path) -> None:
+    folder = create_run_folder(tmp_path / "run")
+    with serving(folder=folder) as emulator:
+        client = emulator.client()
+        client.send([nmt_frame(NmtCommand.START)])
+        swing(client, 3)
+        client.send([nmt_frame(NmtCommand.STOP)])
+        if leaves:
+            client.close()
+        emulator.until(lambda: (folder / "can0.log").read_text().endswith(" 000#0200\n"))
+        emulator.until(lambda: (folder / "signals" / "robot.csv").read_text().count("\n") == 1 + 3)
+
+
 def test_on_the_wall_clock_the_world_moves_by_itself() -> None:
     with serving(Clock.WALL) as emulator:
         client = emulator.client()

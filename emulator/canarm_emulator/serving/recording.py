@@ -149,6 +149,13 @@ class Recorder:
         """Append a fault script that has been accepted, as text: with it the run can be repeated."""
         self.event(time_ns, SCRIPT, toml=as_toml(script))
 
+    def write_out(self) -> None:
+        """Put on disk what has gathered: a reader then finds all that there is."""
+        for file in (self._signals, self._log, self._bench_log):
+            if file is not None and self._unwritten.why is None:
+                with self._unwritten:
+                    file.write_out()
+
     def close(self) -> None:
         """Write out what is left, as far as possible. May be called again."""
         for file in (self._events, self._signals, self._log, self._bench_log):

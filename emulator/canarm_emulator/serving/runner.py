@@ -24,6 +24,8 @@ from .recording import Recorder
 from .sync_intervals import SyncIntervals
 
 ROBOT_BUS, BENCH_BUS = "can0", "bench"
+QUIET_NS = 100_000_000
+"""When nothing has come on the robot's bus for so long, the record is written out: somebody may read it now."""
 LISTENER_NS = 1_500_000_000
 """Telemetry goes on this long after a listener's last heartbeat."""
 IDLE_TELEMETRY_NS = 100_000_000
@@ -89,6 +91,7 @@ class EmulatorRunner:
         self._next_idle_telemetry_ns = 0
         self._sent_cycle = -1
         self._recorded_run = 0
+        self._write_out_ns = 0
         self._last_look_ns = time.monotonic_ns()
         self._start_ns = self._last_look_ns
         self.sync_intervals = SyncIntervals(bench.cell.bus.cycle_ns)
@@ -144,10 +147,17 @@ class EmulatorRunner:
                 self._run_on(f"no SYNC for {self._sync_timeout_ns / 1e9:g} s")
             self._telemetry(now_ns)
             self._deliver()
+            self._write_out(now_ns)
             bench.move_on()
             if collector is not None and not events:
                 collector.cycle_done(NEVER)
         self._deliver()
+
+    def _write_out(self, now_ns: int) -> None:
+        """Between two runs the files are whole on disk, though the emulator goes on."""
+        if self._recorder is not None and now_ns >= self._write_out_ns:
+            self._write_out_ns = now_ns + QUIET_NS
+            self._recorder.write_out()
 
     def _received(self, events: Sequence[Event]) -> Iterator[Event | _Received]:
         """Input in order: events of clients, frames of clients and ports. A port is read when it is due."""
@@ -208,7 +218,7 @@ class EmulatorRunner:
 
     def _take(self, bus: str, frame: Frame, origin: object, now_ns: int) -> None:
         if bus == ROBOT_BUS:
-            self._origin = origin
+            self._origin, self._write_out_ns = origin, now_ns + QUIET_NS
             if is_sync(frame):
                 self._sync_sender, self._last_heard_ns = origin, now_ns
                 if self._bench.clock is Clock.WALL:
@@ -250,10 +260,12 @@ class EmulatorRunner:
             self._note("detached", bus=event.channel, client=event.client_id)
             self._bench.leave(event.client_id)
             self._bench.device.channels.leave(event.client_id)
-            if event.channel == ROBOT_BUS and event.client_id == self._sync_sender:
-                if self._bench.clock is Clock.SYNC:
-                    self._run_on("the sender of SYNC has left the bus")
-                self._sync_sender = None
+            if event.channel == ROBOT_BUS:
+                self._write_out_ns = 0
+                if event.client_id == self._sync_sender:
+                    if self._bench.clock is Clock.SYNC:
+                        self._run_on("the sender of SYNC has left the bus")
+                    self._sync_sender = None
 
     def _rested(self, took_ns: int) -> None:
         self._deliver(newcomer=self._origin)

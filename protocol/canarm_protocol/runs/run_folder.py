@@ -241,13 +241,17 @@ class _LineFile:
         append_lines(self._file.fileno(), self._head.encode("ascii"))
         rotation.on_part(part)
 
+    def write_out(self) -> None:
+        """Write what has gathered, if anything has. Raises `OSError`."""
+        if self._rows:
+            self._flush()
+
     def close(self) -> None:
         """Write out what is left. May be called again."""
         if self._file.closed:
             return
         try:
-            if self._rows:
-                self._flush()
+            self.write_out()
             if self._rotation is not None and self._rotation.takes_last:
                 self._rotate(self._rotation)
         finally:
@@ -318,8 +322,7 @@ class CanLog(_LineFile):
 
     def size(self) -> int:
         """Bytes written so far; what has gathered is written out. Raises `OSError`."""
-        if self._rows:
-            self._flush()
+        self.write_out()
         return os.fstat(self._file.fileno()).st_size
 
     def append_from(self, other: Path, place: int) -> None:
