@@ -7,10 +7,11 @@ import pickle
 from collections.abc import Callable
 from typing import Any, Self, TypeVar, cast
 
-from canarm_protocol.shown import named_error
+from canarm_protocol.shown import named_error, quoted
 
 from ..usage import UsageError
 from ..workers.forking import CAN_FORK, in_copy
+from .turns import Turns
 
 _Result = TypeVar("_Result")
 
@@ -19,6 +20,7 @@ class Branching:
     """What a rig in one process adds: `branch`."""
 
     _recorders: Any
+    _turns: Turns
 
     def branch(self, do: Callable[[Self], _Result]) -> _Result:
         """What `do` returns for an exact copy of this rig; this one stays as it is, and may branch again.
@@ -29,6 +31,9 @@ class Branching:
         `LostWorkerError` if the copy is killed.
         """
         __tracebackhide__ = True
+        if not callable(do):
+            raise UsageError(f"branch: {quoted(do)}: must be a function, which is given the copy")
+        self._turns.check("branch")
         if not CAN_FORK:
             raise UsageError("branch: this system cannot copy a process (fork); make two rigs, and run both up to here")
 

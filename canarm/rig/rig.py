@@ -35,7 +35,7 @@ from canarm_protocol.runs.run_folder import (
     create_run_folder,
     update_run_file,
 )
-from canarm_protocol.shown import named_error, quoted
+from canarm_protocol.shown import named_error
 
 from ..recording import recording_failure
 from ..session import make_bench, make_controller, provenance, tick_count
@@ -46,9 +46,11 @@ from .arguments import RigWarning, Unused, check_mechanics
 from .branching import Branching
 from .findings import Noticed
 from .rig_cell import rig_cell
-from .rig_history import Event, History, StampedFrame
+from .rig_faults import overdue
+from .rig_history import Event, StampedFrame, history_of
 from .rig_joint import TRUE_SIGNALS, Joints, RigJoint
 from .rig_object import Carrying, RigObject
+from .turns import Turns
 
 FRAMES_KEPT = 10_000
 _STOPPING = State.STOPPING  # looking it up is slow
@@ -82,12 +84,7 @@ class Rig(Branching, Carrying, AnyRig):
         self._detections = self._controller.detections
         size = tick_count(self.cell, self._history_s, "history_s")
         controller = self._controller
-        try:
-            self._history = History(self.cell, size, self._assessor, lambda: controller.controlled_ticks)
-        except (MemoryError, ValueError):
-            raise UsageError(
-                f"history_s {self._history_s:g}: {size:.2g} cycles do not fit into memory; take less"
-            ) from None
+        self._history = history_of(self.cell, size, self._assessor, lambda: controller.controlled_ticks)
         self._truth: CycleTruth | None = None
         self.events: list[Event] = []
         """Changes of the controller's state (with the reason of a stop) and of the truth; beginnings and ends of
@@ -113,6 +110,7 @@ class Rig(Branching, Carrying, AnyRig):
         self._bench.on_script = self._note_script
         self._bench.device.faults.on_event = self._note_fault
         self._controller.on_tick = self._on_tick
+        self._turns = Turns()
         self._bench.start()
         self._exchange()
         self.unused = Unused(self)
@@ -166,23 +164,31 @@ class Rig(Branching, Carrying, AnyRig):
 
         Raises `UsageError` for less than a cycle and after `finish`, `EmulatorError` when the integration of the true
         robot diverges, and `FaultError` if a fault fails because of its own mistake: it has then ended, and the
-        run may go on.
+        run may go on. Ctrl-C in a law's code is raised after the safe stop.
         """
         __tracebackhide__ = True
         self._check_unfinished("run")
-        self._used()
+        goal = self._controller.controlled_ticks + tick_count(self.cell, seconds, "seconds")
+        with self._turns.take("run"):
+            self._used()
+            self._run_to(goal)
+
+    def _run_to(self, goal: int) -> None:
+        __tracebackhide__ = True
         controller = self._controller
-        goal = controller.controlled_ticks + tick_count(self.cell, seconds, "seconds")
         if controller.state is State.IDLE:
             controller.begin(0)
-        while controller.controlled_ticks < goal and not controller.is_finished and self._faulty is None:
+        while not controller.is_finished and (
+            controller.interruption is not None or (controller.controlled_ticks < goal and self._faulty is None)
+        ):
             self._exchange()
         if controller.is_finished:
             self._exchange()
         self._note_state()
-        if self._faulty is not None:
-            faulty, self._faulty = self._faulty, None
-            raise faulty
+        interruption, controller.interruption = controller.interruption, None
+        faulty, self._faulty = self._faulty, None
+        if (error := interruption or faulty) is not None:
+            raise error
 
     def change_truth(self, key: str, value: object) -> None:
         """Change the mechanics of the true robot from now on: `joint3.mass`, `joint2.viscous`, `joint2.coulomb`, …
@@ -205,6 +211,7 @@ class Rig(Branching, Carrying, AnyRig):
 
         `events` reports sets that never began. Afterwards the rig answers questions and refuses everything else.
         """
+        self._turns.check("finish")
         self._used()
         controller = self._controller
         if not self._is_finished and controller.state is State.IDLE:
@@ -330,12 +337,7 @@ class Rig(Branching, Carrying, AnyRig):
             why = f": {self.reason}" if self.reason else ""
             raise FaultError(f"no fault can begin any more: the run has ended at {self.time_s:.4f} s{why}")
         for late in self._bench.faults.overdue(script):
-            at_s, cycle = late.trigger.at_s, late.trigger.cycle
-            given = f"cycle = {cycle}" if at_s is None else f"at = {at_s:g} s"
-            raise FaultError(
-                f"set {quoted(late.name)}: {given} is over: it is {self._bench.faults.run_time_s or 0.0:.4f} s, "
-                f"in cycle {self._bench.cycle}; to begin now, leave it out"
-            )
+            raise overdue(late, self._bench.faults.run_time_s or 0.0, self._bench.cycle)
         self._bench.inject(script)
 
     def _note_never_begun(self) -> None:

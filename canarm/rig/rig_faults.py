@@ -11,7 +11,15 @@ from pathlib import Path
 from typing import TypeVar
 
 from canarm_protocol.errors import CanarmError, FaultError
-from canarm_protocol.faults.script import FaultScript, ParameterValue, clearing, parse_faults, read_faults, script_of
+from canarm_protocol.faults.script import (
+    FaultScript,
+    FaultSet,
+    ParameterValue,
+    clearing,
+    parse_faults,
+    read_faults,
+    script_of,
+)
 from canarm_protocol.shown import quoted
 
 FaultSource = Path | str | FaultScript
@@ -109,6 +117,15 @@ def plainly(call: Callable[[], T]) -> T:
         return call()
     except CanarmError as error:
         raise error.with_traceback(None) from None
+
+
+def overdue(late: FaultSet, time_s: float, cycle: int) -> FaultError:
+    """The refusal of a set whose time is over: it is `time_s`, in `cycle`."""
+    at_s = late.trigger.at_s
+    given = f"cycle = {late.trigger.cycle}" if at_s is None else f"at = {at_s:g} s"
+    return FaultError(
+        f"set {quoted(late.name)}: {given} is over: it is {time_s:.4f} s, in cycle {cycle}; to begin now, leave it out"
+    )
 
 
 def read_script(source: FaultSource) -> FaultScript:

@@ -15,6 +15,7 @@ from canarm_emulator.bench_node.assessor import Assessor
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.model import Cell
 
+from ..usage import UsageError
 from .rig_joint import SIGNALS, TRUE_SIGNALS, Floats, Span
 
 
@@ -89,3 +90,12 @@ class History:
             saturated_cycles=score.saturated_cycles,
             speed_ripple=score.speed_ripple or None,
         )
+
+
+def history_of(cell: Cell, size: int, assessor: Assessor, controlled: Callable[[], int]) -> History:
+    """A memory of `size` cycles. Raises `UsageError` if there is not that much."""
+    try:
+        return History(cell, size, assessor, controlled)
+    except (MemoryError, ValueError, OverflowError):
+        seconds = size * cell.bus.cycle_s
+        raise UsageError(f"history_s {seconds:g}: {size:.2g} cycles do not fit into memory; take less") from None

@@ -17,7 +17,7 @@ from ..bus.master import start_frames, stop_frames
 from ..errors import BringUpError, ControllerError, InterruptedRunError, TrajectoryError
 from ..supervision.arrivals import OWED_NS, Arrivals
 from ..supervision.detection import DETECTORS
-from ..supervision.supervisor import Supervisor, Verdict, law_verdict
+from ..supervision.supervisor import Supervisor, Verdict
 from .awaited_inputs import AwaitedInputs
 from .cycle_frames import CycleFrames
 from .homing import HOMING_FAILED, Homing
@@ -265,13 +265,14 @@ class Controller(SupervisedRun):
             except TrajectoryError as error:
                 self._judge(Verdict(HOMING_FAILED, str(error)))
             except ControllerError as error:
-                self._judge(law_verdict(error))
+                self._judge_law(error)
             self._enter()
 
     def _converse(self, answer: Frame | None, now_ns: int, is_silent: bool = False) -> None:
         try:
             frames = self._preparation.go_on(answer, now_ns, is_silent)
         except ControllerError as error:
+            self._keep_interruption(error)
             self.lose(error)
             if not isinstance(error, BringUpError):
                 self.outbox += stop_frames(self._nodes)
@@ -325,7 +326,7 @@ class Controller(SupervisedRun):
         try:
             torque_nm = self.loop.torque_nm()
         except ControllerError as error:
-            self._judge(law_verdict(error))
+            self._judge_law(error)
             return None
         verdict = self._supervisor.command(torque_nm)
         if verdict is None:

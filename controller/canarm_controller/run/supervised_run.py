@@ -32,6 +32,8 @@ class SupervisedRun:
         """Names of detectors that are switched off."""
         self.starved_by: Callable[[str, str], str | None] = lambda detector, detail: None
         """Returns the lack of computing time that explains a detection; set by the owner of the clock."""
+        self.interruption: KeyboardInterrupt | None = None
+        """Ctrl-C that landed in the law's code, for an owner who passes it on once the robot is safe."""
         self._log = DetectionLog()
         bears_weight = not loop.law.takes_feedforward or loop.feedforward_kind != "none"
         self._watch = ArmWatch(
@@ -56,9 +58,17 @@ class SupervisedRun:
         try:
             tell()
         except ControllerError as error:
-            self._judge(law_verdict(error))
+            self._judge_law(error)
         except OSError as error:
             self._judge(Verdict("recording-failed", str(error)))
+
+    def _judge_law(self, error: ControllerError) -> None:
+        self._keep_interruption(error)
+        self._judge(law_verdict(error))
+
+    def _keep_interruption(self, error: ControllerError) -> None:
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            self.interruption = error.__cause__
 
     def _judge(self, verdict: Verdict | None) -> None:
         if verdict is None:
