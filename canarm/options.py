@@ -52,6 +52,12 @@ def not_negative(type_: object, value: int | None) -> None:
         raise ValueError("must be 0 or more.")
 
 
+def at_least_one(type_: object, value: int | None) -> None:
+    """Refuse a number below 1."""
+    if value is not None and value < 1:
+        raise ValueError("must be 1 or more.")
+
+
 def named_file(type_: object, tokens: Sequence[Token]) -> Path:
     """The given path; an empty one, as from an unset shell variable, is refused, not taken as the working folder."""
     text = tokens[0].value

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import Flag, positive, whole_number
+from .options import Flag, at_least_one, whole_number
 
 
 @Parameter(name="*")
@@ -30,7 +30,7 @@ class OutputOptions:
         Parameter(
             metavar="MB",
             converter=whole_number,
-            validator=positive,
+            validator=at_least_one,
             help="Go on in a new file when a log of frames or signals has so many megabytes.",
         ),
     ] = None

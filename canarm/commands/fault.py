@@ -14,7 +14,7 @@ from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.faults.script import FaultScript, script_of
 
 from ..fault_text import catalogue_lines, parse_parameters, select_taps, status_lines
-from ..options import BenchAttachOptions, CellOptions, Flag, Seconds, named_file
+from ..options import BenchAttachOptions, CellOptions, Flag, Seconds, named_file, whole_number
 from ..rig.rig_faults import read_script
 from ..usage import UsageError
 
@@ -64,13 +64,17 @@ def inject(
         float | None,
         Parameter(metavar="SECONDS", help="Begin so long after cycle 0 of the run; at once unless given, or over."),
     ] = None,
-    cycle: Annotated[int | None, Parameter(metavar="NUMBER", help="Begin with this cycle.")] = None,
+    cycle: Annotated[
+        int | None, Parameter(converter=whole_number, metavar="NUMBER", help="Begin with this cycle.")
+    ] = None,
     when: Annotated[
         str | None, Parameter(metavar="CONDITION", help="Begin as soon as it holds, as 'joint2.angle_deg > 30'.")
     ] = None,
     manual: Annotated[Flag, Parameter(help="Wait for `canarm fault trigger`.")] = False,
     duration: Annotated[Seconds | None, Parameter(show_default=False, help="Time until it ends by itself.")] = None,
-    repeat: Annotated[int | None, Parameter(metavar="TIMES", help="Activations in all; needs a duration.")] = None,
+    repeat: Annotated[
+        int | None, Parameter(converter=whole_number, metavar="TIMES", help="Activations in all; needs a duration.")
+    ] = None,
     period: Annotated[
         Seconds | None, Parameter(show_default=False, help="Time from one activation to the next.")
     ] = None,

@@ -69,11 +69,17 @@ class ScenarioOptions:
     truth: Truth | None = None
     seeds: Annotated[
         int | None,
-        Parameter(validator=_some, metavar="NUMBER", help="Run each cell with so many seeds, --seed the first."),
+        Parameter(
+            converter=whole_number,
+            validator=_some,
+            metavar="NUMBER",
+            help="Run each cell with so many seeds, --seed the first.",
+        ),
     ] = None
     draws: Annotated[
         int | None,
         Parameter(
+            converter=whole_number,
             validator=_some,
             metavar="NUMBER",
             help="Run each cell at so many combinations of onset, seed, law, motion, payload, friction and drive wire: "

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -17,7 +18,8 @@ from ..announced import announced
 from ..new_cell import NewCellError, Request, Sensing, write_cell
 from ..new_cell.arms import SEGMENTS, arm_of_urdf, made_up_arm
 from ..new_cell.request import DEFAULT_BITRATE, DEFAULT_BITS, DEFAULT_SENSING, POSITION_KINDS, Arm
-from ..options import Flag, named_file
+from ..new_cell.timing import CYCLES_US
+from ..options import Flag, named_file, whole_number
 from ..rehearsal import REHEARSED_S, rehearse
 from ..usage import DEFAULT_LAW, UsageError
 
@@ -32,17 +34,28 @@ def new_cell(
         Parameter(metavar="FILE", converter=named_file, help="The arm: bodies, axes and limits of a URDF file."),
     ] = None,
     joints: Annotated[
-        int | None, Parameter(metavar="N", help="Or a made-up arm of 1 to 7 joints, for a laboratory bench.")
+        int | None,
+        Parameter(
+            converter=whole_number, metavar="N", help="Or a made-up arm of 1 to 7 joints, for a laboratory bench."
+        ),
     ] = None,
     out: Annotated[
         Path | None, Parameter(metavar="FILE", converter=named_file, help="The cell to write, such as my.toml.")
     ] = None,
     cycle_us: Annotated[
         int | None,
-        Parameter(metavar="US", help="Period of SYNC in us; unless given 2500, or the next that the bus can carry."),
+        Parameter(
+            converter=whole_number,
+            metavar="US",
+            help="Period of SYNC in us; unless given 2500, or the next that the bus can carry.",
+        ),
     ] = None,
-    bitrate: Annotated[int, Parameter(metavar="BIT/S", help="Bit rate of the robot's bus.")] = DEFAULT_BITRATE,
-    bits: Annotated[int, Parameter(help="Resolution of the converters, 8 to 16.")] = DEFAULT_BITS,
+    bitrate: Annotated[
+        int, Parameter(converter=whole_number, metavar="BIT/S", help="Bit rate of the robot's bus.")
+    ] = DEFAULT_BITRATE,
+    bits: Annotated[
+        int, Parameter(converter=whole_number, help="Resolution of the converters, 8 to 16.")
+    ] = DEFAULT_BITS,
     sensors: Annotated[
         tuple[Kinds, ...],
         Parameter(
@@ -75,12 +88,36 @@ def new_cell(
         with announced("choosing cycle, drives and gains"):
             text, cell = write_cell(arm, request, folder)
         with announced(f"trying the cell: {REHEARSED_S:g} s with {DEFAULT_LAW} on each built-in motion"):
-            notes = list(rehearse(cell, [DEFAULT_LAW]))
+            notes = list(_rehearsed(cell, arm, request, folder))
     except CanarmError as error:
         raise NewCellError(str(error).replace(":\n", ": ").replace("\n", "; ")) from None
     _write(out, text, force)
     _print(cell, out, [*_efforts(arm, cell), *notes[:-1]])
     return 0
+
+
+def _rehearsed(cell: Cell, arm: Arm, request: Request, folder: Path) -> Iterator[str]:
+    """As `rehearse`; of a cycle that is too long for the arm it is said which one is not."""
+    try:
+        yield from rehearse(cell, [DEFAULT_LAW])
+    except UsageError as error:
+        longest_us = _longest_cycle_us(arm, request, folder)
+        if longest_us is None:
+            raise
+        raise UsageError(
+            f"--cycle-us {request.cycle_us} is too long for this arm: {error}; --cycle-us {longest_us} works"
+        ) from None
+
+
+def _longest_cycle_us(arm: Arm, request: Request, folder: Path) -> int | None:
+    """The longest of the usual cycles, shorter than the requested one, with which the arm runs; None without any."""
+    for cycle_us in reversed([each for each in CYCLES_US if each < (request.cycle_us or 0)]):
+        try:
+            list(rehearse(write_cell(arm, replace(request, cycle_us=cycle_us), folder)[1], [DEFAULT_LAW]))
+        except CanarmError:
+            continue
+        return cycle_us
+    return None
 
 
 def _check_free(out: Path) -> None:
@@ -100,9 +137,13 @@ def _sensing(sensors: Sequence[str], position_sensor: str | None) -> Sensing:
 
 
 def _arm(urdf: Path | None, joints: int | None, folder: Path) -> Arm:
-    if (urdf is None) == (joints is None):
+    if urdf is not None and joints is not None:
+        raise UsageError(f"new-cell: --urdf {urdf} and --joints {joints}: of which arm? take one of the two")
+    if urdf is None and joints is None:
         raise UsageError("new-cell: of which arm? name its file with --urdf, or take a made-up one with --joints 3")
     if urdf is not None:
+        if not urdf.exists():
+            raise UsageError(f"--urdf {urdf}: there is no such file")
         return arm_of_urdf(urdf, Path(os.path.relpath(urdf, folder)).as_posix())
     if joints not in SEGMENTS:
         raise UsageError(f"--joints {joints}: must be {min(SEGMENTS)} to {max(SEGMENTS)}")

@@ -4,6 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from canarm_protocol.cards.analogue import FEWEST_BITS, MOST_BITS
+from canarm_protocol.cell.model import BITRATES
+
 from ..usage import UsageError
 
 DEFAULT_CYCLE_US = 2500
@@ -50,9 +53,18 @@ class Arm:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What the cell is to be like: a `cycle_us` of None is 2500 us, or the next that fits."""
+    """What the cell is to be like: a `cycle_us` of None is 2500 us, or the next that fits.
+
+    Raises `NewCellError` for a resolution or bit rate that no cell can have.
+    """
 
     cycle_us: int | None = None
     bitrate: int = DEFAULT_BITRATE
     bits: int = DEFAULT_BITS
     sensing: Sensing = DEFAULT_SENSING
+
+    def __post_init__(self) -> None:
+        if not FEWEST_BITS <= self.bits <= MOST_BITS:
+            raise NewCellError(f"--bits {self.bits}: must be {FEWEST_BITS} to {MOST_BITS}")
+        if self.bitrate not in BITRATES:
+            raise NewCellError(f"--bitrate {self.bitrate}: must be one of {', '.join(map(str, BITRATES))}")

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.model import LONGEST_CYCLE_US, SHORTEST_CYCLE_US, Cell
 from canarm_protocol.cell.schedulability import cell_verdict
 from canarm_protocol.errors import CellError
 
@@ -21,6 +21,12 @@ def fitting_cycle_us(request: Request, cell_of: Callable[[int], Cell]) -> int:
 
     Raises `NewCellError` with the arithmetic if the requested one, or every one, does not fit.
     """
+    if request.cycle_us is not None and not SHORTEST_CYCLE_US <= request.cycle_us <= LONGEST_CYCLE_US:
+        shortest = _shortest_fitting(cell_of, max(request.cycle_us, 0))
+        advice = "" if shortest is None else f"; --cycle-us {shortest} fits"
+        raise NewCellError(
+            f"--cycle-us {request.cycle_us}: must be {SHORTEST_CYCLE_US} to {LONGEST_CYCLE_US} us{advice}"
+        )
     cycles = CYCLES_US if request.cycle_us is None else (request.cycle_us,)
     refusals: list[str] = []
     for cycle_us in cycles:

@@ -5,18 +5,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from ..options import whole_number
-
-
-def _at_least_one(type_: object, value: int | None) -> None:
-    if value is not None and value < 1:
-        raise ValueError("must be 1 or more.")
-
+from ..options import at_least_one, whole_number
 
 Jobs = Annotated[
     int | None,
     Parameter(
-        converter=whole_number, validator=_at_least_one, metavar="NUMBER", help="Processes; one a core unless given."
+        converter=whole_number, validator=at_least_one, metavar="NUMBER", help="Processes; one a core unless given."
     ),
 ]
 

@@ -5,10 +5,13 @@ import shlex
 import signal
 import subprocess
 import sys
+from typing import get_args
 
 import pytest
+from cyclopts import Token
 
 from canarm import cli
+from canarm.options import whole_number
 
 OPTIONS = {
     "demo": "--cell --set --law --feedforward --trajectory --seconds --clock --pace --sync-timeout --seed --truth "
@@ -391,3 +394,22 @@ def test_an_empty_variable_counts_as_none(monkeypatch, capsys):
     monkeypatch.setenv("CANARM_CELL", "")
     assert cli.run(["check", "--keys"]) == 0
     assert "joint2" in capsys.readouterr().out
+
+
+def test_every_whole_number_refuses_a_fraction():
+    """The parser alone would round 1.5 seeds to 2."""
+    found = []
+
+    def look(known, words):
+        for argument in known.assemble_argument_collection() if known.default_command else ():
+            if argument.hint is int or int in get_args(argument.hint):
+                found.append((*words, argument.name))
+                assert argument.parameter.converter is whole_number, (words, argument.name)
+        for name in known:
+            if not name.startswith("-"):
+                look(known[name], (*words, name))
+
+    look(cli.app, ())
+    assert {("fault", "matrix", "--seeds"), ("new-cell", "--bits"), ("fault", "inject", "--cycle")} <= set(found)
+    with pytest.raises(ValueError, match="must be a whole number"):
+        whole_number(int, [Token(value="1.5")])

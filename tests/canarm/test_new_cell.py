@@ -1,5 +1,6 @@
 """New cells: what is written loads, its drives are strong enough, its traffic fits, and what cannot be is refused."""
 
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -259,9 +260,9 @@ def test_a_file_that_is_there_is_left_alone(tmp_path: Path, capsys: pytest.Captu
         (["--joints", "7", "--cycle-us", "1000"], "--cycle-us 1000 does not fit: 1000000 bit/s x 1000 us = 1000 bits"),
         (["--joints", "3", "--urdf", "arm.urdf"], "of which arm?"),
         (["--joints", "8"], "--joints 8: must be 1 to 7"),
-        (["--urdf", "missing.urdf"], "missing.urdf: no such file"),
-        (["--joints", "2", "--bitrate", "9600"], "canarm: arm2: bus.bitrate = 9600: must be 10000"),
-        (["--joints", "2", "--bits", "20"], "card 'adc'.bits = 20: must be at most 16"),
+        (["--urdf", "missing.urdf"], "--urdf missing.urdf: there is no such file"),
+        (["--joints", "2", "--bitrate", "9600"], "canarm: --bitrate 9600: must be one of 10000"),
+        (["--joints", "2", "--bits", "20"], "--bits 20: must be 8 to 16"),
     ],
 )
 def test_what_cannot_be_written_is_refused(
@@ -296,3 +297,47 @@ def test_limits_of_a_urdf_file_are_used_or_said_not_to_be(tmp_path: Path, capsys
         TrajectoryError, match=r"elbow .* rad/s is beyond max_speed_rad_s of the cell; must be .*2 rad/s"
     ):
         make_trajectory({"time_s": time_s, **still}, cell)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--cycle-us", "0"], "--cycle-us 0: must be 500 to 100000 us; --cycle-us 1500 fits"),
+        (["--cycle-us", "-5"], "--cycle-us -5: must be 500 to 100000 us; --cycle-us 1500 fits"),
+        (["--cycle-us", "1000000"], "--cycle-us 1000000: must be 500 to 100000 us"),
+        (["--bits", "7"], "--bits 7: must be 8 to 16"),
+        (["--urdf", "a"], "--urdf a and --joints 2: of which arm? take one of the two"),
+    ],
+    ids=lambda each: " ".join(each) if isinstance(each, list) else "",
+)
+def test_a_limit_is_said_by_the_name_of_its_option(
+    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """8 to 16 bits are those of the cards; the bit rates are those of CiA 301."""
+    assert run(["new-cell", "--joints", "2", *words, "--out", str(tmp_path / "my.toml")]) == 2
+    told = capsys.readouterr().err
+    assert said in told
+    assert "arm2:" not in told, "no key of a file that is not there"
+    assert not (tmp_path / "my.toml").exists()
+
+
+def test_of_a_cycle_that_is_too_long_for_the_arm_one_is_named_that_works(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["new-cell", "--joints", "2", "--out", str(tmp_path / "my.toml")]
+    assert run([*words, "--cycle-us", "50000"]) == 2
+    found = re.fullmatch(r".*too long for this arm: .*; --cycle-us (\d+) works\n", capsys.readouterr().err)
+    assert found is not None
+    assert run([*words, "--cycle-us", found[1]]) == 0
+
+
+def test_an_inertia_that_no_body_has_is_said_in_the_files_own_words(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Products of inertia without moments: in a turned frame they would show as a negative moment."""
+    text = re.sub('i(xx|yy|zz)="[^"]*"', r'i\1="0"', BENCH_ARM.read_text())
+    (tmp_path / "arm.urdf").write_text(text)
+    assert run(["new-cell", "--urdf", str(tmp_path / "arm.urdf"), "--out", str(tmp_path / "my.toml")]) == 2
+    told = capsys.readouterr().err
+    assert 'arm.urdf: link \'column\': inertia ixx="0" iyy="0" izz="0" ixy=' in told
+    assert "no body has it" in told

@@ -8,7 +8,7 @@ key names. Angles are in degrees, because people write the file.
 import itertools
 from collections import Counter
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, Field, SerializeAsAny, ValidatorFunctionWrapHandler, WrapValidator, create_model
 from pydantic_core import PydanticCustomError
@@ -23,13 +23,18 @@ from .sensors import SENSOR_KINDS, Quantity, Sensor, Sensors
 from .table import Finite, Name, NonNegative, Positive, Table, Vector
 
 __all__ = [
-    "CARD_TYPES", "D669", "SENSOR_KINDS", "Body", "Bus", "Card", "Carried", "Cell", "Channel",
+    "BITRATES", "CARD_TYPES", "D669", "LONGEST_CYCLE_US", "SENSOR_KINDS", "SHORTEST_CYCLE_US", "Body", "Bus", "Card",
+    "Carried", "Cell", "Channel",
     "Command", "Control", "Drive", "Finite", "Joint", "JointControl", "Link", "Motor", "MrasGains", "MrasLyapunovGains",
     "Name", "NodeId", "NonNegative", "ObserverGains", "Physics", "Positive", "Quantity", "Robot", "Sensor", "Sensors",
     "SlotineLiGains", "Supervision", "Table", "Vector", "leaves",
 ]  # fmt: skip
 
 NodeId = Annotated[int, Field(ge=1, le=HIGHEST_NODE_ID)]
+Bitrate = Literal[10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000]
+BITRATES: tuple[int, ...] = get_args(Bitrate)
+"""Bit rates of CiA 301, section 5.5, in bit/s."""
+SHORTEST_CYCLE_US, LONGEST_CYCLE_US = 500, 100_000
 
 _WIRES: Mapping[str, Wire] = {
     Command.CURRENT: Wire.CURRENT_COMMAND,
@@ -46,8 +51,8 @@ def leaves(wire: Wire) -> tuple[str, ...]:
 class Bus(Table):
     """The robot's CAN bus."""
 
-    bitrate: Literal[10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000]
-    cycle_us: Annotated[int, Field(ge=500, le=100_000)]
+    bitrate: Bitrate
+    cycle_us: Annotated[int, Field(ge=SHORTEST_CYCLE_US, le=LONGEST_CYCLE_US)]
     heartbeat_ms: Annotated[int, Field(ge=1, le=10_000)]
     heartbeat_timeout_ms: Annotated[int, Field(ge=2, le=60_000)]
     controller_node_id: NodeId

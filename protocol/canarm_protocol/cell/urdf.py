@@ -15,6 +15,7 @@ from typing import Any
 from ..errors import CellError
 from ..shown import first_line, printable
 from ..text_file import read_text
+from .inertia import is_possible
 from .rigid import IDENTITY, Inertial, Pose, Triple, from_rpy, to_rpy
 from .urdf_numbers import number_problem
 
@@ -163,11 +164,12 @@ def _chain(robot: Any) -> tuple[UrdfJoint, ...]:
         if name not in below:
             raise _UrdfProblem(f"link {name!r}: hangs in a loop of joints; an arm goes from base to tip")
     found: list[UrdfJoint] = []
-    _, at = _gathered(roots[0], links, children)
+    _, at, _ = _gathered(roots[0], links, children)
     names: dict[str, str] = {}
     while at is not None:
         joint, pose = at
-        body, following = _gathered(joint.child, links, children)
+        body, following, parts = _gathered(joint.child, links, children)
+        _check_possible(body, [links[name] for name in parts])
         each = _joint(joint, pose, body)
         if each.name in names:
             raise _UrdfProblem(
@@ -201,16 +203,19 @@ def _below(root: str, children: Mapping[str, Sequence[Any]]) -> set[str]:
 
 def _gathered(
     name: str, links: Mapping[str, Any], children: Mapping[str, Sequence[Any]]
-) -> tuple[Inertial | None, tuple[Any, Pose] | None]:
-    """The rigid body of which link `name` is part, in the link's frame; the joint after it, with its pose there.
+) -> tuple[Inertial | None, tuple[Any, Pose] | None, list[str]]:
+    """The rigid body of which link `name` is part, in the link's frame; the joint after it, with its pose there; and
+    the names of the body's links.
 
     Raises `_UrdfProblem` if there are two joints after it.
     """
     body: Inertial | None = None
     moving: tuple[Any, Pose] | None = None
+    parts: list[str] = []
     waiting = [(name, Pose())]
     while waiting:
         link, pose = waiting.pop()
+        parts.append(link)
         own = _inertial(links[link])
         if own is not None:
             own = own.seen_from(pose)
@@ -226,7 +231,27 @@ def _gathered(
                 )
             else:
                 moving = (joint, at)
-    return body, moving
+    return body, moving, parts
+
+
+def _check_possible(body: Inertial | None, links: Sequence[Any]) -> None:
+    """Raises `_UrdfProblem`, with the file's own numbers, for the link whose inertia makes the body's impossible."""
+    if body is None or _is_possible(body.tensor_kg_m2):
+        return
+    for link in links:
+        inertia = link.inertial and link.inertial.inertia
+        if inertia is not None and not _is_possible(inertia.to_matrix()):
+            keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+            listed = " ".join(f'{key}="{getattr(inertia, key):g}"' for key in keys)
+            raise _UrdfProblem(
+                f"link {link.name!r}: inertia {listed}: no body has it; any two of its principal moments must be at "
+                "least the third together (A + B >= C)"
+            )
+
+
+def _is_possible(tensor: Sequence[Sequence[float]]) -> bool:
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = tensor
+    return is_possible((xx, yy, zz), (xy, xz, yz))
 
 
 def _joint(joint: Any, pose: Pose, body: Inertial | None) -> UrdfJoint:
