@@ -47,9 +47,14 @@ def data_frame(columns: dict[str, Any], library: object) -> Any:
 
     Raises `MissingLibraryError`, and `UsageError` for another library.
     """
-    if library not in TABLES:
-        raise UsageError(f"library {quoted(library)}: must be {' or '.join(TABLES)}")
-    return load_library(str(library), "a DataFrame").DataFrame(columns)
+    return load_library(check_library(library), "a DataFrame").DataFrame(columns)
+
+
+def check_library(name: object) -> str:
+    """The name of a library of DataFrames. Raises `UsageError` for any other."""
+    if not isinstance(name, str) or name not in TABLES:
+        raise UsageError(f"library {quoted(name)}: must be {' or '.join(TABLES)}")
+    return name
 
 
 def _broken(name: str, what: str, error: Exception) -> MissingLibraryError:

@@ -5,7 +5,6 @@ import math
 import platform
 import sys
 from collections.abc import Mapping
-from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from canarm_controller.laws.loading import load_law
@@ -16,9 +15,8 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.schedulability import cell_verdict
 from canarm_protocol.cell.wiring import card_nodes, input_slots
 from canarm_protocol.clock import Clock
-from canarm_protocol.shown import quoted
 
-from .usage import DEFAULT_CELL, DEFAULT_LAW, UsageError
+from .usage import DEFAULT_CELL, DEFAULT_LAW, UsageError, check_number
 
 if TYPE_CHECKING:
     from canarm_emulator.faults.fault_bench import FaultBench
@@ -69,9 +67,10 @@ def make_controller(
 
 def tick_count(cell: Cell, seconds: float, source: str = "--seconds") -> int:
     """The number of cycles in `seconds`, given in `source`. Raises `UsageError` for less than one, or no number."""
-    if not isinstance(seconds, Real) or isinstance(seconds, bool):
-        raise UsageError(f"{source} {quoted(seconds)}: must be a number of seconds")
-    ticks = round(seconds / cell.bus.cycle_s) if math.isfinite(seconds) else 0
+    given: object = seconds
+    if not (isinstance(given, float) and math.isnan(given)):  # which is told as what is too short
+        check_number(source, seconds)
+    ticks = round(float(seconds) / cell.bus.cycle_s) if math.isfinite(seconds) else 0
     if ticks < 1:
         raise UsageError(f"{source} {seconds:g}: must be at least one cycle, {cell.bus.cycle_s:g} s")
     return ticks

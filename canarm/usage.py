@@ -1,16 +1,37 @@
 """Defaults, and the error for impossible requests. Imports little: `canarm --help` needs it."""
 
 import contextlib
+import math
 from collections.abc import Iterable, Sequence
+from numbers import Real
 
-from canarm_protocol.errors import CanarmError
-from canarm_protocol.shown import printable
+from canarm_protocol.errors import UsageError
+from canarm_protocol.shown import printable, quoted
+
+__all__ = [
+    "DEFAULT_CELL",
+    "DEFAULT_LAW",
+    "DEFAULT_TRAJECTORY",
+    "UsageError",
+    "check_number",
+    "key_values",
+    "parse_settings",
+    "value_text",
+]
 
 DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY = "konkuk1", "mras", "sine"
 
 
-class UsageError(CanarmError, ValueError):
-    """An impossible request by the user: exit status 2, and in Python a `ValueError`."""
+def check_number(what: str, value: object, lowest: float = -math.inf) -> None:
+    """Raises `UsageError` unless `value` is a number, NaN excepted, that a float can hold and is at least `lowest`."""
+    try:
+        number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    except OverflowError:
+        raise UsageError(f"{what} {quoted(value)}: is too large for a number") from None
+    if math.isnan(number):
+        raise UsageError(f"{what} {quoted(value)}: must be a number")
+    if number < lowest:
+        raise UsageError(f"{what} {quoted(value)}: must be {lowest:g} or more")
 
 
 def parse_settings(option: str, words: Sequence[str]) -> dict[str, str]:
@@ -32,9 +53,12 @@ def key_values(words: Iterable[str], before: str, hint: str) -> dict[str, str]:
 
 
 def value_text(value: object) -> str:
-    """One value as text: bools as true or false, numpy's numbers as plain numbers."""
+    """One value as text: bools as true or false, numpy's numbers as plain ones. Raises `UsageError` if it has none."""
     plain = value
     if hasattr(value, "item"):
         with contextlib.suppress(TypeError, ValueError):  # an array of several
             plain = value.item()
-    return str(plain).lower() if isinstance(plain, bool) else str(plain)
+    try:
+        return str(plain).lower() if isinstance(plain, bool) else str(plain)
+    except Exception:  # a number of thousands of digits, or an object whose own code fails
+        raise UsageError(f"{quoted(value)}: cannot be written as text") from None

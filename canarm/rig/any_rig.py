@@ -19,7 +19,15 @@ from canarm_protocol.shown import printable
 
 from ..libraries import data_frame
 from ..session import DEFAULT_CELL, DEFAULT_LAW
-from .arguments import Unused, as_text, checked_folder, checked_seed, checked_switch
+from .arguments import (
+    Unused,
+    as_text,
+    checked_feedforward,
+    checked_folder,
+    checked_seed,
+    checked_switch,
+    known_arguments,
+)
 from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question
 from .rig_faults import FaultControl, FaultSource
 from .rig_joint import SIGNALS, Joints
@@ -34,6 +42,7 @@ class AnyRig(FaultControl):
     unused: Unused | None = None
     """What warns of a rig that is never run."""
 
+    @known_arguments
     def __init__(
         self,
         cell: str | Path | Cell = DEFAULT_CELL,
@@ -50,9 +59,9 @@ class AnyRig(FaultControl):
         out: Path | str | None = None,
     ) -> None:
         super().__init__()
-        self._law, self._trajectory, self._feedforward = law, trajectory, feedforward
+        self._law, self._trajectory, self._feedforward = law, trajectory, checked_feedforward(feedforward)
         self._seed, self._wire = checked_seed(seed), checked_switch("wire", wire)
-        self._true_settings = as_text(truth)
+        self._true_settings = as_text("truth", truth)
         self._history_s, self._out = history_s, checked_folder(out)
         self.fault_events: list[FaultEvent] = []
         """Beginnings and ends of faults; oldest first."""
@@ -105,7 +114,7 @@ class AnyRig(FaultControl):
         ("0x14"). Raises `UsageError` for an unknown detector, joint or node.
         """
         __tracebackhide__ = True
-        check_question(self.cell, name, joint)
+        check_question(self.cell, name, joint, since)
         return ask_detected(self.noticed, self.begun, name, joint, since)
 
     def to_dataframe(self, library: str = "pandas") -> Any:

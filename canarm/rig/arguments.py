@@ -3,15 +3,19 @@
 The controller resolves law and trajectory. Nothing is run here.
 """
 
-import math
+import functools
+import inspect
 import sys
 import warnings
 import weakref
-from collections.abc import Mapping
-from numbers import Integral, Real
+from collections.abc import Callable, Mapping
+from numbers import Integral
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, ParamSpec
 
+import numpy as np
+
+from canarm_controller.reference.feedforward import FeedforwardKind
 from canarm_emulator.errors import TruthError
 from canarm_emulator.robot.truth import truth_keys
 from canarm_protocol.cell.cell_messages import nearest
@@ -66,8 +70,19 @@ def checked_seed(seed: object) -> int:
     if not isinstance(seed, Integral) or isinstance(seed, bool):
         raise UsageError(f"seed {quoted(seed)}: must be a whole number")
     if int(seed) < 0:
-        raise UsageError(f"seed {seed}: must not be negative")
+        raise UsageError(f"seed {quoted(seed)}: must not be negative")
+    try:
+        str(int(seed))
+    except ValueError:
+        raise UsageError(f"seed {quoted(seed)}: has too many digits") from None
     return int(seed)
+
+
+def checked_feedforward(given: object) -> str | None:
+    """`given` as text, which the controller judges. Raises `UsageError` if it is none."""
+    if not isinstance(given, str | None):
+        raise UsageError(f"feedforward {quoted(given)}: must be {', '.join(FeedforwardKind)}, or None: the usual one")
+    return given
 
 
 def checked_folder(out: object) -> Path | None:
@@ -79,22 +94,44 @@ def checked_folder(out: object) -> Path | None:
 
 def checked_switch(what: str, value: object) -> bool:
     """`value` as a bool. Raises `UsageError` if it is neither true nor false."""
-    if value not in (True, False):
+    if not isinstance(value, bool | np.bool_) and (not isinstance(value, Integral) or value not in (0, 1)):
         raise UsageError(f"{what} {quoted(value)}: must be True or False")
     return bool(value)
 
 
-def check_number(what: str, value: object) -> None:
-    """Raises `UsageError` unless `value` is a number, NaN excepted."""
-    if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(float(value)):
-        raise UsageError(f"{what} {quoted(value)}: must be a number")
-
-
-def as_text(values: Mapping[str, object] | None) -> dict[str, str]:
-    """Values as `--set` and `--truth` spell them. Raises `UsageError` for what is no mapping."""
+def as_text(what: str, values: Mapping[str, object] | None) -> dict[str, str]:
+    """Values as `--set` and `--truth` spell them. Raises `UsageError` for what is no mapping of names."""
     if not isinstance(values, Mapping | None):
-        raise UsageError(f"{quoted(values)}: must be a mapping of keys and values, such as {{'joint3.mass': 0.9}}")
+        raise UsageError(
+            f"{what} {quoted(values)}: must be a mapping of keys and values, such as {{'joint3.mass': 0.9}}"
+        )
+    for key in values or {}:
+        if not isinstance(key, str):
+            raise UsageError(f"{what} {quoted(key)}: a key is a name, such as 'joint3.mass'")
     return {key: value_text(value) for key, value in (values or {}).items()}
+
+
+class UnknownArgument(UsageError, TypeError):
+    """No argument has that name."""
+
+
+P = ParamSpec("P")
+
+
+def known_arguments(init: Callable[P, None]) -> Callable[P, None]:
+    """An `__init__` that answers a misspelled argument with what was probably meant; `UnknownArgument`."""
+    names = list(inspect.signature(init).parameters)[1:]
+
+    @functools.wraps(init)
+    def checked(*args: P.args, **named: P.kwargs) -> None:
+        __tracebackhide__ = True
+        for name in named:
+            if name not in names:
+                made = type(args[0]).__name__
+                raise UnknownArgument(f"{made}: no argument {quoted(name)}{nearest(name, names)}")
+        init(*args, **named)
+
+    return checked
 
 
 def check_mechanics(cell: Cell, key: str) -> None:

@@ -67,7 +67,7 @@ class BusRig(AnyRig):
         name, self._law_word = _word("cell", cell), _word("law", self._law)
         if self._out is None:
             raise UsageError("out: over a bus there is always a run folder; name it")
-        given = as_text(settings)
+        given = as_text("settings", settings)
         self.cell = open_cell(name, given, option="settings")
         motion = usual_motion(self.cell) if self._trajectory is None else self._trajectory
         self._trajectory_word = _word("trajectory", motion)

@@ -6,12 +6,12 @@ from enum import Enum
 from typing import Literal, NamedTuple
 
 from canarm_controller.supervision.detection import DETECTORS, Detection
-from canarm_protocol.cell.cell_messages import nearest
+from canarm_protocol.cell.cell_messages import near_and_all, nearest
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.faults.fault_events import FaultEvent
 from canarm_protocol.shown import quoted
 
-from ..usage import UsageError
+from ..usage import UsageError, check_number
 from .arguments import RigWarning
 
 
@@ -135,6 +135,9 @@ class Detected:
         """
         __tracebackhide__ = True
         first, since_s = self._first, self.since_s
+        check_number("within", limit_s, 0.0)
+        if not isinstance(of, Start | None):
+            check_number("within: of", of)
         if since_s is None:
             return Finding(False, f"no fault has begun that a detection could come after; {self.text}")
         if of is None:
@@ -204,17 +207,17 @@ def ask_detected(
     return Detected(sought, found, others, last, start_s)
 
 
-def check_question(cell: Cell, name: str | None, where: str | None) -> None:
+def check_question(cell: Cell, name: object, where: object, since_s: object) -> None:
     """Raises `UsageError` if nothing can ever match: `assert not` would always pass."""
     __tracebackhide__ = True
-    if name is not None and name not in DETECTORS:
+    if since_s is not None:
+        check_number("detected: since", since_s)
+    if name is not None and (not isinstance(name, str) or name not in DETECTORS):
         raise UsageError(f"detected: no detector {quoted(name)}{nearest(name, DETECTORS)}")
     nodes = [cell.bus.controller_node_id, *(card.node_id for card in cell.card)]
     places = [*cell.joint_names, *(card.name for card in cell.card), *(f"0x{node_id:02X}" for node_id in nodes)]
-    if where is not None and where not in places:
-        hint = nearest(where, places)
-        known = "" if "known are" in hint else f" There are {', '.join(places)}"
-        raise UsageError(f"detected: no joint, card or node {quoted(where)}{hint}{known}")
+    if where is not None and (not isinstance(where, str) or where not in places):
+        raise UsageError(f"detected: no joint, card or node {quoted(where)}{near_and_all(where, places)}")
 
 
 def _ms(seconds: float) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from canarm_protocol.cell.model import Cell
+from canarm_protocol.shown import quoted
 
 from ..open_cell import open_cell
 from ..session import traffic_warning
@@ -21,10 +22,12 @@ def rig_cell(cell: str | Path | Cell, settings: Mapping[str, object] | None) -> 
         if settings:
             raise UsageError("settings: go with the name or file of a cell; lay them over this one with load_cell()")
         loaded, name = cell, cell.name
+    elif not isinstance(cell, str | Path):
+        raise UsageError(f"cell {quoted(cell)}: must be a name, a file or a Cell")
     else:
         name = str(cell)
-        loaded = open_cell(name, as_text(settings), option="settings")
+        loaded = open_cell(name, as_text("settings", settings), option="settings")
     warning = traffic_warning(loaded, name)
     if warning is not None:
-        warnings.warn(warning, RigWarning, stacklevel=4)
+        warnings.warn(warning, RigWarning, stacklevel=5)
     return loaded

@@ -22,6 +22,8 @@ from canarm_protocol.faults.script import (
 )
 from canarm_protocol.shown import quoted
 
+from ..usage import UsageError
+
 FaultSource = Path | str | FaultScript
 UNNAMED = "set "
 """Prefix of the names of unnamed sets."""
@@ -63,6 +65,9 @@ class FaultControl(ABC):
         `repeat` activations in all begin `period` s apart. `canarm fault list` shows taps, faults and `parameters`.
         """
         __tracebackhide__ = True
+        for what, word in (("tap", tap), ("fault", fault)):
+            if not isinstance(word, str):
+                raise FaultError(f"inject: {what} {quoted(word)}: must be a name; see `canarm fault list`")
         wanted = {"at": at, "cycle": cycle, "when": when, "duration": duration, "period": period}
         # A default is recognized by identity: 0 equals False, and True equals 1.
         wanted |= {"manual": None if manual is False else manual}
@@ -82,11 +87,15 @@ class FaultControl(ABC):
     def trigger(self, name: str) -> None:
         """Begin a waiting set with the next cycle."""
         __tracebackhide__ = True
+        if not isinstance(name, str):
+            raise UsageError(f"trigger: {quoted(name)}: must be the name of a set")
         plainly(lambda: self._accept(FaultScript(trigger=name)))
 
     def clear(self, name: str | None = None) -> None:
         """End and forget the sets of that name; without a name, all sets."""
         __tracebackhide__ = True
+        if not isinstance(name, str | None):
+            raise UsageError(f"clear: {quoted(name)}: must be the name of a set; leave it out to clear all")
         plainly(lambda: self._accept(clearing(name)))
         for each in [name] if name else list(self._awaited):
             self._awaited.pop(each, None)

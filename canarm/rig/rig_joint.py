@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from canarm_controller.bus.assessment import JointFigures
 from canarm_protocol.cell.bench_objects import SETTLING_CYCLES
-from canarm_protocol.cell.cell_messages import nearest
+from canarm_protocol.cell.cell_messages import near_and_all
 from canarm_protocol.shown import quoted
 
-from ..usage import UsageError
-from .arguments import check_number
+from ..usage import UsageError, check_number
 from .findings import HALF_NS, Finding
 
 Floats = NDArray[np.float64]
@@ -25,6 +24,7 @@ SIGNALS = ("true_angle_rad", "true_speed_rad_s", "current_a", "command_a", "refe
 TRUE_SIGNALS = 4
 """The first of `SIGNALS` are those of `canarm_emulator.robot.world.JointState`, in its order."""
 ERROR_LSB = "error_lsb"
+HISTORIES = (*SIGNALS, ERROR_LSB)
 SETTLED = f"the first {SETTLING_CYCLES} cycles are left out; run() for longer"
 
 
@@ -40,10 +40,7 @@ class UnknownJoint(UsageError, KeyError):
     """No joint has that name."""
 
     def __init__(self, name: object, names: Iterable[str]) -> None:
-        names = list(names)
-        hint = nearest(str(name), names)
-        known = "" if "known are" in hint else f" There are {', '.join(names)}"
-        super().__init__(f"no joint {quoted(name)}{hint}{known}")
+        super().__init__(f"no joint {quoted(name)}{near_and_all(name, names)}")
 
     def __str__(self) -> str:
         return str(self.args[0])  # a KeyError shows its repr
@@ -173,7 +170,7 @@ class RigJoint:
         begins with cycles that are no longer kept and the others stay below.
         """
         __tracebackhide__ = True
-        check_number("limit", limit)
+        check_number("limit", limit, 0.0)
         return self._check(signal, -limit, limit, since, until)
 
     def stays_within(
@@ -190,6 +187,8 @@ class RigJoint:
         `UsageError` if the value at `since` is no longer kept.
         """
         __tracebackhide__ = True
+        check_number("by", by, 0.0)
+        check_number("since", since)
         span = self.span(signal)
         self._check_kept(signal, span, since)
         _, time_s, value = span
@@ -200,17 +199,19 @@ class RigJoint:
     def span(self, signal: str) -> Span:
         """A history with its cycles and times; a true signal continues through the stop. Raises `UsageError`."""
         __tracebackhide__ = True
+        asked: object = signal
+        if not isinstance(asked, str) or asked not in HISTORIES:
+            raise UsageError(f"no history {quoted(asked)}{near_and_all(asked, HISTORIES)}")
         if signal == ERROR_LSB:
             return self._source.span(self._index, "reference_rad")._replace(value=self.error_lsb)
-        if signal in SIGNALS:
-            return self._source.span(self._index, signal)
-        known = (*SIGNALS, ERROR_LSB)
-        raise UsageError(f"no history {quoted(signal)}{nearest(signal, known)}; there are {', '.join(known)}")
+        return self._source.span(self._index, signal)
 
     def _check(self, signal: str, low: float, high: float, since: float, until: float) -> Finding:
         __tracebackhide__ = True
-        for what, given in (("limit", low), ("limit", high), ("since", since), ("until", until)):
+        for what, given in (("low", low), ("high", high), ("since", since), ("until", until)):
             check_number(what, given)
+        if low > high:
+            raise UsageError(f"low {low:g}: is above high, {high:g}: nothing lies between them")
         span = self.span(signal)
         chosen = (span.time_s >= since - HALF_NS) & (span.time_s <= until + HALF_NS)
         if not chosen.any():

@@ -9,7 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from canarm_protocol.shown import quoted
+
 from ..line_plot import Curve, Mark, Panel, draw, fitting
+from ..usage import UsageError
 from .findings import HALF_NS, Begun, Noticed
 from .rig_joint import Floats, RigJoint
 
@@ -51,6 +54,8 @@ def plot_run(
 
     A detection at a joint is marked in its panels, any other in all. Without cycles there are only axes.
     """
+    if not isinstance(title, str):
+        raise UsageError(f"title {quoted(title)}: must be text")
     low_s, high_s = _window(begun, noticed)
     faults = [Mark(each.time_s, f"{each.time_s:.4f} s  fault: {each.tap} {each.fault}", ORANGE) for each in begun]
     found = [(each.detection.where, Mark(each.time_s, _seen(each), VIOLET)) for each in noticed]

@@ -33,13 +33,14 @@ from canarm_protocol.runs.run_folder import (
     RunFolderError,
     read_run_file,
 )
-from canarm_protocol.shown import printable
+from canarm_protocol.shown import printable, quoted
 
-from ..libraries import data_frame
+from ..libraries import check_library, data_frame
 from ..rig.findings import Noticed, begun_of
 from ..rig.recorded import RecordedHistory, fault_events, noticed, recorded_joints
 from ..rig.run_plot import Picture, plot_run
 from ..signal_table import Columns, joined, read_table
+from ..usage import UsageError
 
 PARTS = (RUN_FILE, CAN_LOG_FILE, EVENTS_FILE, SIGNALS_FOLDER)
 """A folder without any of these is no run folder."""
@@ -50,9 +51,12 @@ MAKERS = ("controller", "rig", "emulator")
 def open_run(path: Path | str, library: str = "pandas") -> "Run":
     """The run in the folder `path`; `library`, "pandas" or "polars", is that of its DataFrames.
 
-    Raises `RunFolderError` if there is no run. What cannot be read of one is left out, and stands in `Run.complaints`.
+    Raises `RunFolderError` if there is no run, and `UsageError` for what is no path or library. What cannot be read of
+    a run is left out, and stands in `Run.complaints`.
     """
-    return Run(Path(path), library)
+    if not isinstance(path, str | Path):
+        raise UsageError(f"open_run: {quoted(path)}: must be the path of a run folder")
+    return Run(Path(path), check_library(library))
 
 
 class Run:

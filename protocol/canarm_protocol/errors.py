@@ -29,6 +29,10 @@ class CanarmError(Exception):
         return printable_lines(super().__str__())
 
 
+class UsageError(CanarmError, ValueError):
+    """An impossible request by the user: exit status 2, and in Python a `ValueError`."""
+
+
 class ProtocolError(CanarmError):
     """Base of every error raised by `canarm_protocol`."""
 

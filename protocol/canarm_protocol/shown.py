@@ -27,7 +27,10 @@ def printable(text: str, longest: int = LONGEST_LINE) -> str:
 
 def quoted(value: object) -> str:
     """A value that a user, a file or a bench has given, as Python writes it, made `printable`."""
-    return printable(repr(value))
+    try:
+        return printable(repr(value))
+    except Exception:  # a number of thousands of digits, or an object whose own code fails
+        return f"(a value of type {printable(type(value).__name__)})"
 
 
 def first_line(error: object) -> str:

@@ -13,7 +13,7 @@ from canarm_protocol.shown import named_error
 
 from ..errors import TrajectoryError
 from .base import Bools, Trajectory, pose_text, start_pose
-from .limits import Floats, Limits, Reference
+from .limits import Floats, Limits, Reference, real_numbers
 from .spline import CubicCurve
 
 ROUNDING = 1e-6
@@ -144,7 +144,9 @@ class FunctionTrajectory(OwnBeginning):
 
     def _angles(self, time_s: Floats) -> Floats:
         try:
-            angles = np.array([self._function(time) for time in time_s.tolist()], dtype=np.float64)
+            angles = real_numbers([self._function(time) for time in time_s.tolist()])
+        except TrajectoryError:
+            raise
         except Exception as error:
             raise TrajectoryError(f"trajectory: the function fails: {named_error(error)}") from error
         if angles.shape != (len(time_s), len(self.amplitude_rad)) or not np.isfinite(angles).all():

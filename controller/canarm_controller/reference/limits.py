@@ -15,6 +15,15 @@ Floats = NDArray[np.float64]
 
 CHECKED_AT_ONCE = 4096
 """Samples of a trajectory that are checked together."""
+LONGEST_FIXED = 1e9
+
+
+def real_numbers(values: object) -> Floats:
+    """Numbers of a user, of any shape, as floats. Raises `TrajectoryError` for complex ones, else as numpy does."""
+    found = np.asarray(values)
+    if np.iscomplexobj(found) or (found.dtype == np.object_ and any(isinstance(each, complex) for each in found.flat)):
+        raise TrajectoryError("trajectory: complex numbers; angles and times are real")
+    return np.asarray(found, dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,14 +100,14 @@ class Limits:
             where = f"{source}: {self.joint_names[joint]} at sample {number} ({number * self.period_s:.4g} s)"
             if outside[sample, joint]:
                 raise TrajectoryError(
-                    f"{where}: {position_deg[sample, joint]:.2f} deg is outside limits_deg = "
+                    f"{where}: {_fixed(position_deg[sample, joint], 2)} deg is outside limits_deg = "
                     f"[{self.low_deg[joint]:g}, {self.high_deg[joint]:g}]"
                 )
             beyond = (
                 "max_speed_rad_s of the cell" if any(self.is_stated[joint : joint + 1]) else "the tachometer's range"
             )
             raise TrajectoryError(
-                f"{where}: {reference.velocity_rad_s[sample, joint]:.3f} rad/s is beyond {beyond}; "
+                f"{where}: {_fixed(reference.velocity_rad_s[sample, joint], 3)} rad/s is beyond {beyond}; "
                 f"must be within +-{self.speed_rad_s[joint]:g} rad/s"
             )
         self._check_current(reference, first, source)
@@ -116,8 +125,8 @@ class Limits:
             number = first + sample
             raise TrajectoryError(
                 f"{source}: {self.joint_names[joint]} at sample {number} ({number * self.period_s:.4g} s): "
-                f"{current_a[sample, joint]:.2f} A by the nominal model; must be at most {self.current_a[joint]:g} A, "
-                "all that the amplifier has"
+                f"{_fixed(current_a[sample, joint], 2)} A by the nominal model; "
+                f"must be at most {self.current_a[joint]:g} A, all that the amplifier has"
             )
         self._check_voltage(signed_a, reference, first, source)
 
@@ -131,7 +140,13 @@ class Limits:
             number = first + sample
             raise TrajectoryError(
                 f"{source}: {self.joint_names[joint]} at sample {number} ({number * self.period_s:.4g} s): "
-                f"{abs(signed_a[sample, joint]):.2f} A at {reference.velocity_rad_s[sample, joint]:.2f} rad/s take "
-                f"{needed_v[sample, joint]:.1f} V, winding and back-EMF; must be at most {self.supply_v[joint]:g} V, "
-                "the supply"
+                f"{_fixed(abs(signed_a[sample, joint]), 2)} A at "
+                f"{_fixed(reference.velocity_rad_s[sample, joint], 2)} rad/s take "
+                f"{_fixed(needed_v[sample, joint], 1)} V, winding and back-EMF; "
+                f"must be at most {self.supply_v[joint]:g} V, the supply"
             )
+
+
+def _fixed(value: float, decimals: int) -> str:
+    """A value with so many decimals, unless it is so absurd that these would be hundreds of digits."""
+    return f"{value:.{decimals}f}" if abs(value) < LONGEST_FIXED else f"{value:.3g}"

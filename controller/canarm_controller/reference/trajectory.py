@@ -21,7 +21,7 @@ from .built_in import swings as swings_of
 from .carried_motion import PATHS, check_grips, is_tip_path, plan_file, plan_motion
 from .excite import PERIOD_S, excite
 from .file_trajectory import FileTrajectory, FunctionTrajectory, Interpolation
-from .limits import Floats, Limits, Reference
+from .limits import Floats, Limits, Reference, real_numbers
 from .trajectory_file import read_trajectory_columns, read_trajectory_csv
 
 __all__ = [
@@ -206,8 +206,8 @@ def _given(spec: Any, limits: Limits) -> Trajectory:
     if callable(spec):
         return FunctionTrajectory(limits, spec)
     try:
-        angles: Floats = np.asarray(spec, dtype=np.float64)
-    except (TypeError, ValueError):
+        angles = real_numbers(spec)
+    except (TypeError, ValueError, OverflowError):
         raise TrajectoryError(
             f"trajectory: {type(spec).__name__} is none; must be a name, a file, a DataFrame, an array or a function"
         ) from None

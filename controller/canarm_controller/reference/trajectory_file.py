@@ -18,6 +18,7 @@ from canarm_protocol.shown import first_line, printable
 from canarm_protocol.text_file import RowError, csv_rows, finite, read_text
 
 from ..errors import TrajectoryError
+from .limits import real_numbers
 
 Floats = NDArray[np.float64]
 
@@ -73,8 +74,8 @@ def read_trajectory_columns(table: Mapping[str, Any], joint_names: Sequence[str]
     header = [str(name) for name in table]
     columns = _columns("trajectory", header, joint_names)
     try:
-        values = np.column_stack([np.asarray(table[header[place]], dtype=np.float64) for place in columns.places])
-    except (TypeError, ValueError) as error:
+        values = np.column_stack([real_numbers(table[header[place]]) for place in columns.places])
+    except (TypeError, ValueError, OverflowError) as error:
         raise TrajectoryError(
             f"trajectory: its columns must be numbers, one for each row: {first_line(error)}"
         ) from None

@@ -116,15 +116,22 @@ def is_switch(location: Location) -> bool:
     return model is bool
 
 
-def nearest(word: str, known: Iterable[str], see: str = "") -> str:
-    """A hint: the known word that was probably meant, or all of them, and what to `see`."""
+def nearest(word: object, known: Iterable[str], see: str = "") -> str:
+    """A hint: the known word that was probably meant, or all of them, and what to `see`. `word` may be no word."""
     known = list(known)
-    found = meant(word, known)
+    found = meant(word, known) if isinstance(word, str) else []
     if found:
         *most, last = map(repr, found)
         listed = f"{', '.join(most)} or {last}" if most else last
         return f"; did you mean {listed}?" + (f" See {see}" if see else "")
     return (f"; known are {', '.join(known)}" if known else "") + (f"; see {see}" if see else "")
+
+
+def near_and_all(word: object, known: Iterable[str]) -> str:
+    """As `nearest`, and all that is known in any case, once."""
+    known = list(known)
+    near = nearest(word, known)
+    return near if "known are" in near else f"{near} There are {', '.join(known)}"
 
 
 def meant(word: str, known: Iterable[str]) -> list[str]:

@@ -9,6 +9,7 @@ import secrets
 import struct
 import time
 from collections.abc import Callable
+from numbers import Real
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -16,8 +17,8 @@ from ..canopen.frames import Frame
 from ..canopen.sdo import SdoAborted, download, upload
 from ..cell import bench_objects as objects
 from ..cell.model import Cell
-from ..errors import BusError, FaultError
-from ..shown import printable_lines
+from ..errors import BusError, FaultError, UsageError
+from ..shown import printable_lines, quoted
 from ..transport.port import BusPort
 from ..transport.sdo_session import SdoSession
 from .bench_answers import P, plain_of, unpacked
@@ -39,10 +40,14 @@ class BenchClient:
     """Faults of the bench of `cell` on the open bus `port`, which stays the caller's.
 
     Use it in a `with` statement or `close` it, which gives its channel back. It waits at most `limit_s` for an answer.
-    Every method raises `BusError` when the bus is lost or the bench node does not answer.
+    Every method raises `BusError` when the bus is lost or the bench node does not answer; for what is no port or no
+    cell it is `UsageError`.
     """
 
     def __init__(self, port: BusPort, cell: Cell, limit_s: float = 5.0) -> None:
+        _check("port", port, hasattr(port, "send") and hasattr(port, "receive"), "an open bus (open_port)")
+        _check("cell", cell, isinstance(cell, Cell), "a cell (load_cell)")
+        _check("limit_s", limit_s, isinstance(limit_s, Real), "a number of seconds")
         self._port, self._node_id, self._limit_s = port, cell.bus.bench_node_id, limit_s
         self._token = 1 + secrets.randbelow(0xFFFF_FFFF)
         self._used_s = time.monotonic()
@@ -220,6 +225,11 @@ class BenchClient:
         for _ in range(MOST_READS):
             if not self._port.receive(0.0):
                 break
+
+
+def _check(what: str, value: object, is_right: bool, right: str) -> None:
+    if not is_right:
+        raise UsageError(f"BenchClient: {what} {quoted(value)}: must be {right}")
 
 
 def _text(data: bytes) -> str:
