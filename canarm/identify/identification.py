@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from canarm_controller.run.recording import SIGNALS_FILE
 from canarm_protocol.cell.model import Cell, Robot
 from canarm_protocol.shown import printable
 
@@ -71,7 +72,9 @@ def identified(run: Run, free: Sequence[Kind]) -> Identification:
         raise UsageError(f"{cell.name}: its robots carry an object, and what their hands press is not measured")
     where = printable(str(run.path))
     if not run.controller:
-        raise UsageError(f"{where}: has no controller.csv, so nothing is known of what was measured")
+        damaged = next((each for each in run.complaints if each.startswith(SIGNALS_FILE)), None)
+        why = damaged or f"has no {SIGNALS_FILE}, so nothing is known of what was measured"
+        raise UsageError(f"{where}: {why}")
     try:
         motion = motion_of(cell, run.controller)
         found, first = [], 0

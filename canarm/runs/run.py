@@ -96,6 +96,8 @@ class Run:
     @cached_property
     def cell(self) -> Cell:
         """The cell of the run, as it was when it ran. Raises `RunFolderError`."""
+        if not self.configuration:
+            read_run_file(self.path)  # says why it cannot be read
         try:
             return recorded_cell(self.configuration.get("cell"), f"{self.path / RUN_FILE}: cell")
         except CanarmError as error:

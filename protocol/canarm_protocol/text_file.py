@@ -1,10 +1,11 @@
-"""Reads a user's text files, TOML and CSV within bounds: no path can fill memory or hang, and no TOML takes for ever.
+"""Reads a user's text files, TOML, JSON and CSV within bounds: no path fills memory or hangs, no TOML takes for ever.
 
 The caller knows what the text means, and words the error.
 """
 
 import csv
 import io
+import json
 import math
 import os
 import re
@@ -109,6 +110,20 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise _too_long() from None
     _check_numbers(table)
     return table
+
+
+def parse_json(text: str) -> Any:
+    """The JSON `text` as a value. Raises `ValueError`, with what is wrong in a few words, as `parse_toml`."""
+    try:
+        found = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"not valid JSON: {error}") from None
+    except RecursionError:
+        raise ValueError("brackets are nested too deep") from None
+    except ValueError:  # more digits than Python converts
+        raise _too_long() from None
+    _check_numbers({"": found})
+    return found
 
 
 def _longest_key(text: str) -> int:

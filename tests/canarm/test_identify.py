@@ -177,6 +177,8 @@ def test_what_cannot_be_identified_is_refused_in_a_line(
         row[place] = "nan"
     table.write_text(rows[0] + "".join(",".join(row) for row in spoilt))
     assert "joint3.measured_rad_s has a value that is no finite number" in complaint(folder)
+    table.write_bytes(b"\x00\xff" * 100)
+    assert f"{folder}: controller.csv: cannot be read: " in complaint(folder)
     table.unlink()
     assert "has no controller.csv" in complaint(folder)
 

@@ -165,6 +165,23 @@ def test_of_a_damaged_run_is_shown_what_can_be_read(
     assert "\x1b" not in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("words", [["identify"], ["replay", "--check"]], ids=" ".join)
+def test_whatever_needs_the_cell_says_why_there_is_none(
+    copy: Path, words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    def told() -> str:
+        assert canarm([words[0], str(copy), *words[1:]]) == 2
+        return capsys.readouterr().err
+
+    file = copy / "run.json"
+    document = json.loads(file.read_text())
+    for cell, why in ((None, "is missing; the"), ("konkuk1", "is no table; the"), ({}, "name: is missing")):
+        file.write_text(json.dumps(document | {"cell": cell}))
+        assert f"{file}: cell: {why}" in told()
+    file.unlink()
+    assert f"{file}: cannot be read: No such file or directory\n" in told()
+
+
 def test_what_is_whole_of_a_run_that_was_cut_off_is_there(copy: Path) -> None:
     whole = open_run(copy).robot["joint2.true_angle_rad"].tolist()
     cut(copy)

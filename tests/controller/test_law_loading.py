@@ -62,6 +62,7 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
         ("x = 1\n\nimport no_such_module\n", "Limp", r"mine\.py, line 3: ModuleNotFoundError: .*no_such_module"),
         ("x = 1\ny = x / 0\n", "Limp", r"mine\.py, line 2: ZeroDivisionError"),
         ("raise SystemExit(3)\n", "Limp", r"mine\.py, line 1: SystemExit: 3"),
+        (GOOD, "", r"mine\.py:'?: names no class; leave the colon out where .*mine\.py has only one"),
         (GOOD, "Lmip", "has no class Lmip; its classes: Gains, Limp"),
         ("", "Limp", "has no class Limp; its classes: none"),
         (GOOD, "Gains", r"Gains is not a law; derive it from canarm_controller\.laws\.ControlLaw"),

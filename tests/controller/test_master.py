@@ -9,10 +9,12 @@ from canarm_controller.bus.master import ANSWER_NS, Ask, Silence, bring_up, read
 from canarm_controller.errors import BringUpError
 from canarm_controller.run.state import State
 from canarm_emulator.faults.fault_bench import FaultBench
+from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.frames import Frame, NmtState
 from canarm_protocol.canopen.sdo import upload
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.wiring import card_nodes
+from canarm_protocol.clock import Clock
 
 DAC, LATCH, ADC = 0x12, 0x13, 0x14
 
@@ -112,6 +114,26 @@ def test_nobody_on_the_bus_is_told_with_a_hint() -> None:
         BringUpError, match=r"no boot-up within 3 s of NMT reset; is an emulator with this cell on this bus"
     ):
         conversation.throw(Silence())
+
+
+def test_a_card_that_is_missing_where_others_answer_may_be_one_of_another_cell() -> None:
+    cell = load_cell("konkuk1")
+    bench = FaultBench(cell, Truth.from_settings(cell, {}), Clock.SYNC, seed=0)
+    bench.start()
+    (elsewhere,) = (node for node in card_nodes(load_cell("rhino-pair")) if node.card.node_id == 0x22)
+    conversation = bring_up((card_nodes(cell)[0], elsewhere), cell.bus, clock_mode=1, listen_ns=0)
+
+    def talk() -> None:
+        ask = next(conversation)
+        while True:
+            bench.records.clear()
+            for frame in ask.frames:
+                bench.receive(frame)
+            answer = next((record.frame for record in bench.records if ask.is_answer(record.frame)), None)
+            ask = conversation.throw(Silence()) if answer is None else conversation.send(answer)
+
+    with pytest.raises(BringUpError, match=r"node 0x22\) does not answer: .*; card 'dac' .* does: .*another cell\?"):
+        talk()
 
 
 @pytest.mark.parametrize("code", [0, 1, 127, 255])

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from canarm.cli import run
+from canarm_protocol.cell.cell_file import load_cell
 
 
 @pytest.fixture
@@ -34,3 +35,17 @@ def test_the_other_commands_take_the_cell(page: str, capsys: pytest.CaptureFixtu
         assert f"`{command}`" in page
         assert run(command.split()[1:]) == 0
     assert "elbow.tachometer" in capsys.readouterr().out
+
+
+def test_a_second_robot_is_added_as_the_page_says(page: str) -> None:
+    assert run(["new-cell", "--joints", "2", "--out", "my.toml"]) == 0
+    (second,) = re.findall(r"```toml\n(\[\[robot\]\]\n.*?)```", page, flags=re.DOTALL)
+    text = Path("my.toml").read_text()
+    joints = text[text.index("[[robot.joint]]") :]
+    for own, other in (('robot = "arm2"', 'robot = "right"'), ("node_id = 0x1", "node_id = 0x2")):
+        joints = joints.replace(own, other)
+    Path("my.toml").write_text(text + second + joints.replace('[[card]]\nname = "', '[[card]]\nname = "right_'))
+    cell = load_cell("my.toml", {"control.right_elbow.natural_frequency_rad_s": "8"})
+    assert cell.joint_names == ("arm2_shoulder", "arm2_elbow", "right_shoulder", "right_elbow")
+    assert [card.node_id for card in cell.card] == [0x12, 0x13, 0x14, 0x22, 0x23, 0x24]
+    assert cell.robot[1].base_m == (0.0, -0.6, 0.0)

@@ -140,6 +140,11 @@ def test_a_wrong_value_is_named_with_its_key_and_what_would_be_right(old: str, n
                 "card 'latch'.speed: unknown key; known are name, model, robot, slot, node_id, channel",
             ],
         ),
+        (
+            "node_id = 0x14",
+            "node_id = 0x14\nbits = 12",
+            ["card 'adc'.bits: unknown key of this model; a card of model 'adc' has it"],
+        ),
     ],
 )
 def test_an_unknown_key_comes_with_the_nearest_known_one(old: str, new: str, lines: list[str]) -> None:

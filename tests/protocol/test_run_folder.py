@@ -196,6 +196,7 @@ def test_a_folder_that_cannot_be_made_says_so(tmp_path) -> None:
         ("null", "is no JSON object"),
         ('["run"]', "is no JSON object"),
         ("[" * 100_000, "nested too deep"),
+        (f'{{"seed": {"9" * 5000}}}', "a whole number is too long; must have at most 600 digits"),
         ('{"seed": 1' + " " * (16 << 20) + "}", "is larger than 16777216 bytes"),
     ],
 )

@@ -113,9 +113,11 @@ def _reset(node: CardNode, nodes: tuple[CardNode, ...]) -> Conversation:
             awaited=_name(node),
         )
     except Silence:
-        hint = "; is an emulator with this cell on this bus?" if node is nodes[0] else ""
+        hint = "is an emulator with this cell on this bus?"
+        if node is not nodes[0]:
+            hint = f"{_name(nodes[0])} does: is it a card of another cell? give emulator and controller the same --cell"
         raise BringUpError(
-            f"{_name(node)} does not answer: no boot-up within {ANSWER_NS / 1e9:g} s of NMT reset{hint}"
+            f"{_name(node)} does not answer: no boot-up within {ANSWER_NS / 1e9:g} s of NMT reset; {hint}"
         ) from None
 
 

@@ -63,6 +63,8 @@ def _named_law(spec: str) -> type[ControlLaw]:
             f"law {quoted(spec)}: no such law{_close(spec)}; must be one of {', '.join(LAWS)}, "
             "or path/to/file.py:ClassName"
         )
+    if not class_name and not spec.endswith(".py"):
+        raise LawError(f"law {quoted(spec)}: names no class; leave the colon out where {file_name} has only one")
     path = Path(file_name)
     if not path.is_file():
         raise LawError(f"law {quoted(spec)}: no file {printable(file_name)}; must be an existing Python file")

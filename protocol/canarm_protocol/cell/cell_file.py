@@ -134,12 +134,15 @@ def recorded_cell(table: object, source: str) -> Cell:
 
     `source` names the record. Raises `CellError`.
     """
+    if not isinstance(table, Mapping):
+        found = "is missing" if table is None else "is no table"
+        raise CellError(f"{source}: {found}; the record of a run has its whole cell")
+    plain = _frozen(_without_nulls(table), source)
     try:
-        cell = Cell.model_validate(_frozen(_without_nulls(table), source))
+        cell = Cell.model_validate(plain)
     except ValidationError as error:
-        problem = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in problem["loc"])
-        raise CellError(f"{source}: {printable(f'{where}: ' if where else '')}{printable(problem['msg'])}") from None
+        text = explain(error.errors(include_url=False)[0], plain)
+        raise CellError(f"{source}: {printable(text, LONGEST_PROBLEM)}") from None
     for text in problems(cell):
         raise CellError(f"{source}: {printable(text, LONGEST_PROBLEM)}")
     return cell

@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from ..canopen.frames import HIGHEST_NODE_ID
+from ..cards import KINDS
 from .brakes import BRAKE_TYPES, Brake
 from .model import CARD_TYPES, Card, Cell
 
@@ -15,6 +16,8 @@ Location = tuple[str | int, ...]
 
 _NAME = "must be lower-case letters, digits, '-' and '_', beginning with a letter, at most 32"
 _SEPARATORS = re.compile("[._-]")
+CARD_DEPTH = 2
+"""Parts of the location of a card: `card`, and its place."""
 SHORTEST_NAME, MOST_MEANT = 3, 4
 SIMILAR = 0.6
 """How alike two words must be for one to be taken for the other, as `difflib` has it."""
@@ -67,6 +70,9 @@ def explain(problem: Mapping[str, Any], table: Mapping[str, Any]) -> str:
         )
     if kind == "extra_forbidden":
         what = "table" if isinstance(value, Mapping) else "key"
+        others = _models_with(str(last), location[:-1], table)
+        if others:
+            return f"{key}: unknown {what} of this model; a card of model {' or '.join(map(repr, others))} has it"
         return f"{key}: unknown {what}{nearest(str(last), keys_at(location[:-1], table))}"
     if last == "node_id" and isinstance(value, int):
         return f"{key} = {_toml(value, key)}: node-IDs are 0x01 to 0x{HIGHEST_NODE_ID:02X}"
@@ -92,6 +98,16 @@ def keys_at(location: Location, table: Any = None) -> list[str]:
         if model is Brake and isinstance(table, Mapping):
             model = BRAKE_TYPES.get(str(table.get("kind")), Brake)
     return list(model.model_fields)
+
+
+def _models_with(key: str, location: Location, table: Any) -> list[str]:
+    """Models of card that have `key`, and are wired as the card at `location` is; none if that is no card."""
+    for part in location:
+        table = _within(table, part)
+    own = KINDS.get(str(_within(table, "model"))) if len(location) == CARD_DEPTH and location[0] == "card" else None
+    if own is None:
+        return []
+    return [name for name, kind in KINDS.items() if kind.takes is own.takes and key in kind.settings.model_fields]
 
 
 def _arguments(annotation: Any) -> Iterable[Any]:

@@ -16,7 +16,7 @@ from typing import Any, Self
 
 from ..canopen.frames import Frame
 from ..errors import ProtocolError
-from ..text_file import read_text
+from ..text_file import parse_json, read_text
 from .own_file import append_lines, open_own, replace_file
 from .tentative import Tentative
 
@@ -141,12 +141,11 @@ def read_run_file(folder: Path) -> dict[str, Any]:
     """`run.json` as a dict. Raises `RunFolderError`."""
     path = folder / RUN_FILE
     try:
-        document = json.loads(read_text(path, LARGEST_RUN_FILE, "a run's record", "JSON"))
+        document = parse_json(read_text(path, LARGEST_RUN_FILE, "a run's record", "JSON"))
     except OSError as error:
         raise RunFolderError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
-        why = "brackets are nested too deep" if isinstance(error, RecursionError) else str(error)
-        raise RunFolderError(f"{path}: cannot be read: {why}") from None
+    except ValueError as error:
+        raise RunFolderError(f"{path}: cannot be read: {error}") from None
     if not isinstance(document, dict):
         raise RunFolderError(f"{path}: cannot be read: is no JSON object")
     return document
