@@ -41,9 +41,9 @@ DEFAULT_SYNC_TIMEOUT_S = 10.0
 
 
 def positive(type_: object, value: float | None) -> None:
-    """Refuse a number that is not above 0."""
-    if value is not None and not (math.isfinite(value) and value > 0.0):
-        raise ValueError("must be a number of seconds above 0.")
+    """Refuse a number of seconds that is not above 0, or absurd."""
+    if value is not None and not 0.0 < value <= LONGEST_S:
+        raise ValueError(f"must be a number of seconds above 0 and at most {LONGEST_S:g} s.")
 
 
 def not_negative(type_: object, value: int | None) -> None:

@@ -59,6 +59,7 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     ("text", "class_name", "message"),
     [
         ("x = 1\ndef broken(:\n", "Limp", r"mine\.py, line 2: invalid syntax"),
+        ("x = 1\ny = '\0'\n", "Limp", r"law file .*mine\.py(, line 2)?: source code .* null bytes$"),
         ("x = 1\n\nimport no_such_module\n", "Limp", r"mine\.py, line 3: ModuleNotFoundError: .*no_such_module"),
         ("x = 1\ny = x / 0\n", "Limp", r"mine\.py, line 2: ZeroDivisionError"),
         ("raise SystemExit(3)\n", "Limp", r"mine\.py, line 1: SystemExit: 3"),
@@ -67,6 +68,7 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
         ("", "Limp", "has no class Limp; its classes: none"),
         (GOOD, "Gains", r"Gains is not a law; derive it from canarm_controller\.laws\.ControlLaw"),
         (GOOD.replace("def update", "def refresh"), "Limp", r"not a complete law; missing or wrong: update\(\)$"),
+        (GOOD + "    shift = update = 5\n", "Limp", r"missing or wrong: update \(a method\), shift \(a method\)$"),
         (GOOD.replace('name = "limp"', "pass"), "Limp", r"missing or wrong: name \(a text\)$"),
         (
             GOOD.replace('name = "limp"', 'name = "limp"; default_feedforward = "tabel"'),

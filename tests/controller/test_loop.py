@@ -342,6 +342,14 @@ def test_names_of_internals_are_ascii_identifiers(cell: Cell, tmp_path: Path, na
     assert str(caught.value).isprintable()
 
 
+@pytest.mark.parametrize("given", ["None", "['bias_a']", "5"])
+def test_internals_that_are_no_dict_are_told_to_be_one(cell: Cell, tmp_path: Path, given: str) -> None:
+    law = write_law(tmp_path, internals=given)
+    with pytest.raises(LawError) as caught:
+        make_loop(cell, law)
+    assert str(caught.value).startswith(f"law Mine: internals() returned {given}; must be a dict")
+
+
 @pytest.mark.parametrize(
     ("statement", "message"),
     [

@@ -26,6 +26,7 @@ from .slotine_li import SlotineLi
 
 LAWS: dict[str, type[ControlLaw]] = {law.name: law for law in (Pd, ComputedTorque, Mras, MrasLyapunov, SlotineLi)}
 """The built-in laws, by their names on the command line."""
+_METHODS = ("start", "update", "shift", "internals")
 
 
 def load_law(spec: object) -> type[ControlLaw]:
@@ -132,7 +133,8 @@ def _run(path: Path) -> ModuleType:
         with _neighbours(path.absolute().parent):
             module_spec.loader.exec_module(module)
     except SyntaxError as error:
-        raise LawError(f"law file {error.filename}, line {error.lineno}: {error.msg}") from error
+        line = "" if error.lineno is None else f", line {error.lineno}"  # a null byte is in none
+        raise LawError(f"law file {error.filename or path}{line}: {error.msg}") from error
     except (Exception, SystemExit) as error:
         frames = traceback.extract_tb(error.__traceback__)
         lines = [frame.lineno for frame in frames if Path(frame.filename) == path.absolute()]
@@ -174,6 +176,7 @@ def _folder_of(module: ModuleType | None) -> str | None:
 
 def _missing(law: type[ControlLaw]) -> list[str]:
     problems = [f"{name}()" for name in sorted(law.__abstractmethods__)]
+    problems += [f"{name} (a method)" for name in _METHODS if not callable(getattr(law, name, None))]
     if not isinstance(getattr(law, "name", None), str):
         problems.append("name (a text)")
     kinds = get_args(get_args(get_type_hints(ControlLaw)["default_feedforward"])[0])

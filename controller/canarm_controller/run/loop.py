@@ -51,12 +51,18 @@ class ControlLoop:
         self.period_s = cell.bus.cycle_s
         try:
             self.law = law(self.arm, cell.control, self.period_s)
-            self.internal_names = tuple(self.law.internals())
-            """Names of the law's internal values, fixed for the whole run."""
+            given: object = self.law.internals()
         except KeyboardInterrupt:
             raise
         except BaseException as error:
             raise law_failure(law, "__init__ or internals", error) from error
+        if not isinstance(given, Mapping):
+            raise LawError(
+                f"law {law.__name__}: internals() returned {shown(given, repr, 40)}; must be a dict: for each name "
+                "a number per joint"
+            )
+        self.internal_names = tuple(given)
+        """Names of the law's internal values, fixed for the whole run."""
         for name in self.internal_names:
             if not _is_plain_name(name):
                 raise LawError(
