@@ -7,11 +7,12 @@ import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from canarm_controller.laws.loading import LAWS
 from canarm_controller.reference.trajectory import named_motions
 from canarm_emulator.bench.robot_bus import is_sync
-from canarm_emulator.serving.recording import SCRIPT
+from canarm_emulator.serving.recording import POWER_ON_S, SCRIPT
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FaultError
@@ -30,6 +31,9 @@ from .run import Run
 
 AFTERWARDS_S = 5.0
 """A run that has stopped itself is repeated for so much longer: it has to stop by itself again."""
+_BY_HAND = {"emergency-stop": "the emergency stop", "power-cycle": "the power cycle"}
+"""Events of what nobody can repeat to the bit."""
+MOST_S = 1e6
 MOST_CYCLES = 40_000_000
 """A hundred thousand seconds of konkuk1."""
 
@@ -42,6 +46,13 @@ class Comparison:
     text: str
 
 
+class _End(NamedTuple):
+    """What came from `ns` on, since power-on, is not compared; and what was there."""
+
+    ns: int
+    what: str
+
+
 def check_again(run: Run, folder: Path, law: str | None = None, trajectory: str | None = None) -> Comparison:
     """Run it once more, into `folder`, and compare. `law` and `trajectory` replace what the folder names.
 
@@ -52,14 +63,16 @@ def check_again(run: Run, folder: Path, law: str | None = None, trajectory: str 
         raise UsageError(f"{run.path}: ran on the wall clock, which nobody can repeat; --check is for lockstep")
     if run.begin_s:
         raise UsageError(f"{run.path}: its arm begins as the run before has left it; check that of a fresh emulator")
+    by_hand = _by_hand(run)
     if not run.controller and law is None:
-        return _compared(run, _with_recorded_frames(run), False)
-    state, until_ns = run.summary.get("state"), None
+        return _compared(run, _with_recorded_frames(run), False, by_hand)
+    state, end = run.summary.get("state"), by_hand
     cycles, margin = _cycles(run), round(AFTERWARDS_S / run.cell.bus.cycle_s)
     if state not in ("done", "failed"):
-        until_ns = (cycles - 1) * run.cell.bus.cycle_ns
+        broken_off = _End((cycles - 1) * run.cell.bus.cycle_ns, "the cycle in which it was broken off")
+        end = broken_off if end is None else min(end, broken_off)
     again = _with_our_controller(run, folder, law, trajectory, cycles + margin * (state == "failed"))
-    return _compared(run, again, state == "done", until_ns)
+    return _compared(run, again, state == "done", end)
 
 
 def _with_our_controller(
@@ -160,10 +173,18 @@ def _known(run: Run, what: str, known: tuple[str, ...]) -> str:
     return str(name)
 
 
-def _compared(
-    run: Run, again: Iterator[tuple[int, Frame]], is_planned: bool, until_ns: int | None = None
-) -> Comparison:
-    """Frame by frame, as candump writes them: with their times; up to `until_ns` if a signal has ended the run.
+def _by_hand(run: Run) -> _End | None:
+    """The first emergency stop or power cycle: at which moment of its cycle it struck, nobody knows."""
+    for event in run.event_list:
+        what = _BY_HAND.get(str(event["event"]))
+        at_s = event.get(POWER_ON_S)
+        if what is not None and isinstance(at_s, int | float) and 0.0 <= at_s < MOST_S:
+            return _End(round(at_s * 1e9) + 1, f"{what} at {event['time_s']:.4f} s")
+    return None
+
+
+def _compared(run: Run, again: Iterator[tuple[int, Frame]], is_planned: bool, end: _End | None = None) -> Comparison:
+    """Frame by frame, as candump writes them: with their times; up to `end` if a signal or a hand has struck.
 
     A run is as long as its SYNCs. What was said after the last one, and after its controller's end, was said by others,
     such as a second controller that was refused: an emulator keeps it in the log of the run before.
@@ -174,9 +195,8 @@ def _compared(
     for before, now in itertools.zip_longest(recorded, again):
         if before is None or now is None:
             break
-        if until_ns is not None and before[0] >= until_ns:
-            text = f"the same: every byte of can0 up to the cycle in which it was broken off ({count} frames)"
-            return Comparison(count > 0, text)
+        if end is not None and before[0] >= end.ns:
+            return Comparison(count > 0, f"the same: every byte of can0 up to {end.what} ({count} frames)")
         if candump_line(before[0], "can0", before[1]) != candump_line(now[0], "can0", now[1]):
             text = (
                 f"frame {count + 1} differs first: recorded {_stamped(decoder, *before)}, now {_stamped(decoder, *now)}"

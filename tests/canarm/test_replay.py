@@ -101,6 +101,27 @@ def test_what_others_say_after_the_end_of_a_run_does_not_count_against_it(
     assert "then the recorded run goes on: 000#8112 (NMT: reset-node to dac)" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("event", "what"), [("emergency-stop", "the emergency stop"), ("power-cycle", "the power cycle")]
+)
+def test_a_run_is_compared_up_to_what_was_done_by_hand(
+    event: str, what: str, copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = (copy / "can0.log").read_text().splitlines(keepends=True)
+    power_on_s = float(lines[2000][1:18]) - 1.0  # the log's clock shows 1 s at power-on
+    with (copy / "events.jsonl").open("a") as file:
+        named = {"time_s": power_on_s, "source": "emulator", "event": event, "cycle": 99, "power_on_s": power_on_s}
+        file.write(json.dumps(named) + "\n")
+    stamp, _, name = lines[-1].rpartition(" ")
+    (copy / "can0.log").write_text("".join([*lines[:-1], f"{stamp} 7FF#{name.partition('#')[2]}"]))
+    assert canarm_here(["replay", str(copy), "--check"]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith(f"the same: every byte of can0 up to {what} at {power_on_s:.4f} s (20")
+    lines[1500] = lines[1500].replace("#", "#00", 1)
+    (copy / "can0.log").write_text("".join(lines))
+    assert canarm_here(["replay", str(copy), "--check"]) == 1
+
+
 def test_the_first_frame_that_differs_is_named_and_decoded(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """DAC code c travels as c << 7 in 16 bits (CiA 401): 0x0080 is code 1."""
     lines = (copy / "can0.log").read_text().splitlines(keepends=True)
