@@ -27,7 +27,7 @@ AsJson = Annotated[Flag, Parameter(name="--json", help="As JSON.")]
 
 @runs.command(name="list")
 def list_(base: Base = RUNS, /, *, json_: AsJson = False) -> int:
-    """One line for each run below a folder, oldest first: when, how large, what ran, how it ended."""
+    """A line for each run below a folder: when it was last written (oldest first), its size, what ran, how it ended."""
     found = runs_below(base)
     if json_:
         print(json.dumps(printable_values([each.as_plain() for each in found])))

@@ -70,3 +70,13 @@ def test_off_and_on_again_is_the_state_of_the_beginning(bench: FaultBench) -> No
     boots = [record.frame for record in bench.records if record.frame.can_id & 0x780 == 0x700]
     assert boots[-3:] == [Frame(0x700 + node.node_id, b"\0") for node in bench.slaves]
     run(bench, 400)
+
+
+def test_the_figures_of_a_run_outlast_the_power_cycle_that_ends_it(bench: FaultBench) -> None:
+    run(bench, 300)
+    reached = [score.peak_current_a for score in bench.assessor.scores]
+    bench.power_cycle()
+    assert [score.peak_current_a for score in bench.assessor.scores] == reached
+    assert min(reached) > 0.1
+    run(bench, 1)
+    assert [score.peak_current_a for score in bench.assessor.scores] != reached

@@ -49,7 +49,10 @@ class Bench(BenchTime):
         self.nodes.refresh()
 
     def power_cycle(self) -> None:
-        """Everything off and on again: no emergency stop, arms parked and at rest, every card boots. Time goes on."""
+        """Everything off and on again: no emergency stop, arms parked and at rest, every card boots. Time goes on.
+
+        The figures of the run that it ends stay until the next cycle 0.
+        """
         time = self._time
         self.catch_up()
         self.world.power_on()
@@ -59,7 +62,6 @@ class Bench(BenchTime):
         time.cycle, time.begin_ns = -1, None
         self._may_move = False
         self._next_sync_ns, self._may_move_on = max(time.time_ns, self.world.time_ns), False
-        self.assessor.begin()
         self.device.truth = self.world.state()
         self.nodes.refresh()
 
