@@ -16,7 +16,7 @@ from canarm.cli import run as canarm
 from canarm.runs.report.charts import MOST_POINTS, thinned
 from canarm.runs.report.figures import Figure, above
 from canarm.runs.report.page import report_page
-from canarm.runs.report.story import fault_spans, verdict
+from canarm.runs.report.story import spans_of, verdict
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 MARKUP = "</script><script>document.title='owned'</script><img src=x onerror=alert(1)>\x1b[2J"
@@ -71,12 +71,32 @@ def test_the_verdict_comes_first_and_says_what_the_rig_knew(recorded: Path) -> N
     assert is_good
     assert lines[0] == "The run ended as planned after 1200 cycles."
     assert lines[1].startswith("joint2 followed its reference within ")
-    (span,) = fault_spans(run)
+    (span,) = spans_of(run)
     (seen, *_) = [each for each in run.event_list if each["event"] == "detection"]
     assert span.latency_ms == pytest.approx((seen["time_s"] - 1.0) * 1e3)
     assert f"joint2.tachometer stuck began at 1.0000 s and was noticed after {span.latency_ms:.1f} ms" in lines[-1]
     page = report_page([run])
     assert page.index(lines[0]) < page.index("Figures") < page.index("Over time") < page.index("canarm replay")
+
+
+def test_a_detection_after_the_emergency_stop_is_its_doing_and_no_faults(recorded: Path, tmp_path: Path) -> None:
+    shutil.copytree(recorded / "mras", tmp_path / "run")
+    events = tmp_path / "run" / "events.jsonl"
+    lines = events.read_text().splitlines()
+    (first, *_) = [json.loads(line) for line in lines if '"detection"' in line]
+    # As an emulator writes it: pressed after the fault has begun at 1 s, in the very cycle of the first detection.
+    pressed = {"time_s": first["time_s"], "cycle": first["cycle"], "source": "emulator", "event": "emergency-stop"}
+    added = [json.dumps({**pressed, "state": "on"}), json.dumps({**pressed, "time_s": 2.9, "state": "off"})]
+    events.write_text("\n".join([*lines, *added]) + "\n")
+    run = open_run(tmp_path / "run")
+    fault, stop = spans_of(run)
+    assert (fault.what, fault.noticed) == ("joint2.tachometer stuck", None)
+    assert (stop.what, stop.end_s) == ("emergency stop", 2.9)
+    said = f"The emergency stop was pressed at {first['time_s']:.4f} s and was noticed after 0.0 ms by "
+    assert any(line.startswith(said) for line in verdict(run)[1])
+    # Without the fault's own events, the stop is the cause.
+    events.write_text("\n".join([line for line in lines if '"fault-' not in line] + added) + "\n")
+    assert not any("though no fault was injected" in line for line in verdict(open_run(tmp_path / "run"))[1])
 
 
 def test_the_curves_are_those_of_the_files(recorded: Path) -> None:

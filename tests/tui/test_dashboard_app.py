@@ -307,7 +307,12 @@ def test_events_are_marked_above_the_trace_where_they_happened():
     # 10 s, 4000 cycles up to cycle 4000, in 100 cells of 40 cycles.
     happened = [(3900, "◆"), (3900, "▲"), (2000, "○"), (9000, "×"), (-1, "×")]
     signs = signs_of([(cycle, Word(sign)) for cycle, sign in happened], 3999, 20, 100)
-    assert {cell: word.text for cell, word in signs.items()} == {97: "◆", 98: "▲", 50: "○"}
+    assert {cell: word.text for cell, word in signs.items()} == {97: "▲", 98: "◆", 50: "○"}
+
+
+def test_a_fault_and_its_detection_in_the_newest_column_are_both_seen():
+    signs = signs_of([(3999, Word("◆")), (3999, Word("▲")), (3998, Word("○"))], 3999, 20, 100)
+    assert {cell: word.text for cell, word in signs.items()} == {97: "○", 98: "▲", 99: "◆"}
 
 
 def test_without_a_terminal_the_dashboard_says_what_to_do(cell, monkeypatch):

@@ -25,12 +25,21 @@ def test_a_scale_about_zero_ends_at_the_least_of_1_2_5_10_that_holds_all(greates
 
 @pytest.mark.parametrize(
     ("low", "high", "ends"),
-    [(-28.0, 44.9, (-30.0, 50.0)), (0.11, 0.19, (0.11, 0.19)), (3.0, 3.0, (3.0, 3.0)), (np.nan, np.nan, (-1.0, 1.0))],
+    [(-28.0, 44.9, (-30.0, 50.0)), (0.11, 0.19, (0.11, 0.19)), (np.nan, np.nan, (-1.0, 1.0))],
 )
 def test_another_scale_goes_from_one_round_number_to_the_next_beyond(low, high, ends):
     found = nice_range(low, high)
     assert found == pytest.approx(ends, abs=1e-5)
     assert found[1] > found[0]
+
+
+@pytest.mark.parametrize("value", [0.0, 3.0, -1.2345, 57.29578, 1.5707963, 0.02, 123.456, -2048.0, 1e-7])
+def test_the_ends_of_a_constant_signal_have_labels_that_differ_and_fit(value):
+    low, high = nice_range(value, value)
+    most, *_, least = scale_labels(low, high, 5)
+    assert low < value < high
+    assert len({most, least} - {""}) == 2
+    assert max(len(most), len(least)) < LABEL_WIDTH
 
 
 def test_labels_name_the_ends_the_limits_and_zero():

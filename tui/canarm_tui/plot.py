@@ -21,6 +21,8 @@ LABEL_WIDTH = 7
 MARKED = (Tone.GOOD, Tone.WARNING, Tone.BAD, Tone.PLAIN)
 """Tones of signs at the top of a plot."""
 LEAST_BETWEEN_TIMES = 12
+LEAST_RANGE = 2e-3
+"""Share of a value by which the ends of a scale differ at least: as far as its labels can tell."""
 
 
 class Part(IntEnum):
@@ -106,7 +108,10 @@ def nice_range(low: float, high: float) -> tuple[float, float]:
     """A scale that contains `low` to `high`, from one round number to another; −1 to 1 without numbers."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return -1.0, 1.0
-    step = nice_scale(max(high - low, 1e-6 * max(abs(low), abs(high)), 1e-9)) / 10.0
+    missing = max(LEAST_RANGE * max(abs(low), abs(high)), LEAST_RANGE) - (high - low)
+    if missing > 0.0:
+        low, high = low - 0.5 * missing, high + 0.5 * missing
+    step = nice_scale(high - low) / 10.0
     least, most = math.floor(low / step) * step, math.ceil(high / step) * step
     return (least, most) if most > least else (least - step, least + step)
 
@@ -118,7 +123,11 @@ def scale_labels(low: float, high: float, rows: int, inside: Sequence[float] = (
     labels = [""] * rows
     decimals = max(0, min(4, 1 - math.floor(math.log10(high - low)))) if high - low < 10.0 else 0
     for value, row in zip(values, dot_rows(np.array(values) - middle, half, rows) // DOTS_Y, strict=True):
-        text = texts.number(value, decimals)
+        text = next(
+            text
+            for fewer in range(decimals + 1)
+            if len(text := texts.number(value, decimals - fewer)) < LABEL_WIDTH or fewer == decimals
+        )
         labels[row] = text.rstrip("0").rstrip(".") if "." in text else text
     return labels
 

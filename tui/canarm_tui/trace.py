@@ -221,12 +221,23 @@ def cell_of(cycle: int, last: int, a_column: int, cells: int) -> int:
 
 
 def signs_of(marks: Iterable[Mark], last: int, a_column: int, cells: int) -> dict[int, Word]:
-    """The signs by the cell that they stand in, or the next free one."""
+    """The signs by the cell that they stand in, or the next free one; at the end, those before it make room.
+
+    `marks` are newest first; of one cycle too.
+    """
     found: dict[int, Word] = {}
-    for cycle, sign in sorted(marks, key=lambda mark: mark[0]):
+    oldest_first = tuple(marks)[::-1]
+    for cycle, sign in sorted(oldest_first, key=lambda mark: mark[0]):
         begin = cell_of(cycle, last, a_column, cells)
-        if 0 <= cycle <= last and begin >= 0:
-            cell = next((each for each in range(begin, cells) if each not in found), None)
-            if cell is not None:
-                found[cell] = sign
+        if not (0 <= cycle <= last and 0 <= begin < cells):
+            continue
+        cell = next((each for each in range(begin, cells) if each not in found), None)
+        if cell is None:
+            free = next((each for each in range(begin - 1, -1, -1) if each not in found), None)
+            if free is None:
+                continue
+            for each in range(free, cells - 1):
+                found[each] = found[each + 1]
+            cell = cells - 1
+        found[cell] = sign
     return found

@@ -17,7 +17,7 @@ from canarm_protocol.shown import printable
 
 from ...signal_table import Floats
 from ..run import Run
-from .story import Span, fault_spans
+from .story import Span, spans_of
 
 MOST_POINTS = 4000
 """A longer curve is drawn as minimum and maximum of half as many stretches: no spike is lost."""
@@ -215,7 +215,7 @@ def annotated(title: str, series: list[Series], runs: Sequence[Run], joint: str 
     """With fault spans and detections, of one run only: of several nobody could tell them apart."""
     if len(runs) > 1:
         return Chart(title, series)
-    spans = fault_spans(runs[0])
+    spans = spans_of(runs[0])
     seen = [(f"{each.time_s:.4f} s: {printable(each.detection.detector, 60)}", each) for each in runs[0].detections]
     marks = [
         (each.time_s, text, str(k))
@@ -228,7 +228,11 @@ def annotated(title: str, series: list[Series], runs: Sequence[Run], joint: str 
 def _band(span: Span, run: Run) -> tuple[float, float, str]:
     times = run.columns.get("time_s", np.empty(0))
     last_s = float(times[-1]) if len(times) else span.begin_s
-    return span.begin_s, last_s if span.end_s is None else span.end_s, f"fault: {printable(span.what)}"
+    return (
+        span.begin_s,
+        last_s if span.end_s is None else span.end_s,
+        f"{'' if span.is_stop else 'fault: '}{printable(span.what)}",
+    )
 
 
 def _histograms(runs: Sequence[Run], names: Sequence[str]) -> Iterable[Chart]:

@@ -13,7 +13,7 @@ from .charts import Chart, charts_of
 from .figures import Figure, above, figures_of
 from .html_parts import cell_of, chart_place, escaped, number_cell, page_of, table_of
 from .pose import pose_charts
-from .story import fault_spans, verdict
+from .story import spans_of, verdict
 
 MOST_ROWS = 300
 """Longest table of events."""
@@ -101,7 +101,7 @@ def _tables(runs: Sequence[Run], names: Sequence[str]) -> Iterable[str]:
                 number_cell(each.latency_ms),
                 cell_of("–" if each.noticed is None else each.noticed.detection.reaction.value),
             ]
-            for each in fault_spans(run)[:MOST_ROWS]
+            for each in spans_of(run)[:MOST_ROWS]
         ]
         heads = ["fault", "from, s", "to, s", "first detection after it", "at", "latency, ms", "reaction"]
         if spans:

@@ -1,7 +1,7 @@
 """What has happened in a run, in words: how it ended, how it followed, which faults began and what noticed them."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from canarm_protocol.cell.bench_objects import SETTLING_CYCLES
@@ -11,26 +11,67 @@ from ...rig.findings import Noticed
 from ..run import Run
 
 MOST_NAMED = 6
+SAME_S = 1e-9
+"""Times that differ by less are the same one."""
+EMERGENCY_STOP = "emergency-stop"
+"""The event of a stop that somebody has pressed or released; `state` says which."""
 SETTLED = f" (the first {SETTLING_CYCLES} cycles left out)"
 
 
 @dataclass(frozen=True)
 class Span:
-    """A fault from its beginning to its end (None: the end of the run), and the first detection after it."""
+    """A fault, or an emergency stop, from its beginning to its end (None: the end of the run), and the first detection
+    after it.
+    """
 
     what: str
     begin_s: float
     end_s: float | None
     noticed: Noticed | None
+    is_stop: bool = False
 
     @property
     def latency_ms(self) -> float | None:
         """From its beginning to the detection."""
-        return None if self.noticed is None else (self.noticed.time_s - self.begin_s) * 1e3
+        return None if self.noticed is None else max(0.0, self.noticed.time_s - self.begin_s) * 1e3
 
 
-def fault_spans(run: Run) -> list[Span]:
-    """The faults of a run in the order of their beginnings."""
+def spans_of(run: Run) -> list[Span]:
+    """Faults and emergency stops of a run in the order of their beginnings.
+
+    What is detected while the emergency stop is on is its doing, and answers no fault before it.
+    """
+    stops = _stops(run)
+
+    def is_of_stop(seen: Noticed, after_s: float) -> bool:
+        return any(
+            after_s < stop.begin_s <= seen.time_s + SAME_S and (stop.end_s is None or seen.time_s <= stop.end_s)
+            for stop in stops
+        )
+
+    faults = [
+        replace(each, noticed=None) if each.noticed is not None and is_of_stop(each.noticed, each.begin_s) else each
+        for each in _faults_of(run)
+    ]
+    return sorted([*faults, *stops], key=lambda each: each.begin_s)
+
+
+def _stops(run: Run) -> list[Span]:
+    found: list[Span] = []
+    for each in run.event_list:
+        if each["event"] != EMERGENCY_STOP:
+            continue
+        time_s, is_on = each["time_s"], each.get("state") == "on"
+        is_pressed = bool(found) and found[-1].end_s is None
+        if is_on and not is_pressed:
+            seen = next((other for other in run.detections if other.time_s >= time_s - SAME_S), None)
+            found.append(Span("emergency stop", time_s, None, seen, is_stop=True))
+        elif not is_on and is_pressed:
+            found[-1] = replace(found[-1], end_s=time_s)
+    return found
+
+
+def _faults_of(run: Run) -> list[Span]:
     begin_s, found = run.begin_s, []
     ends = [each for each in run.faults if not each.is_begin]
     for each in (each for each in run.faults if each.is_begin):
@@ -38,7 +79,7 @@ def fault_spans(run: Run) -> list[Span]:
         end = next((other for other in ends if other.label == each.label and other.time_ns >= each.time_ns), None)
         if end is not None:
             ends.remove(end)
-        seen = next((other for other in run.detections if other.time_s >= begun_s - 1e-9), None)
+        seen = next((other for other in run.detections if other.time_s >= begun_s - SAME_S), None)
         found.append(Span(each.label, begun_s, None if end is None else end.time_ns * 1e-9 - begin_s, seen))
     return found
 
@@ -99,9 +140,10 @@ def _cycles(run: Run) -> Iterator[str]:
 
 
 def _faults(run: Run) -> Iterator[str]:
-    spans = fault_spans(run)
+    spans = spans_of(run)
     for each in spans[:MOST_NAMED]:
-        what = f"{printable(each.what)} began at {each.begin_s:.4f} s"
+        begun = "The emergency stop was pressed" if each.is_stop else f"{printable(each.what)} began"
+        what = f"{begun} at {each.begin_s:.4f} s"
         if each.noticed is None:
             yield f"{what}; nothing was detected after it."
         else:
@@ -109,7 +151,8 @@ def _faults(run: Run) -> Iterator[str]:
             detector = printable(each.noticed.detection.detector, 60)
             yield f"{what} and was noticed after {each.latency_ms:.1f} ms by {detector}{where}."
     if len(spans) > MOST_NAMED:
-        yield f"{len(spans) - MOST_NAMED} faults more began."
+        is_fault = not any(each.is_stop for each in spans[MOST_NAMED:])
+        yield f"{len(spans) - MOST_NAMED} {'faults' if is_fault else 'faults and stops'} more began."
     if not spans and run.detections:
         yield f"{len(run.detections)} detections, though no fault was injected."
     elif not spans and run.event_list:
