@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from canarm_protocol.errors import CanarmError
 from canarm_protocol.runs.packing import SUFFIX
+from canarm_protocol.runs.run_events import LATEST_S
 from canarm_protocol.runs.run_folder import parts_of
 from canarm_protocol.shown import first_line, printable
 
@@ -26,6 +27,8 @@ Columns = dict[str, Floats]
 LARGEST_TABLE = 4 << 30
 """Bytes; an hour of two joints has one."""
 LONGEST_HEADER = 1 << 20
+LAST_CYCLE = 2**53
+"""Up to there a column of numbers tells one cycle from the next."""
 JOINED_BY = "cycle"
 
 
@@ -61,11 +64,17 @@ def _read_part(path: Path, complain: Callable[[str], None]) -> Columns:
     end = data.rfind(b"\n") + 1
     if end < len(data):
         complain(f"{path.name}: its last row is cut off and left out")
-    found = dict(zip(names, _rows(path.name, data[:end], len(names), complain).T, strict=True))
-    is_placed = np.isfinite(found[JOINED_BY]) & np.isfinite(found["time_s"])
+    return _placed(
+        path.name, dict(zip(names, _rows(path.name, data[:end], len(names), complain).T, strict=True)), complain
+    )
+
+
+def _placed(name: str, found: Columns, complain: Callable[[str], None]) -> Columns:
+    """The rows whose cycle and time are numbers that a run can have; NaN and infinity are none."""
+    is_placed = (np.abs(found[JOINED_BY]) <= LAST_CYCLE) & (np.abs(found["time_s"]) <= LATEST_S)
     if not is_placed.all():
-        complain(f"{path.name}: rows without cycle or time are left out")
-        return {name: values[is_placed] for name, values in found.items()}
+        complain(f"{name}: rows without cycle or time are left out")
+        return {column: values[is_placed] for column, values in found.items()}
     return found
 
 
@@ -79,7 +88,7 @@ def _read_parquet(path: Path, complain: Callable[[str], None]) -> Columns:
     except Exception as error:  # whatever a damaged file makes of the library
         complain(f"{path.name}: cannot be read: {first_line(error)}")
         return {}
-    return columns if {JOINED_BY, "time_s"} <= columns.keys() else {}
+    return _placed(path.name, columns, complain) if {JOINED_BY, "time_s"} <= columns.keys() else {}
 
 
 def joined(robot: Columns, controller: Columns) -> Columns:

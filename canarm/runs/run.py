@@ -37,7 +37,7 @@ from canarm_protocol.shown import printable, quoted
 
 from ..libraries import check_library, data_frame
 from ..rig.findings import Noticed, begun_of
-from ..rig.recorded import RecordedHistory, fault_events, noticed, recorded_joints
+from ..rig.recorded import DETECTION, RecordedHistory, fault_events, noticed, recorded_joints
 from ..rig.run_plot import Picture, plot_run
 from ..signal_table import Columns, joined, read_table
 from ..usage import UsageError
@@ -181,7 +181,7 @@ class Run:
     @cached_property
     def detections(self) -> list[Noticed]:
         """The controller's detections, with times from cycle 0."""
-        return self._understood(noticed)
+        return self._understood(_noticed_in_time)
 
     def plot(self, title: str = "") -> Picture:
         """The figure of the pytest plugin: angles, speeds and currents of every joint, faults and detections.
@@ -230,6 +230,14 @@ class Run:
         text = printable(text, 400)
         if text not in self.complaints:
             self.complaints.append(text)
+
+
+def _noticed_in_time(events: list[dict[str, Any]]) -> list[Noticed]:
+    """What only a run that has begun can have: raises `ValueError` for one without a time."""
+    found = noticed(events)
+    if not all(math.isfinite(each.time_s) for each in found):
+        raise ValueError(f"a {DETECTION} before cycle 0")
+    return found
 
 
 def details_of(event: Mapping[str, Any], plain: tuple[str, ...]) -> str:

@@ -182,6 +182,35 @@ def test_whatever_needs_the_cell_says_why_there_is_none(
     assert f"{file}: cannot be read: No such file or directory\n" in told()
 
 
+@pytest.mark.parametrize(
+    "field",
+    [
+        '"time_s": null',
+        '"time_s": Infinity',
+        '"time_s": 1e999',
+        f'"time_s": {10**400}',
+        '"time_s": 1e12',
+        f'"cycle": {10**400}',
+        f'"detail": [{{"a": -1{"0" * 400}}}]',
+        '"time_s": null, "cycle": -1',
+    ],
+)
+def test_an_event_with_a_number_that_no_run_has_is_left_out_and_said(
+    copy: Path, field: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    detections = len(open_run(copy).detections)
+    good = '"event": "detection", "time_s": 1.5, "cycle": 600, "detector": "d", "detail": "", "reaction": "continue"'
+    with (copy / "events.jsonl").open("a") as file:
+        file.write(f"{{{good}}}\n{{{good}, {field}}}\n")
+    run = open_run(copy)
+    assert len(run.detections) == detections + 1
+    assert any("is no event and left out" in each or "is not what it is called" in each for each in run.complaints)
+    assert len(record_of(run).faults.detections) == detections + 1
+    assert canarm(["runs", "show", str(copy)]) in (0, 1)
+    assert canarm(["report", str(copy), "--out", str(copy / "page.html")]) in (0, 1)
+    assert "should not happen" not in capsys.readouterr().err
+
+
 def test_what_is_whole_of_a_run_that_was_cut_off_is_there(copy: Path) -> None:
     whole = open_run(copy).robot["joint2.true_angle_rad"].tolist()
     cut(copy)

@@ -15,6 +15,12 @@ from .run_folder import later_run
 
 LARGEST_EVENTS = 256 << 20
 """Bytes; a run of an hour with a fault a second has two million."""
+LATEST_S = 1e9
+"""No run takes thirty years, and nanoseconds of such a time fit into 64 bits."""
+LARGEST_NUMBER = 1e15
+"""No number in an event is larger."""
+LONGEST_NUMBER = 40
+"""Characters; Python writes 24 at most."""
 
 
 def runs_of(folder: Path) -> Iterator[Path]:
@@ -30,8 +36,9 @@ def runs_of(folder: Path) -> Iterator[Path]:
 def event_lines(path: Path, complain: Callable[[str], None] = lambda text: None) -> list[dict[str, Any]]:
     """The events in a file, in the order of their times; none if there is no file.
 
-    Every event has `time_s` (a number; minus infinity where it is not known), `event` (a text) and `cycle`.
-    `complain` is told of lines that are no events. A last line without an end is still being written.
+    Every event has `time_s` (a number; minus infinity where it is not known, which is only before cycle 0), `event`
+    (a text) and `cycle`; all its other numbers are finite. `complain` is told of lines that are no events. A last line
+    without an end is still being written.
     """
     try:
         text = read_text(path, LARGEST_EVENTS, "a list of events", "JSON lines")
@@ -54,14 +61,29 @@ def event_lines(path: Path, complain: Callable[[str], None] = lambda text: None)
 
 def _event(line: str) -> dict[str, Any] | None:
     try:
-        event = json.loads(line)
+        event = json.loads(line, parse_int=_whole, parse_float=_number, parse_constant=_number)
     except (ValueError, RecursionError):
         return None
     if not isinstance(event, dict) or not isinstance(event.get("event"), str):
         return None
     time_s, cycle = event.get("time_s"), event.get("cycle", -1)
-    if time_s is None:
+    if not isinstance(cycle, int):
+        return None
+    if time_s is None and cycle < 0:
         time_s = -math.inf
-    if not isinstance(time_s, int | float) or not isinstance(cycle, int) or math.isnan(time_s):
+    elif not isinstance(time_s, int | float) or abs(time_s) > LATEST_S:
         return None
     return {**event, "time_s": float(time_s), "cycle": cycle}
+
+
+def _number(text: str) -> float:
+    value = float(text)
+    if not abs(value) <= LARGEST_NUMBER:
+        raise ValueError(text)
+    return value
+
+
+def _whole(text: str) -> int:
+    if len(text) > LONGEST_NUMBER or abs(value := int(text)) > LARGEST_NUMBER:
+        raise ValueError(text)
+    return value
