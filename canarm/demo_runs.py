@@ -1,5 +1,6 @@
 """The runs of a demo, one after the other: the first as on the command line, further ones as its user asks for them."""
 
+import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -121,9 +122,10 @@ class DemoRuns:
     def _planned(self, wanted: "NextRun") -> DemoPlan:
         plan = self.run.plan
         control = replace(plan.control, law=wanted.law, trajectory=wanted.trajectory)
-        built = make_controller(
-            plan.cell, control.law, control.motion(plan.cell), control.feedforward, Clock[plan.clock.upper()]
-        )
+        with contextlib.chdir(Path.cwd()):
+            built = make_controller(
+                plan.cell, control.law, control.motion(plan.cell), control.feedforward, Clock[plan.clock.upper()]
+            )
         seed = _number("seed", wanted.seed, whole_number)
         try:
             not_negative(int, seed)

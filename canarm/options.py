@@ -33,6 +33,8 @@ LONGEST_PORT = 20
 """More digits cannot be a port."""
 LONGEST_S = 1e6
 """Eleven days: nobody means a longer wait, and some systems cannot wait longer."""
+LONGEST_RUN_S = 1e9
+"""Thirty years: for a run until Ctrl-C. Its cycles can still be counted and its end waited for."""
 
 SLOWEST_PACE = 0.01
 """The slowest pace: a cycle of 2.5 ms then takes a quarter of a second, too short for anyone to give up on it."""
@@ -42,8 +44,8 @@ DEFAULT_SYNC_TIMEOUT_S = 10.0
 
 def positive(type_: object, value: float | None) -> None:
     """Refuse a number of seconds that is not above 0, or absurd."""
-    if value is not None and not 0.0 < value <= LONGEST_S:
-        raise ValueError(f"must be a number of seconds above 0 and at most {LONGEST_S:g} s.")
+    if value is not None and not 0.0 < value <= LONGEST_RUN_S:
+        raise ValueError(f"must be a number of seconds above 0 and at most {LONGEST_RUN_S:g} s.")
 
 
 def not_negative(type_: object, value: int | None) -> None:

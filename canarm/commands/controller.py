@@ -19,6 +19,7 @@ from canarm_controller.run.state import State
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError, BusOptionsError
+from canarm_protocol.runs.out_folder import OutFolder
 from canarm_protocol.runs.run_folder import (
     CONTROLLER_FILES,
     SIGNALS_FOLDER,
@@ -89,6 +90,8 @@ def controller(
     Without --seconds, Ctrl-C ends the run as planned (status 0); with it, Ctrl-C is a safe stop (status 1).
     """
     words = parents_words(with_parent)
+    place = None if output.out is None else OutFolder.at(output.out)
+    tell = _tell if place is None else lambda text: _tell(place.said(text))
     nominal = cell.load()
     robot_bus, bench_bus = bus.named(bus_options), bench.named()
     check_clock(clock, robot_bus, bench_bus)
@@ -99,7 +102,7 @@ def controller(
     if robot_bus is None:
         robot_bus = NamedBus("canarm", ROBOT_BUS, {"host": host, "port": port})
         bench_bus = bench_bus or NamedBus("canarm", BENCH_BUS, {"host": host, "port": port})
-    recording = parse_recording(output.record, output.rotate, output.out, _tell, with_frames=False)
+    recording = parse_recording(output.record, output.rotate, output.out, tell, with_frames=False)
     say = keep_stdout()
     built = make_controller(
         nominal, control.law, control.motion(nominal), control.feedforward, Clock[clock.upper()], ticks, LISTEN_NS
@@ -110,8 +113,8 @@ def controller(
     is_watched = math.isfinite(sync_timeout)
     stop = StopRequest(None, with_parent, _place_of(built) if is_watched else None, words, sync_timeout)
     made = Tentative()
-    if output.out is not None:
-        _make_folder(output.out, made)
+    if place is not None:
+        _make_folder(place, made)
     if wall.realtime:
         for refused in ask_for_realtime():
             _tell(f"--realtime: {refused}")
@@ -127,8 +130,8 @@ def controller(
     }
 
     def on_open() -> None:
-        if output.out is not None:
-            follower.recorder = _start_recording(output.out, built, given, made, recording)
+        if place is not None:
+            follower.recorder = _start_recording(place, built, given, made, recording)
 
     pacing = {"spin_ns": wall.spin * 1000, "pace": pace, "answer_s": sync_timeout}
     with made:
@@ -136,10 +139,10 @@ def controller(
     stop.is_over()
     is_told = isinstance(built.error, InterruptedRunError) or follower.recorder is not None
     if isinstance(built.error, ClockMismatchError) or not is_told:
-        _forget_recording(output.out, follower, made)
+        _forget_recording(place, follower, made)
         is_told = False
-    out = output.out if is_told else None
-    summary = _summary(nominal, control, clock, built, result, out)
+    out = place if is_told else None
+    summary = _summary(nominal, control, clock, built, result, None if out is None else out.given)
     is_recorded = out is None or _end_recording(out, follower.recorder, summary, result)
     recording.close()
     if result.ticks and not output.json:
@@ -230,37 +233,44 @@ def _place_of(built: Controller) -> Callable[[], str]:
     return lambda: f"the controller sent nothing after {'its start' if built.tick < 0 else f'cycle {built.tick}'}"
 
 
-def _make_folder(folder: Path, made: Tentative) -> None:
+def _make_folder(place: OutFolder, made: Tentative) -> None:
     """Make the run folder; an emulator's run in it is shared, another controller's is refused."""
-    if (folder / SIGNALS_FOLDER / SIGNALS_FILE).exists():
-        raise UsageError(f"--out {folder}: holds a controller's run already; name another folder, or remove it")
-    create_run_folder(folder, reuse=True, made=made)
+    if (place.path / SIGNALS_FOLDER / SIGNALS_FILE).exists():
+        raise UsageError(f"--out {place.given}: holds a controller's run already; name another folder, or remove it")
+    with place.named():
+        create_run_folder(place.path, reuse=True, made=made)
 
 
 def _start_recording(
-    folder: Path, controller: Controller, given: Mapping[str, Any], made: Tentative, recording: Recording
+    place: OutFolder, controller: Controller, given: Mapping[str, Any], made: Tentative, recording: Recording
 ) -> ControllerRecorder:
     """A recorder. A run that found no bus leaves no files: an emulator may record into the folder later."""
     for name in CONTROLLER_FILES:
-        made.file(folder / name)
-    recorder = ControllerRecorder(folder, controller, _tell, time.perf_counter_ns, recording.signals)
-    update_run_file(folder, "controller", {**provenance(), **given})
+        made.file(place.path / name)
+
+    def complain(text: str) -> None:
+        _tell(place.said(text))
+
+    with place.named():
+        recorder = ControllerRecorder(place.path, controller, complain, time.perf_counter_ns, recording.signals)
+        update_run_file(place.path, "controller", {**provenance(), **given})
     controller.on_tick = recorder.tick
     return recorder
 
 
-def _forget_recording(folder: Path | None, follower: "_Follower", made: Tentative) -> None:
+def _forget_recording(place: OutFolder | None, follower: "_Follower", made: Tentative) -> None:
     """A run that has found no bus, or is refused by the cards, leaves nothing; an emulator's files stay."""
-    if follower.recorder is not None and folder is not None:
+    if follower.recorder is not None and place is not None:
         follower.recorder.close()
         follower.recorder = None
         with contextlib.suppress(OSError, RunFolderError):
-            update_run_file(folder, "controller", None)
+            update_run_file(place.path, "controller", None)
     made.take_back()
 
 
-def _end_recording(folder: Path, recorder: ControllerRecorder | None, summary: Summary, result: RunResult) -> bool:
+def _end_recording(place: OutFolder, recorder: ControllerRecorder | None, summary: Summary, result: RunResult) -> bool:
     """Close the files and add the summary; False, and a line on stderr, if they cannot be written."""
+    folder = place.path
     steps = [lambda: update_run_file(folder, SUMMARY, summary.as_json())]
     if result.pacing is not None:
         pacing = result.pacing.summary()
@@ -269,7 +279,7 @@ def _end_recording(folder: Path, recorder: ControllerRecorder | None, summary: S
         recorder.close()
     failures = dict.fromkeys(filter(None, [recording_failure(folder, step) for step in steps]))
     for text in failures:
-        _tell(text)
+        _tell(place.said(text))
     return not failures and (recorder is None or recorder.failure is None)
 
 

@@ -128,10 +128,14 @@ def _is_terminal() -> bool:
 
 
 def _check(cell: Cell, control: ControlOptions, clock: str, seconds: float, truth: Sequence[str]) -> Controller:
-    """Check the command line before any process starts; returns the controller that it describes."""
+    """Check the command line before any process starts; returns the controller that it describes.
+
+    A law's file is run by that, and may change the working folder: it does so again in the process of the controller.
+    """
     tick_count(cell, seconds)
     TrueRobot.from_settings(cell, parse_settings("--truth", truth))
-    return make_controller(cell, control.law, control.motion(cell), control.feedforward, Clock[clock.upper()])
+    with contextlib.chdir(Path.cwd()):
+        return make_controller(cell, control.law, control.motion(cell), control.feedforward, Clock[clock.upper()])
 
 
 def _served_host(serve: str) -> str:

@@ -25,6 +25,7 @@ from canarm_emulator.wire.wire import Wire as WireModel
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.faults.fault_toml import as_toml
+from canarm_protocol.runs.out_folder import OutFolder
 from canarm_protocol.runs.run_events import runs_of
 from canarm_protocol.runs.run_folder import claim_run_folder, update_run_file
 from canarm_protocol.runs.tentative import Tentative
@@ -113,6 +114,8 @@ def emulator(
     Prints how to attach to each bus with python-can's flags. Ends on Ctrl-C, which is status 0.
     """
     words = parents_words(with_parent)
+    place = None if output.out is None else OutFolder.at(output.out)
+    tell = _tell if place is None else lambda text: _tell(place.said(text))
     nominal = cell.load()
     buses = {ROBOT_BUS: bus.named(bus_options), BENCH_BUS: bench_bus.named()}
     if allow_remote:
@@ -131,9 +134,9 @@ def emulator(
         if adapter is not None:
             ports[ROBOT_BUS].append(adapter)
         recorder = None
-        recording = parse_recording(output.record, output.rotate, output.out, _tell)
+        recording = parse_recording(output.record, output.rotate, output.out, tell)
         stack.callback(recording.close)
-        if output.out is not None:
+        if place is not None:
             given = {
                 "clock": world.clock,
                 "seed": world.seed,
@@ -142,7 +145,7 @@ def emulator(
                 "sync_timeout_s": world.sync_timeout if math.isfinite(world.sync_timeout) else None,
                 "faults": None if script is None else as_toml(script),
             }
-            recorder = _start_recording(output.out, nominal, given, made, recording)
+            recorder = _start_recording(place, nominal, given, made, recording)
             stack.callback(recorder.close)
         remote = adapter.address if isinstance(adapter, SlcanSocket) else None
         for line in exposure_lines(hub.address, remote, buses):
@@ -171,14 +174,15 @@ def emulator(
             "dropped_frames": sum(hub.dropped.values()) + (0 if adapter is None else adapter.dropped),
             "out": None if output.out is None else str(output.out),
         }
-        if output.out is not None:
-            folder = output.out
+        if place is not None:
+            folder = place.path
             unwritten = recording_failure(folder, lambda: update_run_file(folder, "emulator_summary", summary))
             recording.close()
             for run in runs_of(folder):
-                if not convert_all(run, recording.at_the_end, _tell):
+                if not convert_all(run, recording.at_the_end, tell):
                     unwritten = unwritten or f"{run}: not in all formats that --record names"
             failure = failure or unwritten
+            failure = None if failure is None else place.said(failure)
     if output.json:
         print(json.dumps(summary), flush=True)
     elif "wire" in summary:
@@ -217,18 +221,23 @@ def _offer_slcan(where: bool | str, allow_remote: bool) -> SlcanPort:
 
 
 def _start_recording(
-    folder: Path, cell: Cell, given: Mapping[str, Any], made: Tentative, recording: Recording
+    place: OutFolder, cell: Cell, given: Mapping[str, Any], made: Tentative, recording: Recording
 ) -> Recorder:
-    claim_run_folder(folder, made)
+    with place.named():
+        claim_run_folder(place.path, made)
+
+    def complain(text: str) -> None:
+        _tell(place.said(text))
 
     def describe(folder: Path) -> None:
         update_run_file(folder, "cell", cell.model_dump(mode="json"))
         update_run_file(folder, "emulator", {**provenance(), **given})
 
-    recorder = SessionRecorder(
-        folder, cell, _tell, describe, recording.frames, recording.signals, with_bench=recording.with_bench
-    )
-    describe(folder)
+    with place.named():
+        recorder = SessionRecorder(
+            place.path, cell, complain, describe, recording.frames, recording.signals, with_bench=recording.with_bench
+        )
+        describe(place.path)
     return recorder
 
 

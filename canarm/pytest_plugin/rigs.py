@@ -41,7 +41,7 @@ class RigFactory:
         self._rigs.append(rig)
         if rig.unused is not None:
             rig.unused.is_used()  # it is finished after the test, which warns
-        folder = None if options["out"] is None else Path(options["out"])
+        folder = None if options["out"] is None else Path(options["out"]).absolute()
         self._keeper.watch(_RigRun(rig, folder, f"canarm_rig({', '.join(words)})"))
         return rig
 

@@ -20,6 +20,7 @@ from canarm_emulator.errors import TruthError
 from canarm_emulator.robot.truth import truth_keys
 from canarm_protocol.cell.cell_messages import nearest
 from canarm_protocol.cell.model import Cell
+from canarm_protocol.runs.out_folder import OutFolder
 from canarm_protocol.shown import quoted
 
 from ..usage import UsageError, value_text
@@ -85,11 +86,11 @@ def checked_feedforward(given: object) -> str | None:
     return given
 
 
-def checked_folder(out: object) -> Path | None:
-    """`out` as a path. Raises `UsageError` if it is none."""
+def checked_folder(out: object) -> OutFolder | None:
+    """`out` as a folder, which stays where it is now. Raises `UsageError` if it is none."""
     if not isinstance(out, str | Path | None) or "\0" in str(out):
         raise UsageError(f"out {quoted(out)}: must be the path of a folder")
-    return None if out is None else Path(out)
+    return None if out is None else OutFolder.at(Path(out))
 
 
 def checked_switch(what: str, value: object) -> bool:

@@ -72,7 +72,7 @@ class BusRig(AnyRig):
         motion = usual_motion(self.cell) if self._trajectory is None else self._trajectory
         self._trajectory_word = _word("trajectory", motion)
         Truth.from_settings(self.cell, self._true_settings, "truth")
-        self.folder = self._out
+        self.folder = self._out.path
         self.reason: str | None = None
         self._result: dict[str, Any] | None = None
         self._is_finished = False

@@ -105,7 +105,8 @@ class Rig(Branching, Carrying, AnyRig):
         self._state = State.IDLE
         self._folder: Path | None = None
         if self._out is not None:
-            self._record(self._out)
+            with self._out.named():
+                self._record(self._out.path)
         self._bench.on_cycle = self._keep_truth
         self._bench.on_script = self._note_script
         self._bench.device.faults.on_event = self._note_fault
@@ -253,7 +254,7 @@ class Rig(Branching, Carrying, AnyRig):
             real_time_factor=None,
             approach_s=self.approach_s,
             joints={name: self._history.figures(index) for index, name in enumerate(self.joints)},
-            out=None if self._folder is None else str(self._folder),
+            out=None if self._out is None else str(self._out.given),
             faults=len(self.begun),
             detections=detections_as_plain(self.detections),
             object=self._bench.world.object_summary(),
@@ -382,7 +383,7 @@ class Rig(Branching, Carrying, AnyRig):
             recorder.close()
 
     def _warn_unwritten(self, text: str) -> None:
-        warnings.warn(text, RigWarning, 2)
+        warnings.warn(text if self._out is None else self._out.said(text), RigWarning, 2)
 
     def _record(self, folder: Path) -> None:
         self._folder = create_run_folder(folder, made=self._made)

@@ -114,7 +114,7 @@ def test_a_controller_starts_without_the_physics_engine(canarm):
         ("controller --seconds -1", "--seconds", "above 0"),
         ("controller --seconds 0.001", "--seconds 0.001", "0.0025 s"),
         ("demo --seconds nan", "--seconds", "above 0"),
-        ("demo --seconds 1e300", "--seconds", "at most 1e+06 s"),
+        ("demo --seconds 1e300", "--seconds", "at most 1e+09 s"),
         ("demo --seed -1", "--seed", "0 or more"),
         ("demo --law pid", "law 'pid'", "mras"),
         ("demo --law missing.py:Law", "missing.py", "existing"),
