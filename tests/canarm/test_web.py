@@ -2,6 +2,7 @@
 
 import asyncio
 import base64
+import os
 import re
 import signal
 import subprocess
@@ -16,6 +17,7 @@ from canarm_protocol.cell import load_cell
 from canarm_protocol.faults.bench_client import BenchClient
 from canarm_protocol.transport.port import open_port
 from tests.canarm.browser import PROGRAMS, Page, find_browser, started
+from tests.canarm.conftest import DEADLINE_S, Commands, wait_until
 
 aiohttp = pytest.importorskip("aiohttp", reason="textual-serve is not installed")
 pytest.importorskip("textual_serve", reason="textual-serve is not installed")
@@ -134,3 +136,46 @@ def test_a_fault_is_injected_and_the_robot_stopped_from_a_browser(url: str, emul
                     assert bench.is_stopped
 
     asyncio.run(drive())
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_no_dashboard_outlives_its_page_or_the_server(canarm: Commands, number: signal.Signals) -> None:
+    """A page goes away at once; the dashboard of another one does not react any more; a third stays to the end."""
+    server = canarm("tui", "--web", "--web-port", "0", "--connect", "127.0.0.1:9")
+
+    def has_none() -> bool:
+        return canarm.remaining() == [server.pid]
+
+    address = server.wait_for(r"the dashboard is at (http://\S+);")[1]
+
+    async def look() -> None:
+        async with aiohttp.ClientSession() as session:
+            async with session.ws_connect(f"{address}/ws"):
+                pass
+            await asyncio.to_thread(wait_until, has_none, "end of the dashboard of a page that is gone")
+            async with session.ws_connect(f"{address}/ws") as page:
+                await page.receive()
+                for each in set(canarm.remaining()) - {server.pid}:
+                    os.kill(each, signal.SIGSTOP)
+            await asyncio.to_thread(wait_until, has_none, "end of the dashboard of a page that is gone")
+            async with session.ws_connect(f"{address}/ws") as page:
+                server.send(number)
+                async for _ in page:
+                    pass
+
+    asyncio.run(look())
+    server.wait()
+    wait_until(lambda: not canarm.remaining(), "end of all dashboards")
+
+
+def test_a_dashboard_ends_when_its_server_hangs_up() -> None:
+    """Whatever becomes of what it writes."""
+    command = [sys.executable, "-m", "canarm", "tui", "--connect", "127.0.0.1:9"]
+    environment = {**os.environ, "TEXTUAL_DRIVER": "textual.drivers.web_driver:WebDriver"}
+    streams = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen(command, env=environment, **streams) as dashboard:
+        try:
+            dashboard.stdin.close()
+            assert dashboard.wait(DEADLINE_S) is not None
+        finally:
+            dashboard.kill()

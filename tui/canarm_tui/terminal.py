@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import select
 import signal
 import sys
 import threading
@@ -11,6 +12,9 @@ from typing import Any, TextIO
 from textual.app import App
 
 from .errors import TerminalError
+
+END_S = 5.0
+"""How long an application may take to end once its page is gone."""
 
 
 def check_terminal(what: str = "the dashboard") -> None:
@@ -26,7 +30,7 @@ def run_app(app: App[Any]) -> int:
     """Run `app` to its end; return its exit status. The handlers of `ending_signals` are as before then."""
     before = {number: signal.getsignal(number) for number in ending_signals()}
     try:
-        with _outliving_its_terminal():
+        with _outliving_its_terminal(), _ending_with_its_page():
             app.run()
     finally:  # the event loop puts its own in the place of ours
         for number, handler in before.items():
@@ -68,6 +72,34 @@ def _outliving_its_terminal() -> Iterator[None]:
         yield
     finally:
         vars(sys)["__stderr__"] = stream
+
+
+@contextlib.contextmanager
+def _ending_with_its_page() -> Iterator[None]:
+    """In a browser, stdin comes from the server, and hangs up when that is gone, however it has ended.
+
+    The parent's process ID would not tell: it may have gone before this process has asked for it.
+    """
+    is_over = threading.Event()
+
+    def watch(stdin: int) -> None:
+        poll = select.poll()
+        poll.register(stdin, 0)  # a hang-up is told unasked; what is there to read is not ours
+        while not any(event & (select.POLLHUP | select.POLLERR | select.POLLNVAL) for _, event in poll.poll()):
+            pass
+        if is_over.is_set():
+            return
+        os.kill(os.getpid(), signal.SIGTERM)
+        # It may be writing to a pipe that nobody reads, which no signal interrupts.
+        if not is_over.wait(END_S):
+            os._exit(1)
+
+    if os.environ.get("TEXTUAL_DRIVER") and hasattr(select, "poll") and sys.__stdin__ is not None:
+        threading.Thread(target=watch, args=(sys.__stdin__.fileno(),), daemon=True).start()
+    try:
+        yield
+    finally:
+        is_over.set()
 
 
 def ending_signals() -> tuple[signal.Signals, ...]:
