@@ -14,6 +14,7 @@ from canarm_protocol.shown import printable
 
 from ..draws import Choice, Value
 from .journal import Journal
+from .one_run import DONE
 from .plan import Axis, Study
 
 Floats = NDArray[np.float64]
@@ -24,7 +25,6 @@ METRICS = {
 }
 """The figures that a page shows, each of the worst joint of a run."""
 JUDGED = "worst.rms_lsb"
-DONE = "done"
 WORST_SHOWN = 20
 
 
@@ -36,8 +36,16 @@ class Case:
     state: str
     reason: str | None
     figure: float
+    """NaN where a run that ended as planned has none, infinite of one that did not."""
     values: dict[str, Value]
     command: str
+
+    @property
+    def said(self) -> str:
+        """The figure, or why there is none."""
+        if math.isfinite(self.figure):
+            return f"{self.figure:.3g}"
+        return printable(self.state, 40) if self.state != DONE else "no figure"
 
     def as_plain(self) -> dict[str, Any]:
         """For JSON."""
@@ -60,7 +68,7 @@ class Findings:
 
     def lines(self) -> Iterable[str]:
         """In words, for a terminal."""
-        ends = ", ".join(f"{count} {state}" for state, count in self.states.items())
+        ends = ", ".join(f"{count} {printable(state, 40)}" for state, count in self.states.items())
         yield f"{self.runs} runs: {ends}"
         for name, title in METRICS.items():
             values = self.columns[name][self.is_done]
@@ -69,8 +77,7 @@ class Findings:
                 middle, high = np.percentile(values, [50, 90])
                 yield f"{title}, worst joint: median {middle:.3g}, 90 % below {high:.3g}, most {values.max():.3g}"
         for case in self.worst[:3]:
-            figure = f"{case.figure:.3g}" if math.isfinite(case.figure) else case.state
-            yield f"run {case.number}, {figure}: {printable(case.command, 600)}"
+            yield f"run {case.number}, {case.said}: {printable(case.command, 600)}"
 
 
 def findings_of(study: Study, journal: Journal) -> Findings:
@@ -91,7 +98,10 @@ def findings_of(study: Study, journal: Journal) -> Findings:
         figure = columns[JUDGED][place] if state == DONE else math.inf
         entry = (figure if math.isfinite(figure) else (math.inf if state != DONE else -1.0), -row["run"], row)
         (heapq.heappush if len(worst) < WORST_SHOWN else heapq.heappushpop)(worst, entry)
-    cases = tuple(_case(study, row, figure) for figure, _, row in sorted(worst, key=lambda each: (-each[0], -each[1])))
+    cases = tuple(
+        _case(study, row, figure if figure >= 0.0 else math.nan)
+        for figure, _, row in sorted(worst, key=lambda each: (-each[0], -each[1]))
+    )
     return Findings(count, dict(states), columns, is_done, cases)
 
 

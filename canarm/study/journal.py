@@ -6,6 +6,7 @@ A study that was killed goes on where it was: what is left of a cut line is remo
 import contextlib
 import hashlib
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -16,6 +17,8 @@ from canarm_protocol.runs.own_file import append_lines, open_own, replace_file
 from canarm_protocol.shown import first_line
 
 from ..usage import UsageError
+from .one_run import STATES
+from .plan import LARGEST_WHOLE
 
 fcntl: ModuleType | None
 try:
@@ -84,11 +87,31 @@ class Journal:
                 if not line.endswith(b"\n"):
                     os.ftruncate(self._descriptor, place)  # a kill in the middle of a line
                     break
-                with contextlib.suppress(ValueError):
-                    row = json.loads(line)
-                    if isinstance(row, dict) and type(row.get("run")) is int and isinstance(row.get("state"), str):
-                        self.places[row["run"]] = place
+                number = _run_of(line)
+                if number is not None:
+                    self.places[number] = place
                 place += len(line)
+
+
+def _run_of(line: bytes) -> int | None:
+    """The number of the run whose row the line is; None if it is no row: then the run is not done."""
+    try:
+        row = json.loads(line)
+        if not isinstance(row, dict) or type(row.get("run")) is not int or row.get("state") not in STATES:
+            return None
+        return row["run"] if all(map(_is_plain, row.values())) and all(map(_is_plain, row)) else None
+    except (ValueError, RecursionError, TypeError):
+        return None
+
+
+def _is_plain(value: Any) -> bool:
+    """Whether a table can hold it. Raises `ValueError` for half a character."""
+    if isinstance(value, str):
+        value.encode()
+        return True
+    if isinstance(value, float):
+        return math.isfinite(value)
+    return value is None or (isinstance(value, int) and abs(value) <= LARGEST_WHOLE)
 
 
 def fingerprint(paths: set[Path]) -> dict[str, str]:

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from canarm_protocol.cell.cell_messages import nearest
-from canarm_protocol.shown import quoted
+from canarm_protocol.shown import printable, quoted
 
 from ..usage import UsageError
+from .one_run import DONE
 
 OVER = ("mean", "worst")
 KEYS = ("minimise", "over", "evaluations", "within", "seed")
@@ -37,12 +38,12 @@ class Objective:
     def _of_run(self, row: Mapping[str, Any]) -> float:
         key = self.minimise if "." in self.minimise else f"worst.{self.minimise}"
         value = row.get(key)
-        is_whole = row.get("state") == "done" and isinstance(value, int | float) and math.isfinite(value)
+        is_whole = row.get("state") == DONE and isinstance(value, int | float) and math.isfinite(value)
         return min(float(value), LOST) if is_whole and value is not None else LOST
 
     def __str__(self) -> str:
         joint = "" if "." in self.minimise else " of the worst joint"
-        return f"{self.over} over all runs of {self.minimise}{joint}; a run that is stopped counts {LOST:g}"
+        return f"{self.over} over all runs of {printable(self.minimise)}{joint}; a run that is stopped counts {LOST:g}"
 
 
 def parse_objective(table: Mapping[str, Any]) -> Objective:

@@ -22,8 +22,9 @@ Row = dict[str, Any]
 FIGURES = ("rms_lsb", "max_lsb", "peak_current_a", "saturated_cycles", "speed_ripple")
 HISTORY_S = 1.0
 """A run keeps no more of its course than that: a row has only figures, which the bench counts."""
-BROKEN = "broken"
-"""The state of a run that could not be carried out."""
+DONE, FAILED, BROKEN = "done", "failed", "broken"
+"""The states of a run: ended as planned, in a safe stop, or it could not be carried out."""
+STATES = (DONE, FAILED, BROKEN)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from ..runs.report.charts import COLOURS, Chart, Series, thinned
 from ..runs.report.html_parts import cell_of, chart_place, escaped, number_cell, page_of, table_of
 from .findings import JUDGED, METRICS, Findings
 from .heat import HeatMap, heat_map
+from .one_run import DONE
 from .plan import Axis, Study
 
 PAGE_FILE = "study.html"
@@ -40,7 +41,7 @@ def study_page(study: Study, found: Findings) -> str:
 
 
 def _head(study: Study, found: Findings) -> str:
-    is_good = set(found.states) == {"done"}
+    is_good = set(found.states) == {DONE}
     axes = "; ".join(printable(str(axis), 120) for axis in study.axes)
     lines = [*found.lines()][: 1 + len(METRICS)]
     said = "".join(f"<p>{escaped(line)}</p>" for line in lines)

@@ -19,6 +19,9 @@ SET, TRUTH = "set.", "truth."
 NONE = "none"
 """The value of an axis of fault files that stands for no fault."""
 
+LARGEST_WHOLE = 2**63 - 1
+"""What a table's column of whole numbers holds."""
+
 
 class Sample(Enum):
     """How settings are chosen from the axes."""

@@ -4,6 +4,7 @@ Every complaint says where in the file, what is wrong, and what would be right.
 """
 
 import math
+import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from canarm_protocol.text_file import parse_toml, read_text
 from ..draws import Choice, Span, Value, Whole
 from ..usage import UsageError, value_text
 from .objective import Objective, parse_objective
-from .plan import SET, TRUTH, Axis, Sample, Settings, Study
+from .plan import LARGEST_WHOLE, SET, TRUTH, Axis, Sample, Settings, Study
 
 LARGEST_BYTES = 1_000_000
 MOST_RUNS = 1_000_000
@@ -66,7 +67,7 @@ def _study(table: Mapping[str, Any], stem: str) -> Study:
     draws = _whole(table, "draws", 100, 1, MOST_RUNS)
     if sample is Sample.GRID and "draws" in table:
         raise _Problem('draws: is for sample = "random" or "latin-hypercube"; a grid takes every combination')
-    study = Study(title, base, axes, steps, sample, draws, _whole(table, "draw_seed", 0, 0, 2**63 - 1))
+    study = Study(title, base, axes, steps, sample, draws, _whole(table, "draw_seed", 0, 0, LARGEST_WHOLE))
     if (size := math.prod(steps)) > MOST_RUNS and sample is Sample.GRID:
         raise _Problem(f"[vary]: a grid of {size} runs; at most {MOST_RUNS}: take fewer values, or a sample of draws")
     return study
@@ -139,7 +140,7 @@ def _axis(name: str, value: Any, is_grid: bool) -> tuple[Axis, int]:
 
 
 def _seeds(value: Mapping[str, Any], where: str) -> tuple[Axis, int]:
-    low, high = (_whole(value, end, 0, 0, 2**63 - 1, f"{where}.") for end in ("from", "to"))
+    low, high = (_whole(value, end, 0, 0, LARGEST_WHOLE, f"{where}.") for end in ("from", "to"))
     return Whole("seed", low, high), _whole(value, "count", high - low + 1, 2, high - low + 1, f"{where}.")
 
 
@@ -156,12 +157,16 @@ def _plain(name: str, value: Any, before: str) -> Any:
     if name == "seed":
         if not isinstance(value, int) or isinstance(value, bool) or value < 0:
             raise _Problem(f"{before}seed = {quoted(value)}: must be a whole number, 0 or more")
+        if value > LARGEST_WHOLE:
+            raise _Problem(f"{before}seed = {quoted(value)}: must be at most {LARGEST_WHOLE}, 64 bits with a sign")
     elif not isinstance(value, str) or not value:
         raise _Problem(f"{before}{name} = {quoted(value)}: must be a text")
     return value
 
 
 def _value(value: Any, where: str) -> Value:
+    if isinstance(value, int) and abs(value) > LARGEST_WHOLE:
+        raise _Problem(f"{where} = {quoted(value)}: must be a number of at most 64 bits, or one with a decimal point")
     if isinstance(value, bool):
         return value_text(value)
     if not isinstance(value, int | float | str) or (isinstance(value, float) and not math.isfinite(value)):
@@ -178,8 +183,8 @@ def _table(table: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 def _number(table: Mapping[str, Any], name: str, where: str) -> float:
     value = table.get(name)
-    if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
-        raise _Problem(f"{where}.{name} = {quoted(value)}: must be a number")
+    if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) <= sys.float_info.max:
+        raise _Problem(f"{where}.{name} = {quoted(value)}: must be a finite number")
     return value
 
 

@@ -3,6 +3,8 @@
 import sys
 import time
 
+from canarm_protocol.shown import printable_lines
+
 BAR = 30
 """Characters of the bar."""
 TENTHS = 10
@@ -14,21 +16,22 @@ class Progress:
     def __init__(self) -> None:
         self._is_terminal = sys.stderr is not None and sys.stderr.isatty()
         self._begun_s: float | None = None
+        self._before = 0
         self._told = 0
 
     def note(self, text: str) -> None:
         """Show `text` on its own line."""
         if sys.stderr is not None:
-            print(f"canarm: {text}", file=sys.stderr, flush=True)
+            print(f"canarm: {printable_lines(text)}", file=sys.stderr, flush=True)
 
     def __call__(self, done: int, total: int) -> None:
-        """`done` of `total` runs have ended; 0 when the first begins."""
+        """`done` of `total` runs have ended; first told before the first of them begins: those were done before."""
         now_s = time.monotonic()
         if self._begun_s is None:
-            self._begun_s = now_s
-        if sys.stderr is None or not done:
+            self._begun_s, self._before = now_s, done
+        if sys.stderr is None or done <= self._before:
             return
-        left_s = (now_s - self._begun_s) * (total - done) / done
+        left_s = (now_s - self._begun_s) * (total - done) / (done - self._before)
         if self._is_terminal:
             bar = "#" * (BAR * done // total)
             end = "\n" if done == total else ""

@@ -520,6 +520,14 @@ def test_progress_without_a_terminal_is_ten_lines(capsys: pytest.CaptureFixture[
     assert [line.split()[1] for line in lines] == [str(percent) for percent in range(10, 101, 10)]
 
 
+def test_what_was_done_before_says_nothing_of_the_time_that_is_left(capsys: pytest.CaptureFixture[str]) -> None:
+    progress = Progress()
+    progress(25, 100)
+    assert capsys.readouterr().err == ""
+    progress(31, 100)
+    assert capsys.readouterr().err.startswith("canarm: 31 % (31 of 100 runs), ")
+
+
 @pytest.mark.parametrize(
     ("command", "words"),
     [("sleep 1000", "no SYNC within 0.5 s"), ("sh -c 'echo no arm; exit 3'", "ended with status 3; it said: no arm")],

@@ -203,6 +203,14 @@ def test_what_somebody_has_written_among_the_rows_is_no_row(tmp_path: Path) -> N
         '{"run": "2", "state": "done"}',
         '{"run": true}',
         '{"run": 3}',
+        '{"run": 4, "state": "\\u001b[2Jdone"}',
+        '{"run": 5, "state": []}',
+        "[" * 100_000,
+        f'{{"run": {10**400}, "state": "done"}}',
+        f'{{"run": 7, "state": "done", "worst.rms_lsb": {10**400}}}',
+        '{"run": 8, "state": "done", "worst.rms_lsb": Infinity}',
+        '{"run": 9, "state": "done", "law": ["pd"]}',
+        '{"run": 10, "state": "done", "law": "\\ud800"}',
     ]
     with Journal(tmp_path, {}):
         (tmp_path / ROWS_FILE).write_text("\n".join(lines) + "\n")
@@ -219,6 +227,27 @@ def test_a_full_disk_leaves_whole_rows_and_is_named(tmp_path: Path, full_at: Any
         assert list(journal.rows()) == [{"run": 0, "state": "done"}]
 
 
+def test_rows_that_somebody_has_written_reach_no_terminal_raw_and_are_run_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = 'title = "\\u001b[2J"\n[run]\nseconds = 0.05\n[vary]\nlaw = ["pd", "mras"]\n'
+    words = ["study", str(written(tmp_path, text)), "--out", str(tmp_path / "out"), "--jobs", "1"]
+    assert canarm_here(words) == 0
+    rows = tmp_path / "out" / ROWS_FILE
+    first, second = map(json.loads, rows.read_text().splitlines())
+    figures = {"worst.rms_lsb": None, "reason": "\x1b[2J", "\x1b[2J": "\x1b[2J"}
+    rows.write_text(json.dumps(first | figures) + "\n" + json.dumps(second | {"state": "\x1b[2J"}) + "\n")
+    assert canarm_here(words) == 0
+    said = capsys.readouterr()
+    assert "\x1b" not in said.out + said.err
+    assert f"run {first['run']}, no figure: canarm demo" in said.out
+    assert ", -1: " not in said.out
+    assert "\\x1b[2J: 2 runs of 0.05 s, 1 of them done before" in said.err
+    assert "0 s left" not in said.err.partition("done before")[2].partition("100 %")[0], "before anything ran"
+    assert {row["state"] for row in table(tmp_path / "out")} == {"done"}
+    assert "\x1b" not in (tmp_path / "out" / "study.html").read_text()
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -231,10 +260,15 @@ def test_a_full_disk_leaves_whole_rows_and_is_named(tmp_path: Path, full_at: Any
         ("[vary]\nlaw = []", "must be an array of different values"),
         ("[vary]\nseed = {from = 3, to = 1}", "vary.seed.from = 3: must be below to = 1"),
         ("[vary]\nseed = [-1]", "vary.seed = -1: must be a whole number, 0 or more"),
+        (f"[vary]\nseed = [0, {2**63}]", f"vary.seed = {2**63}: must be at most {2**63 - 1}"),
+        (f"[run]\nseed = {2**64}\n[vary]\nlaw = ['pd']", f"run.seed = {2**64}: must be at most"),
+        (f"[vary]\nseed = {{from = 0, to = {10**400}}}", "vary.seed.to = "),
+        (f"[vary]\ntruth.joint3.mass = [{2**63}]", "must be a number of at most 64 bits"),
+        (f"[vary]\ntruth.joint3.mass = {{from = 0, to = {10**400}}}", "vary.truth.joint3.mass.to = "),
         ("[vary]\ntruth.joint4.mass = [1.0]", "joint4.mass"),
         ("[vary]\ntruth.joint3.mass = [-1.0]", "vary.truth.joint3.mass, -1.0: truth joint3.mass=-1:"),
         ("[vary]\ntruth.joint3.mass = {from = 0.0, to = 1.0, scale = 'log'}", "must be above 0 and below to = 1"),
-        ("[vary]\ntruth.joint3.mass = {from = nan, to = 1.0}", "must be a number"),
+        ("[vary]\ntruth.joint3.mass = {from = nan, to = 1.0}", "must be a finite number"),
         ("[vary]\nset.control.damping = [1.0]", "did you mean 'damping_ratio'?"),
         ('sample = "grit"\n[vary]\nlaw = ["pd"]', "sample = 'grit': must be one of grid, random, latin-hypercube"),
         ('draws = 5\n[vary]\nlaw = ["pd"]', "a grid takes every combination"),
