@@ -3,6 +3,7 @@
 import contextlib
 import math
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -17,6 +18,7 @@ from canarm_protocol.clock import Clock
 from ..demo_run import DemoPlan, tell
 from ..demo_runs import DemoRuns
 from ..fault_file import load_faults
+from ..handed_outcome import handing_over
 from ..options import (
     BENCH_BUS,
     DEFAULT_HOST,
@@ -153,7 +155,11 @@ def _serve(runs: DemoRuns, port: int) -> None:
     """The dashboard in a browser, until SIGINT or SIGTERM; raises `KeyboardInterrupt` if the run is not over then."""
     plan = runs.run.plan
     words = ["tui", "--cell", plan.cell_name, *(word for each in plan.settings for word in ("--set", each))]
-    serve_web([*words, "--connect", f"{plan.host}:{runs.run.port}"], port, "canarm demo")
+    words += ["--connect", f"{plan.host}:{runs.run.port}"]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "outcome.json"
+        with handing_over(runs.run.outcome, path, tell):
+            serve_web([*words, "--outcome", str(path)], port, "canarm demo")
     if not runs.run.is_over:
         raise KeyboardInterrupt
 

@@ -12,6 +12,7 @@ from canarm_tui.bus.address import BusAddress
 from canarm_tui.entry import run_dashboard, show_record
 from canarm_tui.record import Record
 
+from ..handed_outcome import outcome_in
 from ..jogging.hand import HandInThread
 from ..options import (
     BENCH_BUS,
@@ -45,6 +46,7 @@ def tui(
     bench: BenchBusOptions = BenchBusOptions(),
     web: Web = False,
     web_port: WebPort = DEFAULT_PORT,
+    outcome: Annotated[Path | None, Parameter(show=False)] = None,
 ) -> int:
     """Watch a running bench in a dashboard: link, rate, late cycles, joints, error traces, faults, frames of the bus.
 
@@ -72,7 +74,12 @@ def tui(
     named = bench_bus or NamedBus("canarm", BENCH_BUS, here)
     robot = None if robot_bus is None else BusAddress(robot_bus.interface, robot_bus.channel, robot_bus.options)
     hand = None if robot is None else HandInThread(nominal, robot.open)
-    return run_dashboard(nominal, named.interface, named.channel, named.options, robot_bus=robot, hand=hand)
+    return run_dashboard(
+        *(nominal, named.interface, named.channel, named.options),
+        outcome_of=outcome_in(outcome),
+        robot_bus=robot,
+        hand=hand,
+    )
 
 
 def _record(path: Path, connect: str, *buses: BusOptions | BenchBusOptions) -> Record:

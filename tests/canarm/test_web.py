@@ -179,3 +179,24 @@ def test_a_dashboard_ends_when_its_server_hangs_up() -> None:
             assert dashboard.wait(DEADLINE_S) is not None
         finally:
             dashboard.kill()
+
+
+def test_a_page_that_is_opened_after_a_demo_shows_how_it_has_ended(canarm: Commands) -> None:
+    demo = canarm("demo", "--web", "--web-port", "0", "--seconds", "0.5", "--pace", "max", "--out", "recorded-here")
+    address = demo.wait_for(r"the dashboard is at (http://\S+);")[1]
+    verdict = demo.wait_for(r"the run is over: (.*); Ctrl-C")[1]
+
+    async def look() -> None:
+        drawn = b""
+        async with (
+            asyncio.timeout(DEADLINE_S),
+            aiohttp.ClientSession() as session,
+            session.ws_connect(f"{address}/ws?width=120&height=40") as page,
+        ):
+            while verdict.encode() not in drawn or b"recorded-here" not in drawn:
+                drawn += await page.receive_bytes()
+
+    asyncio.run(look())
+    demo.send(signal.SIGINT)
+    assert demo.wait() == 0
+    assert demo.stdout[0] == verdict

@@ -25,7 +25,8 @@ from .run_again import Again, AgainScreen, NextRun
 LEFT = "the dashboard was left"
 STOPPED = "stopped from the dashboard"
 NO_AGAIN = (
-    "a controller is started outside: canarm controller, with the address above; canarm demo runs again by itself"
+    "a controller is started outside: canarm controller, with the address above; "
+    "canarm demo runs again by itself, on a terminal"
 )
 STILL_RUNNING = "the run goes on; r runs again when it is over, and Q ends it"
 
