@@ -11,6 +11,7 @@ import itertools
 import logging
 import os
 import shutil
+import signal
 import sys
 import threading
 from collections.abc import Sequence
@@ -89,6 +90,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         status = status or FAILED
     if any(thread is not threading.main_thread() and not thread.daemon for thread in threading.enumerate()):
         _leave_threads_behind(status)
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(
+            signal.SIGINT, signal.SIG_IGN
+        )  # while the interpreter ends, it would take the place of the status
     sys.exit(status)
 
 

@@ -21,9 +21,7 @@ def main() -> None:
     They end the process at once: an exception does not always get through; the initialization of an extension
     module, for example, turns it into an `ImportError`.
     """
-    for number in filter(None, (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", None))):
-        if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, _end_now)
+    _end_on_signals()
     make_streams_safe()
     gc.disable()  # until the command is imported: collecting garbage among modules costs a tenth of the start
     sys.unraisablehook = _end_where_an_interrupt_is_lost
@@ -32,6 +30,7 @@ def main() -> None:
 
         run_command_line()
     except KeyboardInterrupt:
+        _end_on_signals()  # a further one would end the process by the signal
         print("canarm: interrupted", file=sys.stderr)
         sys.exit(FAILED)
 
@@ -43,6 +42,12 @@ class _Unraisable(Protocol):
     def exc_type(self) -> type[BaseException]: ...
     @property
     def exc_traceback(self) -> TracebackType | None: ...
+
+
+def _end_on_signals() -> None:
+    for number in filter(None, (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", None))):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _end_now)
 
 
 def _end_now(number: int, frame: FrameType | None) -> None:

@@ -183,17 +183,20 @@ def _taken_stdin() -> int:
 def interrupt_on_terminate() -> None:
     """Let SIGINT, SIGTERM and SIGHUP raise `KeyboardInterrupt`, for a command that must clean up.
 
-    `cause_of` tells which it was.
+    `cause_of` tells which it was. One within `AGAIN_S` of the last changes nothing: the clean-up goes on.
     """
-    signal.signal(signal.SIGTERM, _interrupt)
-    if HANGUP is not None and signal.getsignal(HANGUP) is not signal.SIG_IGN:
-        signal.signal(HANGUP, _interrupt)
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    last_s = -AGAIN_S
 
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal last_s
+        before_s, last_s = last_s, time.monotonic()
+        if last_s - before_s >= AGAIN_S:
+            raise KeyboardInterrupt(signal.Signals(number).name)
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt(signal.Signals(number).name)
+    signal.signal(signal.SIGTERM, interrupt)
+    for number in filter(None, (signal.SIGINT, HANGUP)):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, interrupt)
 
 
 @contextlib.contextmanager

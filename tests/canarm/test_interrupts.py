@@ -51,6 +51,23 @@ def test_a_demo_that_a_signal_ends_says_so_and_leaves_a_summary(canarm, run_fold
     assert (recorded["state"], recorded["reason"]) == ("interrupted", f"interrupted: {number.name}")
 
 
+@pytest.mark.parametrize("phase", ["the emulator starts", "the controller starts"])
+def test_ctrl_c_several_times_at_once_is_one(canarm, run_folder, until, phase):
+    demo = canarm(*DEMO)
+    if phase == "the emulator starts":
+        child_of(canarm, demo, "emulator", until)
+    else:
+        demo.wait_for("to attach to bench")
+    demo.send(signal.SIGINT)
+    demo.wait_for("canarm: stopping")
+    demo.send(signal.SIGINT)
+    demo.send(signal.SIGINT)
+    assert demo.wait() == 1, demo
+    assert canarm.remaining() == []
+    assert demo.json["state"] == "interrupted"
+    assert run_folder(canarm.folder / "run").run["summary"]["state"] == "interrupted"
+
+
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM, signal.SIGINT])
 def test_a_controller_that_a_signal_ends_while_it_opens_the_bus_says_so_and_leaves_a_summary(
     canarm, run_folder, number
