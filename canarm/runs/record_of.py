@@ -1,5 +1,6 @@
 """A run folder as the dashboard is given it: rows of both tables, events, how it ended. Nothing is drawn here."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,6 +10,7 @@ from canarm_protocol.cell.bench_objects import INTERNALS
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.sensing import position_steps_rad
 from canarm_protocol.faults.detection_events import DetectionEvent
+from canarm_protocol.faults.fault_events import EMERGENCY_STOP, StopEvent
 from canarm_protocol.runs.can_log import log_frames
 from canarm_protocol.runs.run_folder import CAN_LOG_FILE, MEMORY_FILE
 from canarm_tui.bus.memory_mirror import BANK_BYTES, BANK_JOINTS
@@ -120,6 +122,11 @@ def _faults(run: Run) -> Faults:
     return Faults(
         events=tuple(sorted(run.faults, key=lambda event: event.time_ns, reverse=True)),
         detections=tuple(_event(each, run.begin_s) for each in reversed(run.detections)),
+        stops=tuple(
+            StopEvent(round((each["time_s"] + run.begin_s) * 1e9), each["cycle"], each.get("state") == "on")
+            for each in reversed(run.event_list)
+            if each["event"] == EMERGENCY_STOP and math.isfinite(each["time_s"])
+        ),
     )
 
 

@@ -70,15 +70,36 @@ def test_a_set_is_done_and_its_result_is_read_back(bench: FaultBench, client: Cl
         "time_ns": bench.time_ns,
         "cycle": 3,
         "running": True,
+        "begin_ns": 0,
         "begun": 1,
         "sets": [{"set": "dies", "state": "active", "activations": 1}],
         "active": [{"set": "dies", "tap": "joint2.tachometer", "fault": "stuck"}],
+        "stops": [],
     }
     assert client.read(objects.ACTIVE_FAULTS) == b"\1"
     run_cycles(bench, 4)  # 10 ms
     assert client.status()["active"] == []
     assert client.read(objects.ACTIVE_FAULTS) == b"\0"
     assert client.read(objects.BEGUN_FAULTS) == b"\1\0\0\0"
+
+
+def test_the_emergency_stop_is_remembered_with_its_time_and_the_beginning_of_the_run(
+    bench: FaultBench, client: Client
+) -> None:
+    assert client.status()["begin_ns"] is None
+    run_cycles(bench, 3)
+    for value in (1, 1, 0):
+        client.run(download(objects.EMERGENCY_STOP, 0, bytes((value,))))
+    bench.device.is_stopped = True
+    bench.power_cycle()
+    stops = client.status()["stops"]
+    assert [(each["event"], each["state"], each["cycle"]) for each in stops[:2]] == [
+        ("emergency-stop", "on", 2),
+        ("emergency-stop", "off", 2),
+    ]
+    assert all(5_000_000 <= each["time_ns"] < 7_500_000 for each in stops[:2]), "between the third SYNC and the next"
+    assert stops[2]["state"] == "off", "so does the robot's power-on"
+    assert client.status()["begin_ns"] is None
 
 
 def test_events_tell_time_cycle_and_place_of_beginnings_and_ends(bench: FaultBench, client: Client) -> None:

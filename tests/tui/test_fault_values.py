@@ -5,12 +5,13 @@ import pytest
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.script import parse_faults
 from canarm_tui import fault_texts
-from canarm_tui.event_texts import event_line, marks_of
+from canarm_tui.event_texts import event_line, marks_of, stopped_by
 from canarm_tui.events import happenings
 from canarm_tui.fault_catalogue import FaultKind, Parameter, catalogue_of, injection, matching
 from canarm_tui.fault_desk import Refusal
 from canarm_tui.fault_texts import answer_word
 from canarm_tui.faults import ActingFault, Faults, FaultSignal, faults_of
+from canarm_tui.outcome import Outcome, with_cause
 from canarm_tui.texts import SEPARATOR, Tone
 
 CYCLE_S = 0.0025
@@ -115,13 +116,56 @@ def test_a_detection_says_how_long_after_the_last_fault_it_came_and_what_was_don
     events = [event("begins", 1.0, 300), event("ends", 3.0, 1100)]
     faults = faults_of(status(), events, [detection(1.5, 305), detection(3.1, 1140)])
     assert text_of([event_line(each, CYCLE_S) for each in happenings(faults)]) == [
-        "3.100 s (cycle 1140) │ ◆ detected: tachometer-stuck at joint2 │ substitute │ "
+        "2.850 s (cycle 1140) │ ◆ detected: tachometer-stuck at joint2 │ substitute │ "
         "2100.0 ms after joint2.tachometer stuck (dies) │ joint2: no change",
-        "3.000 s (cycle 1100) │ ○ fault ends: joint2.tachometer stuck (dies)",
-        "1.500 s (cycle 305) │ ◆ detected: tachometer-stuck at joint2 │ substitute │ "
+        "2.750 s (cycle 1100) │ ○ fault ends: joint2.tachometer stuck (dies)",
+        "0.763 s (cycle 305) │ ◆ detected: tachometer-stuck at joint2 │ substitute │ "
         "12.5 ms after joint2.tachometer stuck (dies) │ joint2: no change",
-        "1.000 s (cycle 300) │ ▲ fault begins: joint2.tachometer stuck (dies)",
+        "0.750 s (cycle 300) │ ▲ fault begins: joint2.tachometer stuck (dies)",
     ]
+
+
+def test_times_and_causes_are_those_of_the_present_run():
+    # Cycle 0 of this run was 10.6 s after power-on; before it, and over long since in it, faults have ended.
+    events = [
+        event("begins", 1.0, 300),
+        event("ends", 3.0, 1100),
+        event("begins", 11.1, 200),
+        event("ends", 11.35, 300),
+    ]
+    seen = [detection(9.0, 3500), detection(10.7, 40), detection(11.4, 310), detection(14.0, 1300)]
+    happened = happenings(faults_of({**status(), "time_ns": 15 * 10**9, "begin_ns": 10_600_000_000}, events, seen))
+    lines = text_of([event_line(each, CYCLE_S) for each in happened])
+    assert lines[0] == "3.250 s (cycle 1300) │ ◆ detected: tachometer-stuck at joint2 │ substitute │ joint2: no change"
+    assert "275.0 ms after joint2.tachometer stuck" in lines[1], "310 minus 200 cycles of 2.5 ms"
+    assert lines[4].startswith("0.100 s (cycle 40) │ ◆ detected")
+    assert " after " not in lines[4]
+    assert lines[5].startswith("earlier run (cycle 3500) │ ◆ detected")
+    assert [cycle for cycle, _ in marks_of(happened, "joint2", ("joint2",))] == [1300, 310, 300, 200, 40]
+
+
+def test_before_cycle_0_of_a_new_run_all_that_was_is_an_earlier_ones():
+    found = faults_of({**status(), "time_ns": 5 * 10**9, "begin_ns": None}, [event("begins", 1.0, 300)])
+    assert [each.is_earlier for each in happenings(found)] == [True]
+
+
+def test_the_emergency_stop_is_an_event_and_the_cause_of_what_is_detected_after_it():
+    stops = [
+        {"time_ns": 4_000_000_000, "event": "emergency-stop", "state": "on", "cycle": 1600},
+        {"time_ns": 9_000_000_000, "event": "emergency-stop", "state": "off", "cycle": 1640},
+    ]
+    seen = [detection(4.2, 1610, reaction="safe-stop-off")]
+    faults = faults_of({**status(), "stops": stops}, [event("begins", 1.0, 400)], seen)
+    happened = happenings(faults)
+    lines = text_of([event_line(each, CYCLE_S) for each in happened])
+    assert lines[0] == "4.100 s (cycle 1640) │ □ emergency stop off"
+    assert "25.0 ms after the emergency stop" in lines[1], "10 cycles of 2.5 ms"
+    assert lines[2] == "4.000 s (cycle 1600) │ ■ emergency stop on"
+    said = stopped_by(happened, CYCLE_S)
+    assert said == "stopped by the emergency stop at 4.000 s"
+    ended = Outcome("FAILED after 1612 cycles", False, ("current-mismatch: …",))
+    assert with_cause(ended, said).details == (said, "current-mismatch: …")
+    assert stopped_by(happenings(faults_of(status(), [event("begins", 1.0, 400)], seen)), CYCLE_S) == ""
 
 
 def test_a_detection_without_a_fault_answers_none():
@@ -159,8 +203,8 @@ def test_when_all_is_over_the_last_events_are_left():
     faults = faults_of(status(), [event("begins", 1.0, 300), event("ends", 1.5, 500)])
     assert text_of(panel_lines(FaultSignal(0, False, 1), faults, None, CYCLE_S)) == [
         "no fault acts │ begun so far 1",
-        "  1.500 s (cycle 500) │ ○ fault ends: joint2.tachometer stuck (dies)",
-        "  1.000 s (cycle 300) │ ▲ fault begins: joint2.tachometer stuck (dies)",
+        "  1.250 s (cycle 500) │ ○ fault ends: joint2.tachometer stuck (dies)",
+        "  0.750 s (cycle 300) │ ▲ fault begins: joint2.tachometer stuck (dies)",
     ]
 
 
@@ -168,7 +212,7 @@ def test_detections_stand_in_the_panel_with_or_without_a_fault():
     lines = panel_lines(FaultSignal(0, False, 0, 1), faults_of(status(), (), [detection(1.5, 305)]), None, CYCLE_S)
     assert text_of(lines) == [
         "no fault acts │ begun so far 0 │ ◆ detected so far 1",
-        "  1.500 s (cycle 305) │ ◆ detected: tachometer-stuck at joint2 │ substitute │ joint2: no change",
+        "  0.763 s (cycle 305) │ ◆ detected: tachometer-stuck at joint2 │ substitute │ joint2: no change",
     ]
 
 
@@ -178,11 +222,11 @@ def test_faults_that_act_and_sets_that_wait_are_listed_with_the_last_three_event
     lines = panel_lines(FaultSignal(1, False, 3), faults, None, CYCLE_S)
     assert text_of(lines) == [
         "▲ 1 fault acts │ ○ 1 set waits │ begun so far 3",
-        "  ▲ joint2.tachometer stuck (dies), since 1.500 s (cycle 500)",
+        "  ▲ joint2.tachometer stuck (dies), since 1.250 s (cycle 500)",
         "  ○ waiting: later",
-        "  1.500 s (cycle 500) │ ▲ fault begins: joint2.tachometer stuck (dies)",
-        "  1.250 s (cycle 400) │ ○ fault ends: joint2.tachometer stuck (dies)",
-        "  1.000 s (cycle 300) │ ▲ fault begins: joint2.tachometer stuck (dies)",
+        "  1.250 s (cycle 500) │ ▲ fault begins: joint2.tachometer stuck (dies)",
+        "  1.000 s (cycle 400) │ ○ fault ends: joint2.tachometer stuck (dies)",
+        "  0.750 s (cycle 300) │ ▲ fault begins: joint2.tachometer stuck (dies)",
     ]
     assert lines[1][0].tone is Tone.WARNING
 

@@ -24,6 +24,7 @@ from . import texts
 from .bus.hand import Hand
 from .bus.recorded_watch import RecordedWatch
 from .bus.watch import BusWatch, robot_watch
+from .event_texts import stopped_by
 from .events import Happening, happenings
 from .events_view import EventsPane
 from .fault_desk import FaultDesk, Refusal
@@ -35,7 +36,7 @@ from .help import HelpScreen
 from .inject_screen import InjectScreen
 from .joints_view import JointsPane
 from .link import InBackground, Link, in_thread
-from .outcome import Outcome, OutcomePanel
+from .outcome import Outcome, OutcomePanel, with_cause
 from .player import NoLink, Player, RecordDesk
 from .record import Record
 from .remembered import remember_theme, remembered_theme
@@ -237,11 +238,11 @@ class DashboardApp(RunControls):
         notice.set_class(said is not None, "-shown")
         notice.show(() if said is None else (said,))
         self._draw_words(snapshot)
-        screen.query_one(OutcomePanel).show(self.outcome)
         faults, cycle_s = self.desk.faults, self.cell.bus.cycle_s
         if faults is not self._happened_to:
             self._happened_to, self._happened = faults, happenings(faults or Faults())
         happened = self._happened
+        screen.query_one(OutcomePanel).show(with_cause(self.outcome, stopped_by(happened, cycle_s)))
         # The view of events has them all.
         is_events = self.view.name == "events"
         lines = () if is_events else panel_lines(snapshot.faults, faults, self.desk.refusal, happened, cycle_s)
@@ -280,7 +281,8 @@ class DashboardApp(RunControls):
         """Show the traces at the moment of an event."""
         self.action_pane("joints")
         if not self.screen_stack[0].query_one(JointsPane).jump(event.cycle):
-            self.tell(Refusal(f"cycle {event.cycle} is not among those that are kept"))
+            which = f"cycle {event.cycle} is" if event.cycle >= 0 else "what was before cycle 0 of this run is"
+            self.tell(Refusal(f"{which} not among those that are kept"))
 
     def action_pause(self) -> None:
         """Pause or resume the panes, or the record that plays."""

@@ -1,11 +1,14 @@
-"""The dashboard's texts about events: faults that begin and end, detections with their latency. Pure functions."""
+"""The dashboard's texts about events: faults that begin and end, emergency stops, detections with their latency.
+
+Pure functions. Times count from cycle 0, as those of traces do.
+"""
 
 from collections.abc import Collection, Iterable
 
 from canarm_protocol.faults.detection_events import DetectionEvent
-from canarm_protocol.faults.fault_events import FaultEvent, fault_label
+from canarm_protocol.faults.fault_events import FaultEvent, StopEvent, fault_label
 
-from .events import Happening
+from .events import Event, Happening
 from .texts import Tone, Word
 
 Line = tuple[Word, ...]
@@ -21,23 +24,28 @@ def event_line(each: Happening, cycle_s: float) -> Line:
     """When, what, and of a detection how long after the last fault, and what the controller did."""
     event = each.event
     sign, tone = sign_of(event)
+    at = Word(when(event, cycle_s, each.is_earlier), Tone.DIM)
+    if isinstance(event, StopEvent):
+        return at, Word(f"{sign} emergency stop {'on' if event.is_on else 'off'}", tone)
     if isinstance(event, FaultEvent):
         verb = "fault begins" if event.is_begin else "fault ends"
         failure = f", {event.failure}" if event.failure else ""
-        return Word(when(event), Tone.DIM), Word(f"{sign} {verb}: {what_of(event)}{failure}", tone)
+        return at, Word(f"{sign} {verb}: {what_of(event)}{failure}", tone)
     where = "" if event.where is None else f" at {event.where}"
     found = Word(f"{sign} detected: {event.detector}{where}", tone)
-    words = [Word(when(event), Tone.DIM), found, Word(event.reaction, tone)]
+    words = [at, found, Word(event.reaction, tone)]
     if each.answers is not None:
         latency_ms = 1e3 * cycle_s * (event.cycle - each.answers.cycle)
         words.append(Word(f"{latency_ms:.1f} ms after {what_of(each.answers)}"))
     return *words, Word(event.detail, Tone.DIM)
 
 
-def sign_of(event: FaultEvent | DetectionEvent) -> Word:
+def sign_of(event: Event) -> Word:
     """One character for the event, as in its line and above a trace."""
     if isinstance(event, DetectionEvent):
         return Word("◆", Tone.BAD if event.reaction.startswith(STOPS) else Tone.GOOD)
+    if isinstance(event, StopEvent):
+        return Word("■", Tone.BAD) if event.is_on else Word("□")
     if event.failure:
         return Word("○", Tone.BAD)
     return Word("▲", Tone.WARNING) if event.is_begin else Word("○")
@@ -46,20 +54,37 @@ def sign_of(event: FaultEvent | DetectionEvent) -> Word:
 def marks_of(happened: Iterable[Happening], joint: str, joints: Collection[str]) -> tuple[Mark, ...]:
     """The events above the trace of `joint`: those that are not about another one of `joints`."""
 
-    def place(event: FaultEvent | DetectionEvent) -> str | None:
+    def place(event: Event) -> str | None:
+        if isinstance(event, StopEvent):
+            return None
         return event.tap.partition(".")[0] if isinstance(event, FaultEvent) else event.where
 
-    events = (each.event for each in happened)
+    events = (each.event for each in happened if not each.is_earlier)
     return tuple(
         (event.cycle, sign_of(event)) for event in events if place(event) == joint or place(event) not in joints
     )
 
 
-def what_of(event: FaultEvent) -> str:
-    """The fault's readable name."""
+def what_of(event: FaultEvent | StopEvent) -> str:
+    """The fault's readable name, or that of the stop."""
+    if isinstance(event, StopEvent):
+        return "the emergency stop"
     return fault_label(event.set_name, event.tap, event.fault)
 
 
-def when(event: FaultEvent | DetectionEvent) -> str:
-    """Seconds since power-on, and the cycle since NMT start."""
-    return f"{event.time_ns * 1e-9:.3f} s" + (f" (cycle {event.cycle})" if event.cycle >= 0 else "")
+def stopped_by(happened: Iterable[Happening], cycle_s: float) -> str:
+    """That the emergency stop has ended the run, and when; empty if it has not. `happened` is newest first."""
+    for each in happened:
+        is_end = isinstance(each.event, DetectionEvent) and each.event.reaction.startswith(STOPS)
+        if is_end and isinstance(each.answers, StopEvent):
+            return f"stopped by the emergency stop at {each.answers.cycle * cycle_s:.3f} s"
+    return ""
+
+
+def when(event: Event, cycle_s: float, is_earlier: bool = False) -> str:
+    """Seconds from cycle 0 of the present run, and the cycle; of what was before, that it was."""
+    if event.cycle < 0:
+        return "before cycle 0"
+    if is_earlier:
+        return f"earlier run (cycle {event.cycle})"
+    return f"{event.cycle * cycle_s:.3f} s (cycle {event.cycle})"

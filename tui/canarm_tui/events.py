@@ -1,34 +1,83 @@
-"""Everything that has happened on a bench, in one order, and which fault a detection may answer. Values only."""
+"""Everything that has happened on a bench, in one order, and what a detection may answer. Values only."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
 
 from canarm_protocol.faults.detection_events import DetectionEvent
-from canarm_protocol.faults.fault_events import FaultEvent
+from canarm_protocol.faults.fault_events import FaultEvent, StopEvent
 
 from .faults import Faults
 
+Event = FaultEvent | DetectionEvent | StopEvent
+MOMENT_CYCLES = 400
+"""A fault that has ended may be noticed so much later: 1 s at 400 Hz."""
+
 
 class Happening(NamedTuple):
-    """An event of the bench. Of a detection, `answers` is the fault that began last before it, if one has."""
+    """An event of the bench. Of a detection, `answers` is what began last before it in the same run, a fault or the
+    emergency stop, and acts or has just ended. `is_earlier` if it belongs to a run before the present one.
+    """
 
-    event: FaultEvent | DetectionEvent
-    answers: FaultEvent | None = None
+    event: Event
+    answers: FaultEvent | StopEvent | None = None
+    is_earlier: bool = False
 
 
 def happenings(faults: Faults) -> tuple[Happening, ...]:
-    """Beginnings and ends of faults, and detections, newest first. A detection comes after the fault of its cycle."""
+    """Beginnings and ends of faults, emergency stops, and detections, newest first. A detection comes after the fault
+    of its cycle.
+    """
     found: list[Happening] = []
-    last: FaultEvent | None = None
-    for event in _in_order(reversed(faults.events), reversed(faults.detections)):
-        if isinstance(event, FaultEvent):
-            last = event if event.is_begin else last
-            found.append(Happening(event))
+    causes = _Causes()
+    for event in sorted(_all_of(faults), key=lambda event: _order(event, faults.begin_ns)):
+        if event.time_ns < faults.begin_ns:
+            found.append(Happening(event, is_earlier=True))
+        elif isinstance(event, DetectionEvent):
+            found.append(Happening(event, causes.of(event)))
         else:
-            found.append(Happening(event, last if last is not None and last.cycle <= event.cycle else None))
+            causes.take(event)
+            found.append(Happening(event))
     return tuple(reversed(found))
 
 
-def _in_order(events: Iterable[FaultEvent], detections: Iterable[DetectionEvent]) -> list[FaultEvent | DetectionEvent]:
-    both: list[FaultEvent | DetectionEvent] = [*events, *detections]
-    return sorted(both, key=lambda event: event.time_ns)
+class _Causes:
+    """What may have caused a detection, as events come."""
+
+    def __init__(self) -> None:
+        self._acting: dict[tuple[str, ...], list[FaultEvent | StopEvent]] = {}
+        self._over: list[tuple[FaultEvent | StopEvent, int]] = []
+
+    def take(self, event: FaultEvent | StopEvent) -> None:
+        """Something has begun or ended."""
+        key: tuple[str, ...]
+        if isinstance(event, StopEvent):
+            key, is_begin = (), event.is_on
+        else:
+            key, is_begin = (event.set_name, event.tap, event.fault), event.is_begin
+        acting = self._acting.setdefault(key, [])
+        if is_begin:
+            acting.append(event)
+        elif acting:
+            self._over.append((acting.pop(0), event.cycle))
+
+    def of(self, detection: DetectionEvent) -> FaultEvent | StopEvent | None:
+        """What began last before it, if that acts or has just ended."""
+        recent = [begun for begun, end in self._over if detection.cycle - end <= MOMENT_CYCLES]
+        known = [*(each for acting in self._acting.values() for each in acting), *recent]
+        return max(
+            (each for each in known if 0 <= each.cycle <= detection.cycle), key=lambda each: each.time_ns, default=None
+        )
+
+
+def _all_of(faults: Faults) -> Iterable[Event]:
+    # The bench's order decides between events of one moment.
+    yield from reversed(faults.events)
+    yield from reversed(faults.stops)
+    yield from reversed(faults.detections)
+
+
+def _order(event: Event, begin_ns: int) -> tuple[int, int, int, int]:
+    """By time; in the present run by cycle, since the bench hears of a detection later."""
+    if event.time_ns < begin_ns:
+        return 0, event.time_ns, 0, 0
+    return 1, event.cycle, isinstance(event, DetectionEvent), event.time_ns

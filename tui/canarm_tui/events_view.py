@@ -74,7 +74,8 @@ class EventsPane(Pane):
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         """Enter or a click: the traces at that moment."""
         if self._fitting:
-            self.post_message(self.Jump(self._fitting[event.option_index].event.cycle))
+            chosen = self._fitting[event.option_index]
+            self.post_message(self.Jump(-1 if chosen.is_earlier else chosen.event.cycle))
 
     def action_filter(self) -> None:
         """Type words."""
@@ -109,10 +110,11 @@ VIEW: View[Context] = View(
     name="events",
     title="Events",
     key="2",
-    what="Faults and detections, newest first",
+    what="Faults, detections and emergency stops, newest first",
     make=lambda context: EventsPane(context.cell.bus.cycle_s),
     help="""\
 All that the bench remembers, newest first; ↑ ↓ choose, enter shows the traces at that moment.
 /  filter by words, such as joint2 detected     escape  all of them again
-Of a detection: how long after the last fault, and what the controller did.""",
+Times count from cycle 0 of the present run. Of a detection: how long after the last fault, or emergency stop,
+that acts or has just ended, and what the controller did.""",
 )

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from canarm_protocol.faults.fault_events import fault_label
+from canarm_protocol.faults.fault_events import FaultEvent, fault_label
 
 from .event_texts import Line, event_line, when
 from .events import Happening
@@ -29,11 +29,11 @@ def panel_lines(
     if signal is None:
         return ()
     faults = faults or Faults()
-    if not (signal.active or signal.begun or signal.detections or faults.waiting):
+    if not (signal.active or signal.begun or signal.detections or faults.waiting or faults.stops):
         return ()
     return (
         _summary(signal, faults, refusal),
-        *_acting_lines(faults.acting),
+        *_acting_lines(faults, cycle_s),
         *_waiting_lines(faults.waiting),
         *_event_lines(happened[:MOST_EVENTS], cycle_s),
     )
@@ -68,13 +68,18 @@ def _refusal_words(refusal: Refusal | None) -> Line:
     return () if refusal is None else (Word(f"▲ not up to date: {refusal.reason}", Tone.WARNING),)
 
 
-def _acting_lines(acting: tuple[ActingFault, ...]) -> Iterator[Line]:
+def _acting_lines(faults: Faults, cycle_s: float) -> Iterator[Line]:
+    acting = faults.acting
     shown = acting if len(acting) <= MOST_ACTING else acting[: MOST_ACTING - 1]
     for each in shown:
-        since = "" if each.began is None else f", since {when(each.began)}"
+        since = "" if each.began is None else f", since {_since(each.began, faults.begin_ns, cycle_s)}"
         yield (Word(f"  ▲ {_what(each)}{since}", Tone.WARNING),)
     if len(shown) < len(acting):
         yield (Word(f"  ▲ and {len(acting) - len(shown)} more", Tone.WARNING),)
+
+
+def _since(began: FaultEvent, begin_ns: int, cycle_s: float) -> str:
+    return when(began, cycle_s, began.time_ns < begin_ns)
 
 
 def _waiting_lines(waiting: tuple[str, ...]) -> Iterator[Line]:

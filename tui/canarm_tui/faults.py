@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from canarm_protocol.faults.detection_events import DetectionEvent, detection_from_plain
-from canarm_protocol.faults.fault_events import FaultEvent, event_from_plain
+from canarm_protocol.faults.fault_events import FaultEvent, StopEvent, event_from_plain, stop_from_plain
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +34,9 @@ class ActingFault:
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """All faults at one time. `waiting` and `set_names` are names of sets; `events` and `detections` are newest first,
-    as many as the bench keeps.
+    """All faults at one time. `waiting` and `set_names` are names of sets; `events`, `detections` and emergency `stops`
+    are newest first, as many as the bench keeps. `begin_ns` is the virtual time of cycle 0 of the present run: what was
+    before belongs to another one.
     """
 
     acting: tuple[ActingFault, ...] = ()
@@ -44,6 +45,8 @@ class Faults:
     """Sets that can be cleared: acting or waiting."""
     events: tuple[FaultEvent, ...] = ()
     detections: tuple[DetectionEvent, ...] = ()
+    stops: tuple[StopEvent, ...] = ()
+    begin_ns: int = 0
 
 
 def faults_of(
@@ -72,4 +75,12 @@ def faults_of(
         tuple(dict.fromkeys(name for name, state in states if state != "ended")),
         tuple(reversed(happened)),
         tuple(detection_from_plain(each) for each in detections)[::-1],
+        tuple(stop_from_plain(each) for each in status.get("stops", ()))[::-1],
+        _begin_of(status),
     )
+
+
+def _begin_of(status: Mapping[str, Any]) -> int:
+    begin_ns = status.get("begin_ns", 0)
+    # Without a cycle 0 so far, all that has happened was before this run.
+    return int(status["time_ns"] + 1 if begin_ns is None else begin_ns)

@@ -35,7 +35,7 @@ _SCREEN = """\
 [b]Faults and detections[/b]
   Under the joints as soon as there are some: which act and since when, which sets wait, the last three events.
   ◆ detected     what a controller has detected, what it did, and how long after the last fault began
-  Times are seconds since power-on, cycles count from NMT start. Without any there is no such part.
+  Times are seconds from cycle 0 of the present run. Without any there is no such part.
   f asks the bench what it can inject where: type a part of a name, choose with ↑ and ↓, go on with enter.
   A field that is left as it is keeps its default. What the bench refuses, it says in the dialog."""
 

@@ -244,7 +244,8 @@ error          true angle minus reference, in steps (LSB) of the joint's positio
 RMS            of the error over the last 10 s of the run
 of limit       the motor's current against the amplifier's limit; ▲ and a sign: the command is at it, that way
 DAC, turn      the code of the command, and the way in which the bridge is told to turn
-▲ ◆ ○          above a trace: a fault began, a detector answered, a fault ended; of this joint, or of none
+▲ ◆ ○ ■ □      above a trace: a fault began, a detector answered, a fault ended; of this joint, or of none;
+               the emergency stop was pressed, released
 ↑ ↓  choose a joint     t T  next signal, the one before     a  next one of the law's own values
 ← →  earlier, later     + −  closer, further                 home end  oldest, and follow the newest
 c    cursor: values at a moment, moved by ← →; a click sets it

@@ -22,6 +22,13 @@ class Outcome(NamedTuple):
     details: Sequence[str] = ()
 
 
+def with_cause(outcome: Outcome | None, cause: str) -> Outcome | None:
+    """The outcome, if it is not well with the cause from outside, if there is one, before all details."""
+    if outcome is None or outcome.is_well or not cause:
+        return outcome
+    return outcome._replace(details=(cause, *outcome.details))
+
+
 class OutcomePanel(Static):
     """Hidden until there is an outcome."""
 

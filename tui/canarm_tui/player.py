@@ -47,7 +47,7 @@ class Player:
         self.is_running = False
         """It has no controller that could be asked."""
         self.faults: FaultSignal | None = None
-        events = record.faults.events + record.faults.detections
+        events = record.faults.events + record.faults.detections + record.faults.stops
         self._moments = sorted({event.cycle for event in events if self._first <= event.cycle <= self._last})
 
     @property
@@ -122,8 +122,9 @@ class Player:
                 acting.pop(key, None)
         detections = tuple(each for each in all_of_it.detections if each.cycle <= at)
         begun = sum(event.is_begin for event in events)
-        self.faults = FaultSignal(len(acting), False, begun, len(detections))
-        return Faults(tuple(acting.values()), (), (), events, detections)
+        stops = tuple(each for each in all_of_it.stops if each.cycle <= at)
+        self.faults = FaultSignal(len(acting), bool(stops) and stops[0].is_on, begun, len(detections))
+        return Faults(tuple(acting.values()), (), (), events, detections, stops)
 
     def snapshot(self, wall_ns: int) -> Snapshot:
         """The run up to where it is."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from canarm_protocol.cell.bench_objects import SETTLING_CYCLES
+from canarm_protocol.faults.fault_events import EMERGENCY_STOP
 from canarm_protocol.shown import printable
 
 from ...rig.findings import Noticed
@@ -13,8 +14,6 @@ from ..run import Run
 MOST_NAMED = 6
 SAME_S = 1e-9
 """Times that differ by less are the same one."""
-EMERGENCY_STOP = "emergency-stop"
-"""The event of a stop that somebody has pressed or released; `state` says which."""
 SETTLED = f" (the first {SETTLING_CYCLES} cycles left out)"
 
 

@@ -56,7 +56,9 @@ class Bench(BenchTime):
         time = self._time
         self.catch_up()
         self.world.power_on()
-        self.device.is_stopped = False
+        if self.device.is_stopped:
+            self.device.is_stopped = False
+            self.device.faults.note_stop(False)
         for slave in self.slaves:
             slave.boot(time.time_ns)
         time.cycle, time.begin_ns = -1, None

@@ -219,9 +219,10 @@ class BenchTime(ABC):
         """Tell `faults` of time as it passes from now on."""
         self._faults = faults
 
-    def _time_and_run(self) -> tuple[int, int, bool]:
-        """Virtual time, cycle, and whether a run is on: fault times count from its cycle 0."""
-        return self._time.time_ns, self._time.cycle, self.is_operational and self.begin_ns is not None
+    def _time_and_run(self) -> tuple[int, int, bool, int | None]:
+        """Virtual time, cycle, and whether a run is on: fault times count from its cycle 0, whose time is the last."""
+        begin_ns = self.begin_ns
+        return self._time.time_ns, self._time.cycle, self.is_operational and begin_ns is not None, begin_ns
 
     def catch_up(self) -> None:
         """The world moves on to the bench's time."""

@@ -153,6 +153,7 @@ class BenchDevice:
         is_on = bool(value)
         if is_on is not self.is_stopped:
             self.is_stopped = is_on
+            self.faults.note_stop(is_on)
             self._set_emergency_stop(is_on)
             if self.on_emergency_stop is not None:
                 self.on_emergency_stop(is_on)

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 from canarm_protocol.canopen.sdo import AbortCode
 from canarm_protocol.cell import bench_objects as objects
 from canarm_protocol.errors import FaultError
-from canarm_protocol.faults.fault_events import FaultEvent, event_as_plain
+from canarm_protocol.faults.fault_events import FaultEvent, StopEvent, event_as_plain, stop_as_plain
 from canarm_protocol.faults.script import FaultScript, parse_faults
 
 from ..node.store import SdoRefused
@@ -23,6 +23,7 @@ NO_FAULTS = "no faults can be injected on this bench"
 NO_LINES = "\n"
 """Stands for no lines: an empty object cannot be read by SDO."""
 LONGEST_RESULT = 4000
+MOST_STOPS = 10
 U8 = 0xFF
 _log = logging.getLogger(__name__)
 SOURCE = "fault set"
@@ -51,10 +52,11 @@ class FaultDesk(Protocol):
 class FaultObjects:
     """Faults of one bench as its node shows them.
 
-    `time` gives virtual time, cycle, and whether a run is on; `on_event` is called with events.
+    `time` gives virtual time, cycle, whether a run is on, and the time of its cycle 0, None before. `on_event` is
+    called with events.
     """
 
-    def __init__(self, time: Callable[[], tuple[int, int, bool]]) -> None:
+    def __init__(self, time: Callable[[], tuple[int, int, bool, int | None]]) -> None:
         self.on_event: Callable[[FaultEvent], None] | None = None
         self.begun = 0
         """How many faults have begun so far."""
@@ -62,6 +64,7 @@ class FaultObjects:
         self._desk: FaultDesk | None = None
         self._results: dict[int, str] = {}
         self._events: deque[FaultEvent] = deque(maxlen=objects.MOST_EVENTS)
+        self._stops: deque[StopEvent] = deque(maxlen=MOST_STOPS)
         self._acting: list[tuple[str, str, str]] = []
         self._catalogue = ""
         self._packed = b""
@@ -87,6 +90,11 @@ class FaultObjects:
             self._acting.remove(where)
         if self.on_event is not None:
             self.on_event(event)
+
+    def note_stop(self, is_on: bool) -> None:
+        """The emergency stop was pressed or released."""
+        time_ns, cycle, _, _ = self._time()
+        self._stops.append(StopEvent(time_ns, cycle, is_on))
 
     @property
     def active(self) -> int:
@@ -122,16 +130,20 @@ class FaultObjects:
         return _ascii(self._results.get(channel, NOTHING_YET))
 
     def status(self) -> str:
-        """Sets with state and activations, active faults, how many have begun; time, cycle, whether a run is on."""
-        time_ns, cycle, is_running = self._time()
+        """Sets with state and activations, active faults, how many have begun; time, cycle, whether a run is on, when
+        its cycle 0 was; the last emergency stops.
+        """
+        time_ns, cycle, is_running, begin_ns = self._time()
         return _json(
             {
                 "time_ns": time_ns,
                 "cycle": cycle,
                 "running": is_running,
+                "begin_ns": begin_ns,
                 "begun": self.begun,
                 "sets": [] if self._desk is None else self._desk.plain_sets(),
                 "active": [{"set": name, "tap": tap, "fault": fault} for name, tap, fault in self._acting],
+                "stops": [stop_as_plain(each) for each in self._stops],
             }
         )
 

@@ -1,4 +1,4 @@
-"""Beginnings and ends of faults, as values and as the plain objects of `events.jsonl` and of the bench node.
+"""Beginnings and ends of faults, and emergency stops: values, and plain objects of `events.jsonl` and the bench node.
 
 The emulator decides when a fault begins.
 """
@@ -6,7 +6,7 @@ The emulator decides when a fault begins.
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-FAULT_BEGINS, FAULT_ENDS = "fault-begins", "fault-ends"
+FAULT_BEGINS, FAULT_ENDS, EMERGENCY_STOP = "fault-begins", "fault-ends", "emergency-stop"
 
 
 class FaultEvent(NamedTuple):
@@ -32,6 +32,28 @@ class FaultEvent(NamedTuple):
     def label(self) -> str:
         """Readable name of the fault."""
         return fault_label(self.set_name, self.tap, self.fault)
+
+
+class StopEvent(NamedTuple):
+    """The emergency stop was pressed or released: virtual time, and the last cycle's number since NMT start."""
+
+    time_ns: int
+    cycle: int
+    is_on: bool
+
+
+def stop_as_plain(event: StopEvent) -> dict[str, Any]:
+    """The event as plain values, with the keys of `events.jsonl`."""
+    state = "on" if event.is_on else "off"
+    return {"time_ns": event.time_ns, "event": EMERGENCY_STOP, "state": state, "cycle": event.cycle}
+
+
+def stop_from_plain(plain: Mapping[str, Any]) -> StopEvent:
+    """What `stop_as_plain` made of an event. Raises `KeyError` or `TypeError` if it did not."""
+    time_ns, cycle = plain["time_ns"], plain["cycle"]
+    if type(time_ns) is not int or type(cycle) is not int:
+        raise TypeError("not an emergency stop")
+    return StopEvent(time_ns, cycle, plain["state"] == "on")
 
 
 def fault_label(set_name: str, tap: str, fault: str) -> str:
