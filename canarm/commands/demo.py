@@ -171,6 +171,7 @@ def _watch(runs: DemoRuns) -> None:
     """
     from canarm_tui.bus.address import BusAddress
     from canarm_tui.entry import run_dashboard
+    from canarm_tui.errors import BrokenError
     from canarm_tui.outcome import Outcome
     from canarm_tui.run_controls import LEFT
 
@@ -179,17 +180,21 @@ def _watch(runs: DemoRuns) -> None:
         return None if found is None else Outcome(*found)
 
     left: list[str] = []
-    run_dashboard(
-        runs.run.plan.cell,
-        "canarm",
-        BENCH_BUS,
-        runs.where,
-        until=lambda: runs.run.is_given_up,
-        on_left=left.append,
-        outcome_of=outcome,
-        robot_bus=BusAddress("canarm", ROBOT_BUS, runs.where),
-        again=runs,
-    )
+    try:
+        run_dashboard(
+            runs.run.plan.cell,
+            "canarm",
+            BENCH_BUS,
+            runs.where,
+            until=lambda: runs.run.is_given_up,
+            on_left=left.append,
+            outcome_of=outcome,
+            robot_bus=BusAddress("canarm", ROBOT_BUS, runs.where),
+            again=runs,
+        )
+    except BrokenError as error:
+        tell(str(error))  # the robot needs no dashboard
+        left.append(LEFT)
     if runs.run.is_over:
         return
     if left != [LEFT]:

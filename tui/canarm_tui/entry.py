@@ -38,7 +38,8 @@ def run_dashboard(
     once it has; the dashboard shows it and stays. `robot_bus` is opened when a view of it is first chosen, and `hand`
     drives its cards when the user asks for it.
     A missing or lost bus is shown and tried again. SIGINT, SIGTERM and SIGHUP end the dashboard and leave the terminal
-    as it was. Raises `TerminalError` if stdin or stderr, on which the dashboard is drawn, is no terminal.
+    as it was. Raises `TerminalError` if stdin or stderr, on which the dashboard is drawn, is no terminal, and
+    `BrokenError` if an error has ended it that nobody has foreseen.
     """
     check_terminal()
     bench = BusAddress(interface, channel, bus_options)

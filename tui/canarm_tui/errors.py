@@ -1,6 +1,6 @@
 """Errors of the dashboard. A lost bus is no error: the dashboard shows it and goes on."""
 
-from canarm_protocol.errors import CanarmError
+from canarm_protocol.errors import CanarmError, ExitStatus
 
 
 class TuiError(CanarmError):
@@ -9,3 +9,9 @@ class TuiError(CanarmError):
 
 class TerminalError(TuiError):
     """There is no terminal to draw on."""
+
+
+class BrokenError(TuiError):
+    """The dashboard has ended with an error that nobody has foreseen."""
+
+    exit_status = ExitStatus.FAILED

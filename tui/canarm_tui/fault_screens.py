@@ -8,14 +8,15 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.content import Content
 from textual.events import Key
-from textual.screen import ModalScreen
 from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
+
+from .dialog import Dialog
 
 ALL = "all faults and all sets that wait"
 
 
-class ClearScreen(ModalScreen[tuple[str | None] | None]):
+class ClearScreen(Dialog[tuple[str | None] | None]):
     """Ends with a tuple of the set's name (None: all), or None if the user cancels."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,q", "dismiss", "Close")]
@@ -45,7 +46,7 @@ class ClearScreen(ModalScreen[tuple[str | None] | None]):
         self.dismiss((self._choices[event.option_index],))
 
 
-class QuestionScreen(ModalScreen[bool]):
+class QuestionScreen(Dialog[bool]):
     """Ends with the answer to a question; `key` says yes too."""
 
     BINDINGS: ClassVar[list[BindingType]] = [

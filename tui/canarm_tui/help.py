@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
-from textual.screen import ModalScreen
 from textual.widgets import Static
 
+from .dialog import Dialog
 from .views import View
 
 _KEYS = """\
@@ -54,7 +54,7 @@ def help_text(views: Iterable[View[Any]], parts_before: tuple[str, ...] = DASHBO
     return "\n\n".join([f"{keys}\n{tabs}", *others, *parts])
 
 
-class HelpScreen(ModalScreen[None]):
+class HelpScreen(Dialog[None]):
     """The help screen."""
 
     BINDINGS: ClassVar[list[BindingType]] = [

@@ -9,10 +9,10 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.content import Content
-from textual.screen import ModalScreen
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
+from .dialog import Dialog
 from .fault_catalogue import FaultKind, Tap, matching
 from .fault_desk import FaultDesk, Refusal
 from .styles import STYLES
@@ -23,7 +23,7 @@ _KEYS = "type to find │ ↑ ↓ choose │ enter goes on │ escape goes back"
 _FORM_KEYS = "↑ ↓ next field │ enter injects │ escape goes back"
 
 
-class InjectScreen(ModalScreen[str]):
+class InjectScreen(Dialog[str]):
     """Ends with the bench's answer, or None if the user cancels."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -74,15 +74,17 @@ class InjectScreen(ModalScreen[str]):
         """Ask what can be injected."""
         self._show_list()
         self._say("… asking the bench what can be injected", Tone.DIM)
-        self._desk.load_catalogue(self._take_catalogue)
+        self._desk.load_catalogue(self.while_open(self._take_catalogue))
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Search while typing."""
-        if event.input.id == "search":
+        if event.input.id == "search" and self.is_there:
             self._fill()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Enter: go on, or inject."""
+        if not self.is_there:
+            return
         highlighted = self.query_one(OptionList).highlighted
         if event.input.id != "search":
             self._inject()
@@ -91,7 +93,8 @@ class InjectScreen(ModalScreen[str]):
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         """A click goes on as well."""
-        self._choose(event.option_index)
+        if self.is_there:
+            self._choose(event.option_index)
 
     def action_back(self) -> None:
         """Back from the values to the faults, to the taps, and out."""
@@ -118,8 +121,6 @@ class InjectScreen(ModalScreen[str]):
             self.query_one(OptionList).action_cursor_up()
 
     def _take_catalogue(self, answer: tuple[Tap, ...] | Refusal) -> None:
-        if not self.is_attached:
-            return
         if isinstance(answer, Refusal):
             self._say(answer.reason, Tone.BAD)
             return
@@ -161,7 +162,8 @@ class InjectScreen(ModalScreen[str]):
             self._say("" if self._shown else "nothing is called so; fewer letters find more", Tone.WARNING)
 
     async def _show_form(self, fault: FaultKind) -> None:
-        assert self._tap is not None
+        if self._tap is None or not self.is_there:
+            return  # escape was quicker
         form, dialog = self.query_one("#form", VerticalScroll), self.query_one("#dialog")
         await form.remove_children()
         rows = [(each.name, each.default, f"{each.bounds}: {each.about}") for each in fault.parameters]
@@ -183,12 +185,10 @@ class InjectScreen(ModalScreen[str]):
         *typed, duration = [(field.name or "", field.value) for field in fields]
         self._is_asking = True
         self._say("… asking the bench", Tone.DIM)
-        self._desk.inject(self._tap.name, self._fault, dict(typed), duration[1], self._take_answer)
+        self._desk.inject(self._tap.name, self._fault, dict(typed), duration[1], self.while_open(self._take_answer))
 
     def _take_answer(self, answer: str | Refusal) -> None:
         self._is_asking = False
-        if not self.is_attached:
-            return
         if isinstance(answer, Refusal):
             self._say(answer.reason, Tone.BAD)
         else:

@@ -2,16 +2,16 @@
 
 from typing import ClassVar
 
-from textual.app import App
 from textual.binding import Binding, BindingType
 
 from .player import Player
+from .steady import SteadyApp
 
 ACTIONS = ("skip", "faster", "event")
 LIVE_ACTIONS = ("inject", "clear", "stop", "stop_anyway", "reset", "again", "leave_and_stop")
 
 
-class ReplayControls(App[None]):
+class ReplayControls(SteadyApp):
     """`player` is None unless a recorded run is shown."""
 
     BINDINGS: ClassVar[list[BindingType]] = [

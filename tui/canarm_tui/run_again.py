@@ -11,9 +11,9 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.content import Content
-from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
+from .dialog import Dialog
 from .fault_desk import Refusal
 from .styles import STYLES
 from .texts import Tone
@@ -54,7 +54,7 @@ class Again(Protocol):
 Start = Callable[[NextRun, Callable[[str | Refusal], None]], None]
 
 
-class AgainScreen(ModalScreen[str]):
+class AgainScreen(Dialog[str]):
     """Ends with what was said of the new run, or None if the user cancels."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -94,17 +94,15 @@ class AgainScreen(ModalScreen[str]):
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Enter: run."""
-        if self._is_asking:
+        if self._is_asking or not self.is_there:
             return
         self._is_asking = True
         self._say("… starting", Tone.DIM)
         typed = {field.name or "": field.value.strip() for field in self.query(Input)}
-        self._start(NextRun(**typed), self._take)
+        self._start(NextRun(**typed), self.while_open(self._take))
 
     def _take(self, answer: str | Refusal) -> None:
         self._is_asking = False
-        if not self.is_attached:
-            return
         if isinstance(answer, Refusal):
             self._say(answer.reason, Tone.BAD)
         else:

@@ -9,9 +9,9 @@ import threading
 from collections.abc import Iterator
 from typing import Any, TextIO
 
-from textual.app import App
-
+from .crash import broken, terminal_as_before
 from .errors import TerminalError
+from .steady import SteadyApp
 
 END_S = 5.0
 """How long an application may take to end once its page is gone."""
@@ -26,12 +26,17 @@ def check_terminal(what: str = "the dashboard") -> None:
             raise TerminalError(f"{name} is no terminal, and {what} needs one")
 
 
-def run_app(app: App[Any]) -> int:
-    """Run `app` to its end; return its exit status. The handlers of `ending_signals` are as before then."""
+def run_app(app: SteadyApp) -> int:
+    """Run `app` to its end; return its exit status. The handlers of `ending_signals` are as before then.
+
+    Raises `BrokenError` if an error has ended it that nobody has foreseen.
+    """
     before = {number: signal.getsignal(number) for number in ending_signals()}
     try:
-        with _outliving_its_terminal(), _ending_with_its_page():
+        with terminal_as_before(), _outliving_its_terminal(), _ending_with_its_page():
             app.run()
+            if app.escaped is not None:
+                raise broken(app.TITLE or "the screen", app.escaped)
     finally:  # the event loop puts its own in the place of ours
         for number, handler in before.items():
             signal.signal(number, handler)

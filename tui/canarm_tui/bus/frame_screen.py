@@ -6,13 +6,13 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.content import Content
-from textual.screen import ModalScreen
 from textual.widgets import Static
 
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.decoding import Field, Meaning
 from canarm_protocol.shown import printable
 
+from ..dialog import Dialog
 from ..styles import STYLES
 from ..texts import Tone, Word
 from .bus_texts import identifier_text, period_text, rate_text
@@ -79,7 +79,7 @@ def _figures(frame: Frame, row: RowNow | None) -> str:
     return f"{sort}, {size}   {row.times} frames   {rate_text(row.rate_hz)}/s   every {period}{unit}"
 
 
-class FrameScreen(ModalScreen[None]):
+class FrameScreen(Dialog[None]):
     """A row of the table that goes on changing, or one frame of the log as it was."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -120,6 +120,8 @@ class FrameScreen(ModalScreen[None]):
 
     def redraw(self) -> None:
         """Draw the newest frame of the row, unless it is held."""
+        if not self.is_there:
+            return  # a last tick
         row = self._opened if isinstance(self._opened, RowNow) else None
         if row is not None and not self._is_held:
             row = self._watch.store.row(self._key) or row

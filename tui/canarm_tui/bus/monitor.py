@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, ClassVar
 
-from textual.app import App, ComposeResult, SystemCommand
+from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
 from textual.widgets import ContentSwitcher, Footer
 
 from ..help import HelpScreen
 from ..snapshot import Snapshot
+from ..steady import SteadyApp
 from ..terminal import check_terminal, ending_signals, run_app
 from ..texts import Tone, Word
 from ..view_tabs import ViewTabs
@@ -30,7 +31,7 @@ IDLE_NS = 500_000_000
 _NO_RUN = Snapshot(())
 
 
-class MonitorApp(App[None]):
+class MonitorApp(SteadyApp):
     """The views of `watch`. `until` ends it when true, each of `signals` too; `clock_ns` is the wall clock."""
 
     TITLE = "canarm monitor"

@@ -7,11 +7,11 @@ from typing import ClassVar
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
-from textual.screen import ModalScreen
 from textual.widgets import Input
 
 from canarm_protocol.canopen.values import ValueTextError, type_text, value_bytes, value_text
 
+from ..dialog import Dialog
 from ..grid import Column, Grid
 from ..texts import Tone, Word
 from ..widgets import WordLine
@@ -33,7 +33,7 @@ _NO_SHEET = "without a data sheet (--eds): what every device has or may have"
 Key = tuple[int, int]
 
 
-class SdoScreen(ModalScreen[None]):
+class SdoScreen(Dialog[None]):
     """The dictionary of a node. Nothing is sent before a key asks for it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -101,14 +101,15 @@ class SdoScreen(ModalScreen[None]):
     def on_grid_chosen(self, event: Grid.Chosen) -> None:
         """Read the object at the cursor."""
         event.stop()
-        self._read(event.row)
+        if self.is_there:
+            self._read(event.row)
 
     def _read(self, entry: Entry) -> None:
         if not entry.is_readable:
             self._say(Word(f"{entry.where} {entry.name}: write only, by its data sheet", Tone.WARNING))
             return
         self._note(entry, Word("…", Tone.DIM))
-        self._bus.desk.read(self._node_id, entry.index, entry.subindex, partial(self._take, entry))
+        self._bus.desk.read(self._node_id, entry.index, entry.subindex, self.while_open(partial(self._take, entry)))
 
     def _take(self, entry: Entry, answer: Answer) -> None:
         if answer.failure is not None:
@@ -121,8 +122,7 @@ class SdoScreen(ModalScreen[None]):
 
     def _note(self, entry: Entry, word: Word) -> None:
         self._values[_key(entry)] = word
-        if self.is_mounted:
-            self.query_one(Grid).refresh()
+        self.query_one(Grid).refresh()
 
     def action_read_all(self) -> None:
         """Read what is shown, but not more than `MOST_AT_ONCE`."""
@@ -170,7 +170,7 @@ class SdoScreen(ModalScreen[None]):
     def on_input_changed(self, event: Input.Changed) -> None:
         """What is looked for acts at once."""
         event.stop()
-        if event.input.id == "sdo-find":
+        if event.input.id == "sdo-find" and self.is_there:
             wanted = event.value.strip().casefold()
             self._show(
                 [each for each in self._entries if wanted in f"{each.where} 0x{each.where} {each.name}".casefold()]
@@ -179,6 +179,8 @@ class SdoScreen(ModalScreen[None]):
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Write the value if it fits; else say what would."""
         event.stop()
+        if not self.is_there:
+            return
         entry = self._writing
         if event.input.id == "sdo-value" and entry is not None:
             try:
@@ -187,7 +189,8 @@ class SdoScreen(ModalScreen[None]):
                 self._say(Word(f"{entry.where} {entry.name}: {error}", Tone.BAD))
                 return
             self._note(entry, Word("…", Tone.DIM))
-            self._bus.desk.write(self._node_id, entry.index, entry.subindex, data, partial(self._written, entry))
+            then = self.while_open(partial(self._written, entry))
+            self._bus.desk.write(self._node_id, entry.index, entry.subindex, data, then)
             self._writing = None
         event.input.remove_class("-shown")
         self.query_one(Grid).focus()
