@@ -52,7 +52,7 @@ def test_in_a_terminal_it_is_a_screen_of_a_real_emulators_bus(canarm, tmp_path):
     address = f"127.0.0.1:{emulator.port}"
     terminal = Terminal(tmp_path / "tmux", 120, 35, [sys.executable, "-m", "canarm", "monitor", "--connect", address])
     try:
-        wait_for(terminal, lambda: None, "○ silent: no frame yet")
+        wait_for(terminal, lambda: None, "○ no frame since this view was opened")
         jog = canarm("jog", "--connect", address, "--clock", "sync", "--do", "current joint2 0.4; step 4; read")
         assert jog.wait() == 0, jog
         wait_for(terminal, lambda: None, "RPDO2 of dac joint2.current_command 0.4000 A", "heartbeat of adc")

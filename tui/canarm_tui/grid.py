@@ -94,7 +94,8 @@ class Grid(ScrollView, Generic[R], can_focus=True):
         """Other widths than those of the columns, by heading."""
         self._columns, self._cells, self._key = columns, cells, key
         self._follows = self._is_at_end = follows
-        self._empty = empty
+        self.empty = empty
+        """What is said where there are no rows."""
         self._styles: dict[str, Style] = {}
 
     def show(self, rows: Sequence[R]) -> None:
@@ -140,7 +141,7 @@ class Grid(ScrollView, Generic[R], can_focus=True):
             return Strip(text).adjust_cell_length(width, plain)
         at = round(self.scroll_offset.y) + y - 1
         if at >= len(self.rows):
-            said = self._empty if not self.rows and y == 1 else ""
+            said = self.empty if not self.rows and y == 1 else ""
             return Strip([Segment(said, self._style("dim"))]).adjust_cell_length(width, plain)
         strip = Strip(self._line(self._cells(self.rows[at]), width, None)).adjust_cell_length(width, plain)
         if at != self.cursor:

@@ -73,6 +73,20 @@ async def test_a_filter_acts_while_it_is_typed_stays_and_goes(monitor, port, clo
         assert identifiers(monitor) == everything
 
 
+async def test_where_there_is_nothing_the_view_says_why(monitor, port, clock):
+    async with monitor.run_test(size=(120, 30)) as pilot:
+        await shown(monitor, pilot)
+        text = "\n".join(screen_lines(monitor))
+        assert "no frame since this view was opened" in text
+        assert "no frame was heard yet" in text
+        await filled(monitor, port, clock, pilot, 0.1)
+        await pilot.press("slash", *"nobody")
+        await shown(monitor, pilot)
+        text = "\n".join(screen_lines(monitor))
+        assert "nothing fits the filter" in text
+        assert "no frame" not in text
+
+
 async def test_rows_are_put_in_order_and_the_cursor_stays_with_its_row(monitor, port, clock):
     async with monitor.run_test(size=(120, 30)) as pilot:
         await filled(monitor, port, clock, pilot, 2.0)

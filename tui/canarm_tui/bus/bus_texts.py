@@ -126,7 +126,7 @@ def state_words(link: Link, now: BusNow, wall_ns: int) -> tuple[Word, ...]:
     if not link.is_live:
         return (Word("▶ recorded"),)
     if not now.received:
-        return (Word("○ silent: no frame yet", Tone.WARNING),)
+        return (Word("○ no frame since this view was opened", Tone.WARNING),)
     age_s = (wall_ns - now.wall_ns) * 1e-9
     if age_s > 1.0:
         return Word("● connected", Tone.GOOD), Word(f"▲ last frame {age_s:.0f} s ago", Tone.WARNING)

@@ -41,6 +41,7 @@ COLUMNS = (
     Column("meaning", 0),
 )
 LOG_COLUMNS = (Column("s", 12, is_right=True), Column("ID", 8), Column("data", 23), Column("meaning", 0))
+NOTHING_YET, NOTHING_FITS = "no frame was heard yet", "nothing fits the filter"
 SHORT_ID = 5
 """Columns of an identifier while none has 29 bits."""
 
@@ -86,7 +87,7 @@ class FramesPane(Pane):
         yield WordLine(id="bus-state", may_wrap=True)
         yield WordLine(id="bus-figures")
         with Container(id="frame-tables"):
-            yield Grid[RowNow](COLUMNS, self._row, lambda row: row.key, id="frames", empty="nothing fits the filter")
+            yield Grid[RowNow](COLUMNS, self._row, lambda row: row.key, id="frames")
             yield Grid[Heard](LOG_COLUMNS, self._logged, id, id="frame-log", follows=True)
         yield Input(placeholder=HOW, id="bus-filter", compact=True)
 
@@ -105,6 +106,7 @@ class FramesPane(Pane):
         """Show the bus as it is now."""
         now = self.bus.now(scene.now_ns)
         self._now, self._wall_ns = now, scene.now_ns
+        self.query_one("#frames", Grid).empty = NOTHING_FITS if self._filter.terms and now.rows else NOTHING_YET
         rows: Sequence[RowNow] = sorted(now.rows, key=ORDERS[self.order])  # type: ignore[arg-type]
         log: Sequence[Heard] = now.log
         if self._filter.terms:

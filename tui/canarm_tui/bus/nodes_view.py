@@ -80,7 +80,7 @@ class NodesPane(Pane):
         now, self._wall_ns = self.bus.now(scene.now_ns), scene.now_ns
         words = list(state_words(self.bus.link, now, scene.now_ns))
         if self.bus.link.state is not LinkState.LOST:
-            words += [Word(f"{len(now.nodes)} nodes"), load_word(now.load)]
+            words += [Word(f"{len(now.nodes)} nodes" if now.nodes else "no node heard yet"), load_word(now.load)]
         if self._said is not None:
             words.append(self._said)
         self.query_one("#nodes-state", WordLine).show(tuple(words))
