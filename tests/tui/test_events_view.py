@@ -116,3 +116,16 @@ async def test_the_law_and_its_values_are_called_what_the_controller_has_told_th
         assert any("alpha" in line for line in lines)
         await press("a")
         assert any("beta" in line for line in screen_lines(app))
+
+
+async def test_the_law_of_the_next_controller_is_asked_for_after_one_was_lost(cell, loop, clock, wire):
+    session = SdoSession(loop, *sdo_channel(cell.bus.bench_node_id, CONTROLLER_CHANNEL))
+    name_law(session, "mras", ["alpha", "beta"])
+    async with running(cell, loop, clock) as (app, press):
+        app.feed.receive(wire.report(800, 0, 2), clock())
+        await press()
+        assert "✖ controller lost" in screen_lines(app)[0], "two seconds without a report"
+        name_law(session, "pd", ["gamma"])
+        app.feed.receive(wire.report(1600, 0, 2), clock())
+        await press()
+        assert "konkuk1 │ pd" in screen_lines(app)[0]

@@ -9,6 +9,9 @@ from canarm_protocol.canopen.frames import Frame, NmtState, heartbeat_frame
 from canarm_tui.feed import Feed
 
 LSB_RAD = math.radians(270.0 / 255.0)
+RUNNING = 2
+"""Of the bench's object 0x2112."""
+S = 1_000_000_000
 
 
 @pytest.fixture
@@ -225,3 +228,30 @@ def test_a_snapshot_does_not_change_afterwards(feed, wire):
     for array in (before.cycles, before.error_lsb, before.reported, before.internals):
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0
+
+
+def test_a_controller_that_was_lost_is_followed_by_another_one(feed, wire):
+    feed.receive(wire.telemetry(0) + wire.report(8, 0, RUNNING), 0)
+    assert (feed.is_running, feed.controllers) == (True, 1)
+    feed.receive(wire.telemetry(400) + wire.report(408, 0, RUNNING), S)
+    assert (feed.is_running, feed.controllers) == (True, 1)
+    feed.receive(wire.telemetry(412), 3 * S)
+    assert feed.is_running, "at a slow pace 16 cycles take their time"
+    feed.receive(wire.telemetry(1000), 3 * S + 1)
+    assert not feed.is_running
+    assert feed.snapshot(3 * S + 1).report.is_lost
+    feed.receive(wire.telemetry(1200) + wire.report(1208, 0, RUNNING), 4 * S)
+    assert (feed.is_running, feed.controllers) == (True, 2)
+    feed.receive(wire.report(8, 0, RUNNING), 4 * S + 1)
+    assert feed.controllers == 3, "its ticks begin anew"
+
+
+@pytest.mark.parametrize("is_reconnected", [True, False])
+def test_nothing_is_known_of_a_controller_of_a_new_bench(feed, wire, is_reconnected):
+    feed.receive(wire.telemetry(400) + wire.report(408, 0, RUNNING), 0)
+    feed.law = "mras"
+    if is_reconnected:
+        feed.reconnected()
+        assert feed.law == ""
+    feed.receive(wire.telemetry(0), 3 * S)
+    assert feed.snapshot(3 * S).report is None

@@ -46,8 +46,14 @@ def test_every_state_of_the_controller_has_a_word(state, text):
 
 
 def test_a_controller_that_has_fallen_silent_is_not_called_running():
-    assert texts.state_word(Report(0, 0, 2, age_ns=3 * S)).text == "▶ running (stale)"
+    assert texts.state_word(Report(0, 0, 2, 3 * S, is_lost=True), bench_lives=False).text == "▶ running (stale)"
+    assert texts.state_word(Report(0, 0, 1, age_ns=3 * S)).text == "… bringing up (stale)"
     assert texts.state_word(Report(0, 0, 4, age_ns=3 * S)).text == "✓ done"
+
+
+def test_a_controller_that_falls_silent_while_the_bench_goes_on_is_lost():
+    lost = texts.state_word(Report(0, 0, 2, 2 * S, is_lost=True))
+    assert (lost.text, lost.tone) == ("✖ controller lost", Tone.BAD)
 
 
 def test_both_rates_are_shown_where_they_differ():

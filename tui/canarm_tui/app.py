@@ -136,8 +136,8 @@ class DashboardApp(RunControls):
         self._outcome_of = outcome_of
         self.outcome: Outcome | None = None
         """How the run has ended, once it has."""
-        self._connections = self._asked_law = 0
-        self._was_running = False
+        self._connections = 0
+        self._asked_law: tuple[object, ...] = ()
         self._answer: texts.Word | None = None
         self._answer_until_ns = 0
         self._drawn: tuple[object, ...] = ()
@@ -194,8 +194,9 @@ class DashboardApp(RunControls):
             self.feed.reconnected()
             self.desk.reconnected()
         self.feed.receive(frames, now_ns)
-        if self.feed.is_running is not self._was_running or self.link.connections != self._asked_law:
-            self._was_running, self._asked_law = self.feed.is_running, self.link.connections
+        whose_law = self.feed.is_running, self.feed.controllers, self.link.connections
+        if whose_law != self._asked_law:
+            self._asked_law = whose_law
             if self.feed.is_running:
                 self.desk.load_law(self._take_law)
         self.desk.poll(self.feed.faults, now_ns)
@@ -255,7 +256,7 @@ class DashboardApp(RunControls):
     def _draw_words(self, snapshot: Snapshot) -> None:
         """Header and counters: at once if they say something else, and if only numbers have changed, less often."""
         now_ns, width = self._clock_ns(), self.size.width - 2
-        state = None if snapshot.report is None else snapshot.report.state
+        state = None if snapshot.report is None else (snapshot.report.state, snapshot.report.is_lost)
         key = self.link.state, self.is_paused, state, snapshot.faults, snapshot.replay, width
         if key == self._words and 0 < now_ns - self._words_ns < WORDS_NS:
             return

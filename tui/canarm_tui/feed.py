@@ -35,6 +35,12 @@ MATCH_S = 0.5
 """A reference that lags the newest sample by more is no longer shown as current."""
 KEPT_S = 120.0
 """This much of the run is kept, so that one can look back."""
+LOST_NS = 1_000_000_000
+LOST_CYCLES = 64
+"""A controller that has the robot reports every 16 cycles. It is lost when it has been silent for `LOST_NS`, in which
+cycles stood still (at a slow pace they do not) or went on without it."""
+HAVING = ("running", "stopping")
+"""States of a controller that has the robot."""
 RATE_WINDOW_NS = 2_000_000_000
 
 
@@ -67,12 +73,15 @@ class Feed:
         self._sample: tuple[int, int] | None = None
         self._idle: NDArray[np.float32] | None = None
         self._telemetry_wall_ns: int | None = None
+        self._moved_wall_ns = 0
         self._previous_ticks: list[int | None] = [None] * joints
         self._marks: deque[_Mark] = deque()
         self._drawn: tuple[tuple[int, int], History, NDArray[np.float64]] | None = None
         self._bus: BusNow | None = None
         self._report: tuple[int, int, int] | None = None
         self._report_wall_ns = 0
+        self.controllers = 0
+        """How many have reported so far, one after the other."""
         self.faults: FaultSignal | None = None
         """The bench's latest report of its faults since the bus was opened."""
         self.law = ""
@@ -107,8 +116,9 @@ class Feed:
 
     @property
     def is_running(self) -> bool:
-        """Whether the controller has said last that it controls the robot."""
-        return self._report is not None and CONTROLLER_STATES.get(self._report[2]) == "running"
+        """Whether the controller has said last, and lately, that it controls the robot."""
+        report = self._reported_at(self._wall_ns)
+        return report is not None and CONTROLLER_STATES.get(report.state) == "running" and not report.is_lost
 
     @property
     def changes(self) -> tuple[int, int, tuple[int, int, int] | None]:
@@ -135,8 +145,11 @@ class Feed:
         self._mark(wall_ns)
 
     def reconnected(self) -> None:
-        """The bus was lost and is back: frames of the gap do not count as dropped, nor towards rates."""
-        self._cycle = self.faults = None
+        """The bus was lost and is back, perhaps with another bench, whose controller has to report first: frames of the
+        gap do not count as dropped, nor towards rates.
+        """
+        self._cycle = self.faults = self._report = None
+        self.law, self.internal_names = "", ()
         self._previous_ticks = [None] * len(self._previous_ticks)
         self._marks.clear()
 
@@ -145,13 +158,13 @@ class Feed:
         window, error_lsb = self._window_now()
         reported = self._reported.copy()
         reported.flags.writeable = False
-        report, cycles = self._report, window.cycles
+        cycles = window.cycles
         return Snapshot(
             joints=self._reader.read(window, error_lsb, self._idle),
             age_ns=None if self._telemetry_wall_ns is None else wall_ns - self._telemetry_wall_ns,
             cycle=int(cycles[-1]) if len(cycles) else None,
             rates=self._rates(wall_ns),
-            report=None if report is None else Report(*report, age_ns=wall_ns - self._report_wall_ns),
+            report=self._reported_at(wall_ns),
             counters=Counters(
                 self._received, self._unknown, self._malformed, self._dropped_samples, self._dropped_references
             ),
@@ -190,9 +203,22 @@ class Feed:
         if self._sample is not None and cycle < self._sample[0]:
             self._begin_run(cycle)
         self._telemetry_wall_ns = self._wall_ns
+        if cycle != previous:
+            self._moved_wall_ns = self._wall_ns
         self._cycle, self._cycle_ns, self._row_parts = cycle, self._bus_ns, 0
 
+    def _reported_at(self, wall_ns: int) -> Report | None:
+        if self._report is None:
+            return None
+        tick, _, state = self._report
+        age_ns, still_ns = wall_ns - self._report_wall_ns, wall_ns - self._moved_wall_ns
+        is_silent = age_ns > LOST_NS and (still_ns > LOST_NS or (self._cycle or 0) - tick > LOST_CYCLES)
+        return Report(*self._report, age_ns, is_silent and CONTROLLER_STATES.get(state) in HAVING)
+
     def _begin_run(self, cycle: int) -> None:
+        report = self._reported_at(self._wall_ns)
+        if report is not None and report.is_lost:
+            self._report = None
         self._rows.clear()
         self._marks.clear()
         self._sample = self._idle = None
@@ -250,6 +276,9 @@ class Feed:
         self._bus = BusNow(load, error_frames)
 
     def _on_controller(self, tick: int, late: int, state: int) -> None:
+        before = self._reported_at(self._wall_ns)
+        if before is None or tick < before.tick or before.is_lost:
+            self.controllers += 1
         self._report = tick, late, state
         self._report_wall_ns = self._wall_ns
 

@@ -27,6 +27,7 @@ _SCREEN = """\
   connected      the bus is open and the bench sends
   no data        the bus is open, but no bench has sent telemetry on it
   lost           the bus is gone; the last data stay, and it is tried again every second
+  controller lost  it has said nothing for more than a second, while the bench goes on
   stale          nothing has come for more than half a second
   late           cycles that the controller began too late
   cycles/s       cycles a second of the bus's time, and of wall time where that differs

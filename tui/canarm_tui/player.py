@@ -46,6 +46,7 @@ class Player:
         self.law, self.internal_names = record.law, record.internal_names
         self.is_running = False
         """It has no controller that could be asked."""
+        self.controllers = 0
         self.faults: FaultSignal | None = None
         events = record.faults.events + record.faults.detections + record.faults.stops
         self._moments = sorted({event.cycle for event in events if self._first <= event.cycle <= self._last})

@@ -60,6 +60,8 @@ class Report:
     late: int
     state: int
     age_ns: int
+    is_lost: bool = False
+    """It had the robot, and has fallen silent: it was killed, or hangs."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,12 +80,14 @@ def link_word(link: Connection, snapshot: Snapshot) -> Word:
     return Word("● connected", Tone.GOOD)
 
 
-def state_word(report: Report | None) -> Word:
-    """The controller's state."""
+def state_word(report: Report | None, bench_lives: bool = True) -> Word:
+    """The controller's state; that it is lost is known only while the bench sends."""
     if report is None:
         return Word("controller –", Tone.DIM)
     name = CONTROLLER_STATES.get(report.state, f"state {report.state}")
     word = _STATE_WORDS.get(name, Word(name))
+    if bench_lives and report.is_lost:
+        return Word("✖ controller lost", Tone.BAD)
     is_over = name in ("done", "failed")
     if report.age_ns > REPORT_STALE_NS and not is_over:
         return Word(f"{word.text} (stale)", Tone.WARNING)
@@ -141,7 +143,7 @@ def header_words(
     `what` are words for what runs, such as the cell and the clock; the law stands with them once it is known.
     """
     live = (
-        state_word(snapshot.report),
+        state_word(snapshot.report, snapshot.age_ns is not None and snapshot.age_ns <= STALE_NS),
         age_word(snapshot.age_ns),
         late_word(snapshot.report),
         rate_word(snapshot.rates),
