@@ -144,21 +144,27 @@ def _to_parquet(run: Run) -> list[Path]:
     for table in TABLES:
         path = run.path / SIGNALS_FOLDER / f"{table}.csv"
         *parts, last = parts_of(path, SUFFIX)
+        written += [_packed(part) for part in parts if part.suffix != SUFFIX]
         if last.is_file() and last.stat().st_size and not last.is_symlink():
             text = last.read_bytes()
             head = text[: text.find(b"\n") + 1]
             if len(head) < len(text):
                 part = part_of(path, len(parts) + 1)
                 last.replace(part)
-                replace_file(path, head)
-                parts.append(part)
-        for part in parts:
-            if part.suffix != SUFFIX:
                 try:
-                    written.append(pack(part))
-                except Exception as error:  # whatever a damaged file makes of the library
-                    raise RunFolderError(f"{part}: cannot be packed: {first_line(error)}") from None
+                    replace_file(path, head)
+                    written.append(_packed(part))
+                except (OSError, RunFolderError):  # a full disk: all is as it was
+                    part.replace(path)
+                    raise
     return written
+
+
+def _packed(part: Path) -> Path:
+    try:
+        return pack(part)
+    except Exception as error:  # whatever a damaged file makes of the library
+        raise RunFolderError(f"{part}: cannot be packed: {first_line(error)}") from None
 
 
 FORMATS: Mapping[str, Callable[[Run], list[Path]]] = {

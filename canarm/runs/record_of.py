@@ -87,8 +87,9 @@ def _history(run: Run, cell: Cell, inner: Sequence[str]) -> History:
     cycles = cycles[:: max(1, -(-len(cycles) // MOST_ROWS))]
     values = np.full((len(cycles), len(cell.joints), COLUMNS), np.nan, dtype=np.float32)
     own = tuple((Column.INTERNAL + place, name) for place, name in enumerate(inner))
-    for table, columns in ((robot, _TRUE), (controller, (*_REPORTED, *own))):
-        _fill(values, cycles, table, columns, cell.joint_names)
+    with np.errstate(over="ignore", invalid="ignore"):  # a damaged row may hold any number
+        for table, columns in ((robot, _TRUE), (controller, (*_REPORTED, *own))):
+            _fill(values, cycles, table, columns, cell.joint_names)
     lsb_rad = np.array(position_steps_rad(cell))
     with np.errstate(invalid="ignore", over="ignore"):
         error = (values[:, :, Column.ANGLE] - values[:, :, Column.REFERENCE].astype(np.float64)) / lsb_rad

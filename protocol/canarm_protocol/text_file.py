@@ -42,12 +42,12 @@ def read_text(path: Path, largest_bytes: int, kind: str, form: str = "TOML") -> 
     descriptor = os.open(path, _READ)
     try:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise ValueError(f"is no regular file; {kind} is a {form} file")
+            raise ValueError(f"is no regular file; {kind} is {_article(form)} {form} file")
         data = b""
         while len(data) <= largest_bytes and (more := os.read(descriptor, largest_bytes + 1 - len(data))):
             data += more
     except BlockingIOError:
-        raise ValueError(f"has no end: more of it is to come; {kind} is a {form} file") from None
+        raise ValueError(f"has no end: more of it is to come; {kind} is {_article(form)} {form} file") from None
     finally:
         os.close(descriptor)
     if len(data) > largest_bytes:
@@ -55,7 +55,12 @@ def read_text(path: Path, largest_bytes: int, kind: str, form: str = "TOML") -> 
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise ValueError(f"is not a text in UTF-8; {kind} is a {form} file") from None
+        raise ValueError(f"is not a text in UTF-8; {kind} is {_article(form)} {form} file") from None
+
+
+def _article(form: str) -> str:
+    """Of an abbreviation, by the name of its first letter."""
+    return "an" if form[0] in "AEFHILMNORSX" else "a"
 
 
 class RowError(ValueError):

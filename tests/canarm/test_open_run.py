@@ -16,6 +16,7 @@ from canarm import Rig, Run, open_run
 from canarm.cli import run as canarm
 from canarm.libraries import MissingLibraryError
 from canarm.runs.record_of import record_of
+from canarm.runs.report.page import report_page
 from canarm.runs.run import RunFolderError
 from canarm_protocol.runs.run_folder import LOG_START_S
 from canarm_tui.history import Column
@@ -209,6 +210,21 @@ def test_an_event_with_a_number_that_no_run_has_is_left_out_and_said(
     assert canarm(["runs", "show", str(copy)]) in (0, 1)
     assert canarm(["report", str(copy), "--out", str(copy / "page.html")]) in (0, 1)
     assert "should not happen" not in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("error")
+def test_numbers_that_no_robot_has_are_shown_without_a_warning(copy: Path, tmp_path: Path) -> None:
+    for table in ("robot", "controller"):
+        path = copy / "signals" / f"{table}.csv"
+        head, *rows = path.read_text().splitlines()
+        for place, value in enumerate(("1e308", "nan", "inf", "-inf", "-1e308"), start=100):
+            cycle, time_s, *values = rows[place].split(",")
+            rows[place] = ",".join((cycle, time_s, *(value for _ in values)))
+        path.write_text("\n".join((head, *rows)) + "\n")
+    run = open_run(copy)
+    assert "joint2: current, A" in report_page([run])
+    assert len(record_of(run).history.cycles) == len(run.robot["cycle"])
+    assert run.plot()._repr_svg_().startswith("<svg")
 
 
 def test_what_is_whole_of_a_run_that_was_cut_off_is_there(copy: Path) -> None:

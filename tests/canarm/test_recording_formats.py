@@ -3,6 +3,7 @@
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import can
 import numpy as np
@@ -13,7 +14,7 @@ from canarm.cli import run as canarm_here
 from canarm.runs.converting import convert, unit_of
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.runs.can_log import log_frames
-from canarm_protocol.runs.run_folder import CanLog, Rotation, SignalLog, parts_of
+from canarm_protocol.runs.run_folder import CanLog, Rotation, RunFolderError, SignalLog, parts_of
 
 SIGNAL = "joint2.true_angle_rad"
 
@@ -90,6 +91,16 @@ def test_parquet_takes_the_place_of_csv_with_seven_digits(run: Run) -> None:
     assert path.stat().st_size < size / 3
     convert(run, "parquet")
     assert len(open_run(run.path).robot["cycle"]) == len(before["cycle"]), "nothing twice"
+
+
+@pytest.mark.parametrize("size", [10, 10_000])
+def test_a_full_disk_leaves_the_signals_as_they_were(run: Run, full_at: Any, size: int) -> None:
+    pytest.importorskip("pyarrow.parquet")
+    folder = run.path / "signals"
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    with full_at(size), pytest.raises(RunFolderError, match=r"cannot be (packed|written)"):
+        convert(run, "parquet")
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
 @pytest.mark.parametrize(

@@ -160,6 +160,11 @@ def test_a_file_that_is_no_data_sheet_is_refused_in_one_line(tmp_path, text, sai
     assert "a.eds" in str(error.value)
 
 
+def test_a_folder_is_no_file_and_an_eds_file_has_its_article(tmp_path):
+    with pytest.raises(DictionaryError, match=r"is no regular file; a data sheet is an EDS file$"):
+        DataSheet.load(tmp_path)
+
+
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(DictionaryError, match=r"none.eds: No such file or directory; name an EDS or DCF file"):
         DataSheet.load(tmp_path / "none.eds")

@@ -6,6 +6,8 @@ What is drawn and what is said is decided elsewhere.
 import json
 from collections.abc import Iterable, Mapping, Sequence
 
+import numpy as np
+
 from canarm_protocol.shown import printable, printable_values
 
 from ..run import Run, details_of
@@ -49,7 +51,8 @@ def report_page(runs: Sequence[Run], limits: Mapping[str, float] | None = None) 
 def charts_in_page(runs: Sequence[Run]) -> list[Chart]:
     """The charts of the page, in its order but for those that are not over time."""
     names = run_names(runs)
-    return [*charts_of(runs, names), *pose_charts(runs, names)]
+    with np.errstate(over="ignore", invalid="ignore"):  # a damaged row may hold any number
+        return [*charts_of(runs, names), *pose_charts(runs, names)]
 
 
 def run_names(runs: Sequence[Run]) -> list[str]:
