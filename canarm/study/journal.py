@@ -84,6 +84,9 @@ class Journal:
         place = 0
         with self.path.open("rb") as file:
             while line := file.readline(LONGEST_ROW):
+                if len(line) == LONGEST_ROW and not line.endswith(b"\n"):  # whoever has written that; the rest is read
+                    place += len(line)
+                    continue
                 if not line.endswith(b"\n"):
                     os.ftruncate(self._descriptor, place)  # a kill in the middle of a line
                     break

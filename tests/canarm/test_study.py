@@ -206,16 +206,18 @@ def test_what_somebody_has_written_among_the_rows_is_no_row(tmp_path: Path) -> N
         '{"run": 4, "state": "\\u001b[2Jdone"}',
         '{"run": 5, "state": []}',
         "[" * 100_000,
+        " " * (2 << 20) + "nonsense",
         f'{{"run": {10**400}, "state": "done"}}',
         f'{{"run": 7, "state": "done", "worst.rms_lsb": {10**400}}}',
         '{"run": 8, "state": "done", "worst.rms_lsb": Infinity}',
         '{"run": 9, "state": "done", "law": ["pd"]}',
         '{"run": 10, "state": "done", "law": "\\ud800"}',
+        '{"run": 11, "state": "failed"}',
     ]
     with Journal(tmp_path, {}):
         (tmp_path / ROWS_FILE).write_text("\n".join(lines) + "\n")
     with Journal(tmp_path, {}) as journal:
-        assert list(journal.rows()) == [{"run": 1, "state": "done"}]
+        assert list(journal.rows()) == [{"run": 1, "state": "done"}, {"run": 11, "state": "failed"}]
 
 
 def test_a_full_disk_leaves_whole_rows_and_is_named(tmp_path: Path, full_at: Any) -> None:
