@@ -13,6 +13,7 @@ import pytest
 
 from canarm import Rig, open_run
 from canarm.cli import run as canarm
+from canarm.runs.record_of import record_of
 from canarm.runs.report.charts import MOST_POINTS, thinned
 from canarm.runs.report.figures import Figure, above
 from canarm.runs.report.page import report_page
@@ -94,6 +95,8 @@ def test_a_detection_after_the_emergency_stop_is_its_doing_and_no_faults(recorde
     assert (stop.what, stop.end_s) == ("emergency stop", 2.9)
     said = f"The emergency stop was pressed at {first['time_s']:.4f} s and was noticed after 0.0 ms by "
     assert any(line.startswith(said) for line in verdict(run)[1])
+    released, on = record_of(run).faults.stops
+    assert (on.is_on, on.cycle, released.is_on) == (True, first["cycle"], False), "the dashboard plays it too"
     # Without the fault's own events, the stop is the cause.
     events.write_text("\n".join([line for line in lines if '"fault-' not in line] + added) + "\n")
     assert not any("though no fault was injected" in line for line in verdict(open_run(tmp_path / "run"))[1])
