@@ -35,14 +35,17 @@ def run_dashboard(
 
     `on_start` is called once, when the first screen is up; `until` often, and the dashboard ends when it is true.
     `on_left` is told at the end how the user has left it, in a few words. `outcome_of` returns how the run has ended,
-    once it has; the dashboard shows it and stays. `robot_bus` is opened when a view of it is first chosen, and `hand`
-    drives its cards when the user asks for it.
+    once it has; the dashboard shows it and stays. `robot_bus` is watched from the beginning or, if too much comes on
+    it, from when a view of it is first chosen; `hand` drives its cards when the user asks for it.
     A missing or lost bus is shown and tried again. SIGINT, SIGTERM and SIGHUP end the dashboard and leave the terminal
     as it was. Raises `TerminalError` if stdin or stderr, on which the dashboard is drawn, is no terminal, and
     `BrokenError` if an error has ended it that nobody has foreseen.
     """
     check_terminal()
     bench = BusAddress(interface, channel, bus_options)
+    watch = robot_watch(cell, robot_bus)
+    if robot_bus is not None:
+        watch.listen()
     app = DashboardApp(
         cell,
         bench.open,
@@ -51,7 +54,7 @@ def run_dashboard(
         until=until,
         outcome_of=outcome_of,
         signals=ending_signals(),
-        bus=robot_watch(cell, robot_bus),
+        bus=watch,
         again=again,
         config=config_file(),
         hand=hand,
