@@ -100,10 +100,11 @@ async def test_what_the_bench_can_inject_may_come_when_the_dialog_is_being_close
         app.desk.load_catalogue = catalogues.append
         app.push_screen(screen := InjectScreen(app.desk))
         await pilot.pause()
+        await screen.query("#dialog").remove()  # its widgets go while it is still attached
         screen.dismiss()
-        while len(screen.children):  # its widgets go while it is still attached
-            catalogues[0](())
-            await pilot.pause(0)
+        assert screen.is_attached
+        catalogues[0](())
+        await pilot.pause()
         catalogues[0](())
         assert len(app.screen_stack) == 1
 
