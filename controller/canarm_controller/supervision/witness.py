@@ -49,7 +49,7 @@ class JointWitness(SensorLess):
     """
 
     __slots__ = (
-        "_accused_at", "_code_at", "_code_bias", "_code_model", "_end_gains", "_gap_at",
+        "_accused_at", "_begun_rad", "_code_at", "_code_bias", "_code_model", "_end_gains", "_gap_at",
         "_quick_cycles", "_raw", "_settled_at", "_spikes", "_stepped_until",
         "_stuck_cycles", "_stuck_limit", "_suspicion", "_trial", "_turns", "_wire", "_x_code", "_x_travel",
     )  # fmt: skip
@@ -69,6 +69,7 @@ class JointWitness(SensorLess):
         """At rest at a measured angle."""
         super().start(position_rad)
         self._wire.start()
+        self._begun_rad = position_rad
         self._spikes, self._turns = (
             {sensor: SpikeCount(self._timing.spike) for sensor in ("potentiometer", "tachometer")},
             TurnCount(self._timing.turn, self._quick_cycles),
@@ -299,6 +300,9 @@ class JointWitness(SensorLess):
             return False
         elif self._suspicion.fits(self.cycles, mismatch) or self._code_cycles >= self._stuck_cycles:
             name = "tachometer-mismatch"
+        elif self.cycles < self._timing.early and (x - self._begun_rad) * self._travel < 0.0:
+            # From the first move on the angle goes the other way than model and tachometer: it is reversed.
+            name = "potentiometer-mismatch"
         elif self._suspicion.is_slow(mismatch):
             # Either may drift, but of a tachometer an offset is enough; a potentiometer that slow still holds the arm.
             name, detail = "tachometer-mismatch", f"{detail}, slowly"
