@@ -164,8 +164,8 @@ def test_it_refuses_to_start_beside_a_controller_which_goes_on_undisturbed(canar
 
 
 def test_commands_come_from_a_pipe_and_its_end_is_the_end(canarm):
-    emulator = canarm.emulator("wall")
-    done = piped(canarm, *address(emulator), text="# slowly\ncurrent joint2 0.57\nstep 20\nstate\n")
+    emulator = canarm.emulator("sync")
+    done = piped(canarm, "--clock", "sync", *address(emulator), text="# slowly\ncurrent joint2 0.57\nstep 20\nstate\n")
     assert done.returncode == 0, done.stderr
     assert "card dac (0x12): OPERATIONAL, error register 0x00" in done.stdout
     assert "joint2: code 97, ccw, 0.571 A\n" in done.stdout

@@ -73,7 +73,7 @@ class Terminal:
 
     async def shows(self, text: str) -> None:
         """Wait until `text` has been written."""
-        async with asyncio.timeout(60.0):
+        async with asyncio.timeout(240.0):
             while text not in self.text:
                 await self._page.heard()
 
