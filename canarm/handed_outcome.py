@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from canarm_protocol.runs.own_file import replace_file
+
 if TYPE_CHECKING:
     from canarm_tui.outcome import Outcome
 
@@ -43,10 +45,8 @@ def handing_over(outcome_of: Callable[[], Said | None], path: Path, tell: Callab
 
 def write_outcome(outcome: Said, path: Path, tell: Callable[[str], None]) -> None:
     """Write the file in one go; what the disk refuses is told."""
-    new = path.with_name(f"{path.name}.new")
     try:
-        new.write_text(json.dumps(outcome), encoding="utf-8")
-        new.replace(path)
+        replace_file(path, json.dumps(outcome).encode())
     except OSError as error:
         tell(f"{path}: {error.strerror}; the pages do not show how the run has ended")
 

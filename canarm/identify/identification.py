@@ -77,10 +77,9 @@ def identified(run: Run, free: Sequence[Kind]) -> Identification:
         raise UsageError(f"{where}: {why}")
     try:
         motion = motion_of(cell, run.controller)
-        found, first = [], 0
-        for robot in cell.robot:
-            own = slice(first, first + len(robot.joint))
-            names, first = cell.joint_names[own], own.stop
+        found = []
+        for robot, own in zip(cell.robot, cell.blocks, strict=True):
+            names = cell.joint_names[own]
             arm = ArmPrediction(robot, names, free)
             fit = identify(arm, _part(motion, own))
             found.append((robot, names, at_least(fit, _by_sensors(cell, run.controller, arm, own, fit))))

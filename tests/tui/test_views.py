@@ -35,8 +35,8 @@ async def test_a_paused_view_stands_still_as_of_the_pause_even_one_that_is_chose
     app = DashboardApp(cell, lambda: port, clock_ns=clock, in_background=lambda job: job())
     async with app.run_test(size=(120, 36)) as pilot:
         shown = []
+        await pilot.press("2")  # until then the timer may draw what there is at first, nothing
         app.query_one("#pane-joints").show = lambda scene: shown.append(scene.snapshot.cycle)
-        await pilot.press("2")
         port.arriving = wire.telemetry(8)
         app.drain()
         app.redraw()

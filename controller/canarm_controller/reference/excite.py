@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from canarm_protocol.cell.model import Cell, Robot
+from canarm_protocol.cell.model import Cell
 
 from ..dynamics.inertial_regressor import InertialRegressor
 from ..errors import TrajectoryError
@@ -71,7 +71,7 @@ def excite(cell: Cell, limits: Limits, centre_deg: Sequence[float], speed_rad_s:
     centre = np.radians(np.asarray(centre_deg, dtype=np.float64))
     low, high = np.radians(np.asarray(limits.low_deg)), np.radians(np.asarray(limits.high_deg))
     room = np.minimum(MOST_OF_TRAVEL * (high - low), np.minimum(high - centre, centre - low) * 0.9)
-    regressors = [(InertialRegressor(robot), own) for robot, own in _places(cell)]
+    regressors = [(InertialRegressor(robot), own) for robot, own in zip(cell.robot, cell.blocks, strict=True)]
     chance = random.Random("excite")
     best: tuple[tuple[int, float], Excite] | None = None
     for _ in range(DRAWS):
@@ -88,14 +88,6 @@ def excite(cell: Cell, limits: Limits, centre_deg: Sequence[float], speed_rad_s:
             return made
         made = made.scaled(0.9)
     raise TrajectoryError("excite: its amplifiers cannot move this arm about its home pose; take another motion")
-
-
-def _places(cell: Cell) -> list[tuple[Robot, slice]]:
-    found, first = [], 0
-    for robot in cell.robot:
-        found.append((robot, slice(first, first + len(robot.joint))))
-        first += len(robot.joint)
-    return found
 
 
 def _drawn(limits: Limits, chance: random.Random, centre: Floats, room: Floats, speed_rad_s: Floats) -> Excite | None:

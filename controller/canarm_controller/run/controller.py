@@ -142,9 +142,7 @@ class Controller(SupervisedRun):
     def _take_time(self, data: bytes) -> None:
         """In lockstep: judge the TIME, and note the delay of the next measurement."""
         supervisor = self._supervisor
-        verdict = supervisor.time(data)
-        if verdict is not None:
-            self._judge(verdict)
+        self._judge(supervisor.time(data))
         if supervisor.late_ns:
             self._times.delay(supervisor.late_ns)
             if self.state is _RUNNING:

@@ -198,7 +198,7 @@ class ControlLoop:
             except BaseException as error:
                 raise law_failure(type(self.law), "update", error) from error
             if self._checks_internals:
-                self._internals = self.internals()
+                self.internals()
         finally:
             if stopwatch is not None:
                 self.law_ns = stopwatch() - begun_ns

@@ -21,22 +21,20 @@ class Arrivals:
         self, cob_ids: Collection[int], report: Callable[[str, int, str, Reaction | None], bool], owed_cycles: int = 1
     ) -> None:
         self._report, self._owed_cycles = report, owed_cycles
-        self._owed: dict[int, int] = dict.fromkeys(cob_ids, 0)
-        self._left_cycles = 0
+        self._owed = dict.fromkeys(cob_ids, 0)
+        """How many are owed, and in `_left` for how many cycles more."""
+        self._left = dict.fromkeys(cob_ids, 0)
 
     def open_cycle(self, missing: Collection[int]) -> None:
         """SYNC is sent; `missing` did not arrive in the cycle that ends."""
-        if not missing:
-            if self._left_cycles:
-                self._left_cycles -= 1
-                if not self._left_cycles:
-                    self._owed = dict.fromkeys(self._owed, 0)
-            return
-        self._left_cycles = self._owed_cycles
-        owed = self._owed
-        for cob_id in owed:
-            is_missing = cob_id in missing
-            owed[cob_id] = min(owed[cob_id] + is_missing, self._owed_cycles) if self._owed_cycles > 1 else is_missing
+        for cob_id, left in self._left.items():
+            if cob_id in missing:
+                self._left[cob_id] = self._owed_cycles
+                self._owed[cob_id] = min(self._owed[cob_id] + 1, self._owed_cycles)
+            elif left:
+                self._left[cob_id] = left - 1
+                if left == 1:
+                    self._owed[cob_id] = 0
 
     def extra(self, cob_id: int) -> None:
         """A TPDO arrived a second time in this cycle: one of an earlier cycle, or one too many."""

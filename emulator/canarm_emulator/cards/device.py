@@ -129,7 +129,7 @@ class LatchDevice:
         return self._write
 
     def _write(self, value: int) -> None:
-        self._card.write(0, value if self._mask == ALL_BITS else self._masked(value), self._clock.time_ns)
+        self._card.write(0, self._masked(value), self._clock.time_ns)
 
     def _masked(self, value: int) -> int:
         mask = self._mask
@@ -142,7 +142,7 @@ class LatchDevice:
         return self._is_illegal if (index, subindex) == (DIGITAL_ERROR_VALUE, 1) else None
 
     def _is_refused(self, value: int) -> bool:
-        return self._is_illegal(value if self._mask == ALL_BITS else self._masked(value))
+        return self._is_illegal(self._masked(value))
 
     def _is_illegal(self, bits: int) -> bool:
         return bool(bits & bits >> 1 & self._clockwise)
