@@ -280,6 +280,7 @@ class EmulatorRunner:
             before_ns = self._bench.time_ns
             self._bench.run_on()
             self._note("ran-on", why=why, from_ns=before_ns)
+            self._deliver()  # who reads the line below may look at once for what the cards have said
             self._on_event(f"{why}: virtual time ran on by {(self._bench.time_ns - before_ns) / 1e6:.0f} ms")
 
     def _telemetry(self, now_ns: int) -> None:
