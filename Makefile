@@ -74,7 +74,7 @@ check-socketcan: setup ## Test emulator, controller and conformance over SocketC
 		$(BIN)/python -m pytest -p no:cacheprovider -o timeout=1200 -k "test_socketcan or socketcan-sync or (documented and socketcan-wall)" \
 		tests/canarm/test_socketcan.py tests/conformance $(ARGS)'
 
-bench: setup ## Run the benchmarks
+bench: setup ## Run the benchmarks (ARGS="cycle --against FILE")
 	$(BIN)/python benchmarks/run.py $(ARGS)
 
 robots: setup ## Write docs/robots.md again: every law on arms of 1 to 7 joints; takes minutes (ARGS="--jobs 4")
