@@ -49,9 +49,14 @@ class _Where(Mapping[str, Any]):
 class DemoRuns:
     """The present run, and those that are over. `out` is the folder that was asked for; further runs get one in it."""
 
+    ends_here = True
+    """The demo ends with its dashboard."""
+
     def __init__(self, plan: DemoPlan, out: Path | None, with_dashboard: bool) -> None:
         self._out, self._with_dashboard = out, with_dashboard
         self._over: list[DemoRun] = []
+        self.number = 1
+        """Which run it is."""
         self.run = self._made(plan)
         self.where: Mapping[str, Any] = _Where(self)
         """Host and port of the buses, as options of a bus; it follows the present run."""
@@ -93,6 +98,7 @@ class DemoRuns:
             raise
         self._over.append(self.run)
         self.run = run
+        self.number += 1
         return f"running again: {wanted.law} on {wanted.trajectory}, recorded in {run.folder}"
 
     def close(self) -> None:

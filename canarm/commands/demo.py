@@ -18,7 +18,7 @@ from canarm_protocol.clock import Clock
 from ..demo_run import DemoPlan, tell
 from ..demo_runs import DemoRuns
 from ..fault_file import load_faults
-from ..handed_outcome import handing_over
+from ..handed_runs import handing_over
 from ..options import (
     BENCH_BUS,
     DEFAULT_HOST,
@@ -83,7 +83,7 @@ def demo(
     Ends with a summary. The run is recorded in --out, or in a new folder below runs/. Ctrl-C stops the robot safely.
     The dashboard stays when the run is over and shows how it went; r runs again, with another law, motion, seed or pace
     if you like. q leaves it, and what runs goes on to its end; Q leaves it and stops what runs. With --web it is in a
-    browser on this machine instead, until Ctrl-C.
+    browser on this machine instead, until Ctrl-C, and r runs again there as well.
     """
     nominal = cell.load()
     settings = truth or []
@@ -155,11 +155,8 @@ def _serve(runs: DemoRuns, port: int) -> None:
     """The dashboard in a browser, until SIGINT or SIGTERM; raises `KeyboardInterrupt` if the run is not over then."""
     plan = runs.run.plan
     words = ["tui", "--cell", plan.cell_name, *(word for each in plan.settings for word in ("--set", each))]
-    words += ["--connect", f"{plan.host}:{runs.run.port}"]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "outcome.json"
-        with handing_over(runs.run.outcome, path, tell):
-            serve_web([*words, "--outcome", str(path)], port, "canarm demo")
+    with tempfile.TemporaryDirectory() as folder, handing_over(runs, Path(folder), tell):
+        serve_web([*words, "--demo", folder], port, "canarm demo")
     if not runs.run.is_over:
         raise KeyboardInterrupt
 

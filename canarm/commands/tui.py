@@ -1,8 +1,9 @@
 """`canarm tui`: the dashboard."""
 
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -12,7 +13,7 @@ from canarm_tui.bus.address import BusAddress
 from canarm_tui.entry import run_dashboard, show_record
 from canarm_tui.record import Record
 
-from ..handed_outcome import outcome_in
+from ..handed_runs import HandedRuns
 from ..jogging.hand import HandInThread
 from ..options import (
     BENCH_BUS,
@@ -46,7 +47,7 @@ def tui(
     bench: BenchBusOptions = BenchBusOptions(),
     web: Web = False,
     web_port: WebPort = DEFAULT_PORT,
-    outcome: Annotated[Path | None, Parameter(show=False)] = None,
+    demo: Annotated[Path | None, Parameter(show=False)] = None,
 ) -> int:
     """Watch a running bench in a dashboard: link, rate, late cycles, joints, error traces, faults, frames of the bus.
 
@@ -67,7 +68,8 @@ def tui(
         words = ["tui", "--cell", cell.cell, *(word for each in cell.settings for word in ("--set", each))]
         serve_web([*words, "--connect", connect, *_words(bus), *_words(bench)], web_port, "canarm tui")
         return ExitStatus.DONE
-    here = {"host": host, "port": port}
+    runs = None if demo is None else HandedRuns(demo)
+    here: Mapping[str, Any] = {"host": host, "port": port} if runs is None else runs.where
     robot_bus, bench_bus = bus.named(), bench.named()
     if robot_bus is None and bench_bus is None:
         robot_bus = NamedBus("canarm", ROBOT_BUS, here)
@@ -76,8 +78,9 @@ def tui(
     hand = None if robot is None else HandInThread(nominal, robot.open)
     return run_dashboard(
         *(nominal, named.interface, named.channel, named.options),
-        outcome_of=outcome_in(outcome),
+        outcome_of=(lambda: None) if runs is None else runs.outcome,
         robot_bus=robot,
+        again=runs,
         hand=hand,
     )
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import base64
+import json
 import os
 import re
 import signal
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from canarm.web_pages import MOST_COLUMNS, MOST_ROWS, first_size, sane_size
 from canarm_protocol.cell import load_cell
 from canarm_protocol.faults.bench_client import BenchClient
 from canarm_protocol.transport.port import open_port
@@ -181,6 +183,47 @@ def test_a_dashboard_ends_when_its_server_hangs_up() -> None:
             dashboard.kill()
 
 
+def test_what_no_page_sends_is_told_in_a_line_and_no_size_is_too_large(canarm: Commands) -> None:
+    """Without limit, one page of 100000 columns and rows would take all memory."""
+    server = canarm("tui", "--web", "--web-port", "0", "--connect", "127.0.0.1:9")
+    address = server.wait_for(r"the dashboard is at (http://\S+);")[1]
+    garbage = ["", "{", "[]", "7", '["stdin"]', '["stdin", 7]', '["stdin", "\\ud800"]', '["resize", {"width": "wide"}]']
+    garbage += ['["resize", {"width": 1e9, "height": null}]', "[" * 100_000, '["resize", {"width": true, "height": 3}]']
+    garbage += ['["resize", {"width": 100000, "height": 100000}]', '["resize", {"width": -5, "height": 0}]']
+
+    async def look() -> None:
+        where = f"{address}/ws?width=100000&height=100000"
+        async with (
+            asyncio.timeout(2 * DEADLINE_S),
+            aiohttp.ClientSession() as session,
+            session.ws_connect(where) as page,
+        ):
+            await page.receive()
+            for each in garbage:
+                await page.send_str(each)
+            await page.send_str('["resize", {"width": 120, "height": 40}]')
+            await page.send_str('["stdin", "?"]')
+            drawn = b""
+            while b"Help" not in drawn:
+                drawn += (await page.receive()).data
+
+    asyncio.run(look())
+    server.send(signal.SIGINT)
+    assert server.wait() == 0
+    complaints = [line for line in server.complaint.splitlines() if "no page of ours" in line]
+    assert len(complaints) == 1
+
+
+def test_a_size_of_a_page_is_a_number_of_columns_and_rows() -> None:
+    assert sane_size(120, 40) == (120, 40)
+    assert sane_size(100_000, 100_000) == (MOST_COLUMNS, MOST_ROWS)
+    assert sane_size(-5, 0) == (1, 1)
+    assert first_size({"width": "9" * 5000, "height": "40"}) == (80, 24)
+    for wrong in (("80", 24), (True, 24), (80.5, 24), (None, 24)):
+        with pytest.raises(ValueError, match="size"):
+            sane_size(*wrong)
+
+
 def test_a_page_that_is_opened_after_a_demo_shows_how_it_has_ended(canarm: Commands) -> None:
     demo = canarm("demo", "--web", "--web-port", "0", "--seconds", "0.5", "--pace", "max", "--out", "recorded-here")
     address = demo.wait_for(r"the dashboard is at (http://\S+);")[1]
@@ -200,3 +243,42 @@ def test_a_page_that_is_opened_after_a_demo_shows_how_it_has_ended(canarm: Comma
     demo.send(signal.SIGINT)
     assert demo.wait() == 0
     assert demo.stdout[0] == verdict
+
+
+def test_a_run_of_a_demo_is_run_again_from_a_page_and_other_pages_follow(canarm: Commands, tmp_path: Path) -> None:
+    demo = canarm("demo", "--web", "--web-port", "0", "--seconds", "0.5", "--pace", "max", "--out", "runs")
+    address = demo.wait_for(r"the dashboard is at (http://\S+);")[1]
+    demo.wait_for(r"the run is over: .* konkuk1")
+
+    async def press(page: aiohttp.ClientWebSocketResponse, keys: str) -> None:
+        await page.send_str(json.dumps(["stdin", keys]))
+
+    async def drawn(page: aiohttp.ClientWebSocketResponse, text: str) -> None:
+        found = b""
+        while text.encode() not in found:
+            found += (await page.receive()).data
+
+    async def look() -> None:
+        where = f"{address}/ws?width=160&height=48"
+        async with (
+            asyncio.timeout(2 * DEADLINE_S),
+            aiohttp.ClientSession() as session,
+            session.ws_connect(where) as page,
+            session.ws_connect(where) as other,
+        ):
+            for each in (page, other):
+                await drawn(each, "r runs again")
+            await press(page, "r")
+            await drawn(page, "enter runs")
+            await press(page, "\r")
+            await drawn(page, "running again")
+            for each in (page, other):
+                await drawn(each, "run-2")
+
+    asyncio.run(look())
+    demo.wait_for(r"running again: .* recorded in runs/run-2")
+    wait_until(lambda: sum("the run is over" in line for line in demo.stderr) == 2, "end of the second run")
+    demo.send(signal.SIGINT)
+    assert demo.wait() == 0
+    assert sum("konkuk1" in line for line in demo.stdout) == 2
+    assert json.loads((tmp_path / "runs" / "run-2" / "run.json").read_text())["summary"]["state"] == "done"

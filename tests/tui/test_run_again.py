@@ -21,6 +21,11 @@ class Runs:
         self.folder = "run"
         self.begun = []
         self.refusal = None
+        self.ends_here = True
+
+    @property
+    def number(self):
+        return 1 + len(self.begun)
 
     def start(self, wanted):
         if self.refusal is not None:
@@ -75,6 +80,20 @@ async def test_the_same_run_again_is_two_keys_and_is_shown_from_its_own_bus(cell
         lines = screen_lines(app)
         assert not any("DONE" in line for line in lines)
         assert any("✓ running again: pd" in line for line in lines)
+
+
+async def test_a_run_that_was_begun_elsewhere_is_shown_from_its_own_bus(cell, clock, runs, port, wire):
+    """From another page of the same demo."""
+    ports = [port, type(port)()]
+    async with over(cell, clock, runs, ports) as (app, press):
+        port.arriving = wire.telemetry(800)
+        await press()
+        ports[1].arriving = wire.telemetry(4)
+        runs.start(LAST)
+        await press()
+        await press()
+        assert app.outcome is None
+        assert app.feed.snapshot(clock()).cycle == 4
 
 
 async def test_another_law_and_seed_are_typed_into_a_form(cell, clock, runs, port):

@@ -202,6 +202,7 @@ class DashboardApp(RunControls):
         self.desk.poll(self.feed.faults, now_ns)
         self.drain_sources()
         self.take_answers()
+        self.follow_run()
         if self.outcome is None or self.player is not None:
             self.outcome = self._outcome_of()
         if self._until is not None and self._until():

@@ -30,7 +30,15 @@ class NextRun:
 
 
 class Again(Protocol):
-    """Who can run again."""
+    """Who can run again. `number` counts the runs: another one is shown from its own bus as soon as it begins."""
+
+    @property
+    def number(self) -> int:
+        """Which run it is, from 1."""
+
+    @property
+    def ends_here(self) -> bool:
+        """Whether it is ended by leaving this dashboard."""
 
     @property
     def last(self) -> NextRun:

@@ -21,13 +21,11 @@ from .outcome import Outcome
 from .player import NoLink, Player
 from .replay_controls import ReplayControls
 from .run_again import Again, AgainScreen, NextRun
+from .views import Context
 
 LEFT = "the dashboard was left"
 STOPPED = "stopped from the dashboard"
-NO_AGAIN = (
-    "a controller is started outside: canarm controller, with the address above; "
-    "canarm demo runs again by itself, on a terminal"
-)
+NO_AGAIN = "a controller is started outside: canarm controller, with the address above; a demo runs again by itself"
 STILL_RUNNING = "the run goes on; r runs again when it is over, and Q ends it"
 
 
@@ -46,6 +44,7 @@ class RunControls(ReplayControls):
     feed: Feed | Player
     link: Link | NoLink
     desk: FaultDesk
+    context: Context
     outcome: Outcome | None
     left_by = LEFT
     """How the user has left, in a few words."""
@@ -54,6 +53,7 @@ class RunControls(ReplayControls):
         super().__init__()
         self._again, self._in_background = again, in_background
         self._answers: deque[Callable[[], None]] = deque()
+        self._run = 1 if again is None else again.number
 
     @abstractmethod
     def tell(self, answer: str | Refusal | None) -> None:
@@ -63,6 +63,14 @@ class RunControls(ReplayControls):
         """Take what jobs in the background have said."""
         while self._answers:
             self._answers.popleft()()
+
+    def follow_run(self) -> None:
+        """Another run has begun, from here or from another page: it is shown from its own buses."""
+        if self._again is None or self._again.number == self._run:
+            return
+        self._run, self.outcome = self._again.number, None
+        for link in (self.link, self.context.bus.link):
+            link.reopen()
 
     def leave(self, how: str) -> None:
         """End the dashboard."""
@@ -81,7 +89,7 @@ class RunControls(ReplayControls):
 
     def action_leave_and_stop(self) -> None:
         """Ask whether to leave and stop what runs, and do it."""
-        is_demo = self._again is not None
+        is_demo = self._again is not None and self._again.ends_here
 
         def leave(is_wanted: bool | None) -> None:
             if is_wanted and is_demo:
@@ -140,12 +148,6 @@ class RunControls(ReplayControls):
                 answer: str | Refusal = again.start(wanted)
             except (CanarmError, OSError) as error:
                 answer = Refusal(str(error))
-            self._answers.append(lambda: take(answer))
-
-        def take(answer: str | Refusal) -> None:
-            if not isinstance(answer, Refusal):
-                self.outcome = None
-                self.link.reopen()
-            then(answer)
+            self._answers.append(lambda: then(answer))
 
         self._in_background(job)
