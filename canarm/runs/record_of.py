@@ -16,6 +16,7 @@ from canarm_protocol.runs.run_folder import CAN_LOG_FILE, MEMORY_FILE
 from canarm_tui.bus.memory_mirror import BANK_BYTES, BANK_JOINTS
 from canarm_tui.faults import Faults
 from canarm_tui.history import COLUMNS, Column, History
+from canarm_tui.notices import Kind, Notice
 from canarm_tui.outcome import Outcome
 from canarm_tui.record import Record
 
@@ -53,6 +54,7 @@ def record_of(run: Run) -> Record:
         where=str(run.path),
         history=_history(run, cell, names),
         faults=_faults(run),
+        noticed=_noticed(run),
         outcome=verdict,
         law=str(said.get("law") or run.made_by.get("law") or ""),
         internal_names=names,
@@ -129,6 +131,18 @@ def _faults(run: Run) -> Faults:
             if each["event"] == EMERGENCY_STOP and math.isfinite(each["time_s"])
         ),
     )
+
+
+def _noticed(run: Run) -> tuple[Notice, ...]:
+    """The states of the controller."""
+    found = []
+    for each in run.event_list:
+        if each["event"] == "state" and math.isfinite(each["time_s"]):
+            state, reason = str(each.get("state")).lower().replace("_", " "), each.get("reason")
+            what = f"controller {state}" + (f": {reason}" if reason else "")
+            time_ns = round((each["time_s"] + run.begin_s) * 1e9)
+            found.append(Notice(time_ns, each["cycle"], Kind.CONTROLLER, what, state == "failed"))
+    return tuple(found)
 
 
 def _event(each: Noticed, begin_s: float) -> DetectionEvent:

@@ -5,10 +5,13 @@ import contextlib
 import pytest
 
 from canarm_controller.bus.assessment import name_law
+from canarm_protocol.canopen.frames import Emergency, NmtCommand, nmt_frame, sync_frame
 from canarm_protocol.cell.bench_objects import CONTROLLER_CHANNEL, sdo_channel
+from canarm_protocol.decoding import robot_book
 from canarm_protocol.faults.fault_events import FaultEvent
 from canarm_protocol.transport.sdo_session import SdoSession
 from canarm_tui import DashboardApp
+from canarm_tui.bus.watch import BusWatch
 from canarm_tui.events import Happening
 from canarm_tui.events_view import EventsPane
 from canarm_tui.joints_view import JointsPane
@@ -102,6 +105,43 @@ async def test_enter_shows_the_traces_at_the_moment_of_the_event(cell, port, clo
         await pilot.pause()
         is_said = any(f"cycle {cycle} is not among those that are kept" in line for line in screen_lines(app))
         assert is_said is not is_kept
+
+
+async def test_what_the_controller_and_the_nodes_tell_is_among_the_events(cell, port, clock, wire):
+    """Its states and late cycles from the bench bus, EMCY, NMT and states of nodes from the robot's."""
+    robot_bus = type(port)()
+    watch = BusWatch(robot_book(cell), lambda: robot_bus, "-i fake -c can0", in_background=lambda job: job())
+    app = DashboardApp(cell, lambda: port, clock_ns=clock, in_background=lambda job: job(), bus=watch)
+    async with app.run_test(size=(120, 30)) as pilot:
+        watch.listen()
+
+        async def press(*keys):
+            await pilot.press(*keys)
+            for _ in range(3):
+                app.drain()
+                clock.advance(0.5)
+            app.redraw()
+            await pilot.pause()
+
+        await press("2")
+        robot_bus.arriving = [(0, nmt_frame(NmtCommand.START)), (0, sync_frame(1)), (0, sync_frame(2))]
+        robot_bus.arriving += [(0, Emergency(0x8130, 0x11).frame(0x14))]
+        port.arriving = wire.telemetry(4) + wire.report(0, 0, 6) + wire.report(2, 0, 2) + wire.report(16, 3, 3)
+        await press()
+        assert list_of(app) == [
+            "0.040 s (cycle 16) ▸ controller stopping",
+            "0.040 s (cycle 16) × 3 cycles missed or begun late",
+            "0.005 s (cycle 2) ▸ controller running",
+            "0.003 s (cycle 1) ! EMCY of adc: 0x8130 life guard or heartbeat error, error register 0x11 (generic, "
+            "communication)",
+            "0.000 s (cycle 0) ▸ controller homing",
+            "before cycle 0 » NMT: start to all nodes",
+        ]
+        await press("slash", *"emcy adc")
+        assert len(list_of(app)) == 1
+        await press("enter", "enter")
+        assert app.view.name == "joints"
+        assert robot_bus.sent == []
 
 
 async def test_the_law_and_its_values_are_called_what_the_controller_has_told_the_bench(cell, loop, clock, wire):

@@ -36,6 +36,7 @@ from .help import HelpScreen
 from .inject_screen import InjectScreen
 from .joints_view import JointsPane
 from .link import InBackground, Link, in_thread
+from .notices import Notice
 from .outcome import Outcome, OutcomePanel, with_cause
 from .player import NoLink, Player, RecordDesk
 from .record import Record
@@ -126,7 +127,7 @@ class DashboardApp(RunControls):
             bus = RecordedWatch(robot_book(cell), record.frames, lambda: player.cycle, record.where, cell.bus.bitrate)
         bus = bus or robot_watch(cell, None, in_background)
         memory = None if record is None else record.memory
-        self.context = Context(cell, self.feed, bus, [bus], self.desk, hand, memory)
+        self.context = Context(cell, self.feed, bus, [bus], [self.feed.notices], self.desk, hand, memory)
         self.is_paused = False
         self.view = FIRST
         """What is on the screen."""
@@ -141,8 +142,10 @@ class DashboardApp(RunControls):
         self._answer: texts.Word | None = None
         self._answer_until_ns = 0
         self._drawn: tuple[object, ...] = ()
+        self._events: tuple[Happening, ...] = ()
         self._happened: tuple[Happening, ...] = ()
-        self._happened_to: Faults | None = None
+        self._happened_to: tuple[object, ...] = ()
+        self._happened_ns = 0
         self._redraw_ns = self._words_ns = 0
         self._words: tuple[object, ...] = ()
 
@@ -241,9 +244,7 @@ class DashboardApp(RunControls):
         notice.show(() if said is None else (said,))
         self._draw_words(snapshot)
         faults, cycle_s = self.desk.faults, self.cell.bus.cycle_s
-        if faults is not self._happened_to:
-            self._happened_to, self._happened = faults, happenings(faults or Faults())
-        happened = self._happened
+        happened = self._take_events(faults)
         screen.query_one(OutcomePanel).show(with_cause(self.outcome, stopped_by(happened, cycle_s)))
         # The view of events has them all.
         is_events = self.view.name == "events"
@@ -251,8 +252,20 @@ class DashboardApp(RunControls):
         screen.query_one(FaultPanel).show(lines)
         screen.query_one(ViewTabs).show(self.view)
         if not self.is_paused:
-            self._scene = Scene(snapshot, happened, faults, self._clock_ns())
+            self._scene = Scene(snapshot, self._events, faults, self._clock_ns())
             self._pane().show(self._scene)
+
+    def _take_events(self, faults: Faults | None) -> tuple[Happening, ...]:
+        """All events anew if there are other ones; returns those of the bench alone."""
+        now_ns, (before, *_) = self._clock_ns(), self._happened_to or (None,)
+        key = (faults, *(each.version for each in self.context.notices))
+        is_due = faults is not before or not 0 <= now_ns - self._happened_ns < WORDS_NS
+        if key != self._happened_to and is_due:
+            self._happened_to, self._happened_ns = key, now_ns
+            noticed = (notice for each in self.context.notices for notice in each.kept)
+            self._events = happenings(faults or Faults(), noticed)
+            self._happened = tuple(each for each in self._events if not isinstance(each.event, Notice))
+        return self._happened
 
     def _draw_words(self, snapshot: Snapshot) -> None:
         """Header and counters: at once if they say something else, and if only numbers have changed, less often."""

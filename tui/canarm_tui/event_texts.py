@@ -1,4 +1,4 @@
-"""The dashboard's texts about events: faults that begin and end, emergency stops, detections with their latency.
+"""The dashboard's texts about events: faults that begin and end, emergency stops, detections with latency, notices.
 
 Pure functions. Times count from cycle 0, as those of traces do.
 """
@@ -9,6 +9,7 @@ from canarm_protocol.faults.detection_events import DetectionEvent
 from canarm_protocol.faults.fault_events import FaultEvent, StopEvent, fault_label
 
 from .events import Event, Happening
+from .notices import Kind, Notice
 from .texts import Tone, Word
 
 Line = tuple[Word, ...]
@@ -18,6 +19,7 @@ Mark = tuple[int, Word]
 STOPS = "safe-stop"
 """How the reactions begin that end a run."""
 NOTHING = (Word("nothing has happened yet: no fault has begun, and no controller has detected anything", Tone.DIM),)
+_SIGNS = {Kind.EMERGENCY: "!", Kind.NMT: "»", Kind.NODE: "•", Kind.CONTROLLER: "▸", Kind.LATE: "×"}
 
 
 def event_line(each: Happening, cycle_s: float) -> Line:
@@ -25,6 +27,10 @@ def event_line(each: Happening, cycle_s: float) -> Line:
     event = each.event
     sign, tone = sign_of(event)
     at = Word(when(event, cycle_s, each.is_earlier), Tone.DIM)
+    if isinstance(event, Notice):
+        times = f"  {event.times} times" if event.times > 1 and event.kind is not Kind.LATE else ""
+        number = f"{event.times} " if event.kind is Kind.LATE else ""
+        return at, Word(f"{sign} {number}{event.what}{times}", tone)
     if isinstance(event, StopEvent):
         return at, Word(f"{sign} emergency stop {'on' if event.is_on else 'off'}", tone)
     if isinstance(event, FaultEvent):
@@ -44,6 +50,8 @@ def sign_of(event: Event) -> Word:
     """One character for the event, as in its line and above a trace."""
     if isinstance(event, DetectionEvent):
         return Word("◆", Tone.BAD if event.reaction.startswith(STOPS) else Tone.GOOD)
+    if isinstance(event, Notice):
+        return Word(_SIGNS[event.kind], Tone.WARNING if event.is_wrong else Tone.PLAIN)
     if isinstance(event, StopEvent):
         return Word("■", Tone.BAD) if event.is_on else Word("□")
     if event.failure:
@@ -52,16 +60,18 @@ def sign_of(event: Event) -> Word:
 
 
 def marks_of(happened: Iterable[Happening], joint: str, joints: Collection[str]) -> tuple[Mark, ...]:
-    """The events above the trace of `joint`: those that are not about another one of `joints`."""
+    """The faults, stops and detections above the trace of `joint`: those that are not about another one of `joints`."""
 
-    def place(event: Event) -> str | None:
+    def place(event: FaultEvent | DetectionEvent | StopEvent) -> str | None:
         if isinstance(event, StopEvent):
             return None
         return event.tap.partition(".")[0] if isinstance(event, FaultEvent) else event.where
 
     events = (each.event for each in happened if not each.is_earlier)
     return tuple(
-        (event.cycle, sign_of(event)) for event in events if place(event) == joint or place(event) not in joints
+        (event.cycle, sign_of(event))
+        for event in events
+        if not isinstance(event, Notice) and (place(event) == joint or place(event) not in joints)
     )
 
 

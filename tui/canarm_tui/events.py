@@ -7,8 +7,9 @@ from canarm_protocol.faults.detection_events import DetectionEvent
 from canarm_protocol.faults.fault_events import FaultEvent, StopEvent
 
 from .faults import Faults
+from .notices import Kind, Notice
 
-Event = FaultEvent | DetectionEvent | StopEvent
+Event = FaultEvent | DetectionEvent | StopEvent | Notice
 MOMENT_CYCLES = 400
 """A fault that has ended may be noticed so much later: 1 s at 400 Hz."""
 
@@ -23,15 +24,18 @@ class Happening(NamedTuple):
     is_earlier: bool = False
 
 
-def happenings(faults: Faults) -> tuple[Happening, ...]:
-    """Beginnings and ends of faults, emergency stops, and detections, newest first. A detection comes after the fault
-    of its cycle.
+def happenings(faults: Faults, noticed: Iterable[Notice] = ()) -> tuple[Happening, ...]:
+    """Beginnings and ends of faults, emergency stops, detections, and what was noticed besides, newest first. A
+    detection comes after the fault of its cycle.
     """
     found: list[Happening] = []
     causes = _Causes()
-    for event in sorted(_all_of(faults), key=lambda event: _order(event, faults.begin_ns)):
-        if event.time_ns < faults.begin_ns:
+    events = [*_all_of(faults), *noticed]
+    for event in sorted(events, key=lambda event: _order(event, faults.begin_ns)):
+        if _is_earlier(event, faults.begin_ns):
             found.append(Happening(event, is_earlier=True))
+        elif isinstance(event, Notice):
+            found.append(Happening(event))
         elif isinstance(event, DetectionEvent):
             found.append(Happening(event, causes.of(event)))
         else:
@@ -77,7 +81,18 @@ def _all_of(faults: Faults) -> Iterable[Event]:
 
 
 def _order(event: Event, begin_ns: int) -> tuple[int, int, int, int]:
-    """By time; in the present run by cycle, since the bench hears of a detection later."""
-    if event.time_ns < begin_ns:
+    """By time; in the present run by cycle, since the bench hears of a detection later, and in that as one follows
+    from the other.
+    """
+    if _is_earlier(event, begin_ns):
         return 0, event.time_ns, 0, 0
-    return 1, event.cycle, isinstance(event, DetectionEvent), event.time_ns
+    if isinstance(event, Notice):
+        place = 3 if event.kind is Kind.CONTROLLER else 1
+    else:
+        place = 2 if isinstance(event, DetectionEvent) else 0
+    return 1, event.cycle, place, event.time_ns
+
+
+def _is_earlier(event: Event, begin_ns: int) -> bool:
+    """Whether it belongs to a run before the present one; the clock of a notice's bus may be another one."""
+    return event.is_earlier if isinstance(event, Notice) else event.time_ns < begin_ns

@@ -1,4 +1,6 @@
-"""The view of events: all that the bench remembers, newest first, to filter, and to jump from to the traces."""
+"""The view of events: what the bench remembers and the buses have told, newest first, to filter, and to jump from to
+the traces.
+"""
 
 from typing import ClassVar
 
@@ -8,6 +10,8 @@ from textual.message import Message
 from textual.widgets import Input, OptionList
 from textual.widgets.option_list import Option
 
+from .bus.node_events import NodeEvents
+from .bus.watch import BusWatch
 from .event_texts import NOTHING, Line, event_line
 from .events import Happening
 from .styles import line_of
@@ -41,9 +45,9 @@ class EventsPane(Pane):
         Binding("escape", "unfilter", "All", id="events.all", show=False),
     ]
 
-    def __init__(self, cycle_s: float) -> None:
+    def __init__(self, cycle_s: float, bus: BusWatch) -> None:
         super().__init__()
-        self._cycle_s = cycle_s
+        self._cycle_s, self.bus = cycle_s, bus
         self._happened: tuple[Happening, ...] = ()
         self._fitting: tuple[Happening, ...] = ()
         self.lines: tuple[Line, ...] = ()
@@ -54,7 +58,8 @@ class EventsPane(Pane):
         yield OptionList(id="events")
 
     def chosen(self) -> None:
-        """The keyboard goes to the list."""
+        """Somebody looks: the robot's bus is opened. The keyboard goes to the list."""
+        self.bus.wake()
         self.query_one(OptionList).focus()
 
     def show(self, scene: Scene) -> None:
@@ -106,15 +111,25 @@ def _fits(line: Line, words: list[str]) -> bool:
     return all(word in text for word in words)
 
 
+def _make(context: Context) -> EventsPane:
+    heard = NodeEvents(context.bus.book, lambda: context.feed.cycle)
+    context.bus.listeners.append(heard)
+    context.notices.append(heard.notices)
+    return EventsPane(context.cell.bus.cycle_s, context.bus)
+
+
 VIEW: View[Context] = View(
     name="events",
     title="Events",
     key="2",
-    what="Faults, detections and emergency stops, newest first",
-    make=lambda context: EventsPane(context.cell.bus.cycle_s),
+    what="Faults, detections, EMCY, NMT, states, missed cycles, newest first",
+    make=_make,
     help="""\
 All that the bench remembers, newest first; ↑ ↓ choose, enter shows the traces at that moment.
 /  filter by words, such as joint2 detected     escape  all of them again
 Times count from cycle 0 of the present run. Of a detection: how long after the last fault, or emergency stop,
-that acts or has just ended, and what the controller did.""",
+that acts or has just ended, and what the controller did.
+▲ ○  fault begins, ends     ◆  detected     ■ □  emergency stop on, off     ▸  state of the controller
+!  EMCY     »  NMT command     •  state of a node     ×  cycles missed or late
+EMCY, NMT and nodes are heard on the robot's bus: from the beginning, on a busy one from when a view first looks.""",
 )

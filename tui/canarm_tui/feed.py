@@ -26,6 +26,7 @@ from canarm_protocol.cell.sensing import position_steps_rad
 from .faults import FaultSignal
 from .history import COLUMNS, REPORTED_COLUMNS, Column, History
 from .joints_now import JointReader
+from .notices import ControllerNotices
 from .rings import ReferenceRing, RowStore
 from .snapshot import BusNow, Counters, Rates, Report, Snapshot
 
@@ -39,8 +40,9 @@ LOST_NS = 1_000_000_000
 LOST_CYCLES = 64
 """A controller that has the robot reports every 16 cycles. It is lost when it has been silent for `LOST_NS`, in which
 cycles stood still (at a slow pace they do not) or went on without it."""
-HAVING = ("running", "stopping")
+HAVING = ("homing", "running", "stopping")
 """States of a controller that has the robot."""
+RUNNING = ("homing", "running")
 RATE_WINDOW_NS = 2_000_000_000
 
 
@@ -80,6 +82,8 @@ class Feed:
         self._bus: BusNow | None = None
         self._report: tuple[int, int, int] | None = None
         self._report_wall_ns = 0
+        self.notices = ControllerNotices()
+        """What the controller has said of itself, as events."""
         self.controllers = 0
         """How many have reported so far, one after the other."""
         self.faults: FaultSignal | None = None
@@ -118,7 +122,12 @@ class Feed:
     def is_running(self) -> bool:
         """Whether the controller has said last, and lately, that it controls the robot."""
         report = self._reported_at(self._wall_ns)
-        return report is not None and CONTROLLER_STATES.get(report.state) == "running" and not report.is_lost
+        return report is not None and CONTROLLER_STATES.get(report.state) in RUNNING and not report.is_lost
+
+    @property
+    def cycle(self) -> int | None:
+        """The last cycle that the bench has told; None before, and where the bus was lost."""
+        return self._cycle
 
     @property
     def changes(self) -> tuple[int, int, tuple[int, int, int] | None]:
@@ -281,6 +290,7 @@ class Feed:
             self.controllers += 1
         self._report = tick, late, state
         self._report_wall_ns = self._wall_ns
+        self.notices.take(tick, late, state, self._bus_ns)
 
     def _on_faults(self, active: int, stop: int, begun: int, detections: int) -> None:
         self.faults = FaultSignal(active, bool(stop), begun, detections)

@@ -20,6 +20,7 @@ from .feed import MATCH_S, WINDOW_S
 from .history import Column
 from .joints_now import JointReader
 from .link import LinkState
+from .notices import Notice
 from .outcome import Outcome
 from .record import Record
 from .snapshot import Snapshot
@@ -48,6 +49,7 @@ class Player:
         """It has no controller that could be asked."""
         self.controllers = 0
         self.faults: FaultSignal | None = None
+        self.notices = _Played(self, record.noticed)
         events = record.faults.events + record.faults.detections + record.faults.stops
         self._moments = sorted({event.cycle for event in events if self._first <= event.cycle <= self._last})
 
@@ -154,6 +156,23 @@ class Player:
         at_s, last_s = self.cycle * self._cycle_s, self._last * self._cycle_s
         sign = "▶ replay" if self.is_playing and not self.is_at_end else "⏸ replay"
         return f"{sign} {at_s:.2f} of {last_s:.2f} s, {self.speed:g} ×"
+
+
+class _Played:
+    """Those of the record up to where it is."""
+
+    def __init__(self, player: Player, all_of_it: tuple[Notice, ...]) -> None:
+        self._player, self._all = player, sorted(all_of_it, key=lambda notice: notice.cycle)
+
+    @property
+    def version(self) -> int:
+        """How many there are."""
+        return bisect_right(self._all, self._player.cycle, key=lambda notice: notice.cycle)
+
+    @property
+    def kept(self) -> tuple[Notice, ...]:
+        """Oldest first."""
+        return tuple(self._all[: self.version])
 
 
 class NoLink:

@@ -8,6 +8,7 @@ from canarm_protocol.cell.model import Cell
 
 from .faults import Faults
 from .history import History
+from .notices import Notice
 from .outcome import Outcome
 
 
@@ -28,3 +29,5 @@ class Record:
     """The frames of its robot's bus from the beginning, with their times; None where they were not kept."""
     memory: bytes | None = None
     """The Apple II's memory as it was at the end."""
+    noticed: tuple[Notice, ...] = ()
+    """The controller's states, oldest first."""

@@ -60,6 +60,7 @@ class Word(NamedTuple):
 
 _STATE_WORDS = {
     "running": Word("▶ running", Tone.GOOD),
+    "homing": Word("… homing", Tone.PLAIN),
     "bringing up": Word("… bringing up", Tone.PLAIN),
     "stopping": Word("▼ stopping", Tone.WARNING),
     "done": Word("✓ done", Tone.GOOD),

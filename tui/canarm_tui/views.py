@@ -17,6 +17,7 @@ from .events import Happening
 from .fault_desk import FaultDesk
 from .faults import Faults
 from .feed import Feed
+from .notices import Noticing
 from .player import Player
 from .snapshot import Snapshot
 
@@ -57,6 +58,8 @@ class Context:
     """The robot's bus; one of `sources`."""
     sources: list[Source] = field(default_factory=list)
     """A view adds its own here when it is made; it takes what has arrived when it is asked to `show`."""
+    notices: list[Noticing] = field(default_factory=list)
+    """What is to be listed among the events; a view that listens to a bus adds its own."""
     desk: FaultDesk | None = None
     """Asks the bench node; None where there is none."""
     hand: Hand | None = None

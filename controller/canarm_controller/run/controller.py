@@ -209,6 +209,11 @@ class Controller(SupervisedRun):
         if self.state is _RUNNING:
             self._detect("deadline-missed", None, f"{count} cycles left out")
 
+    @property
+    def is_homing(self) -> bool:
+        """Whether it is looking for its index marks."""
+        return self._homing is not None and self.state is _RUNNING
+
     def interrupt(self, detail: str) -> None:
         """Stop safely because the user says so."""
         if self.state is _RUNNING:

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 
 from canarm_protocol.canopen.frames import Frame
-from canarm_protocol.cell.bench_objects import INTERNALS, bench_pdos
+from canarm_protocol.cell.bench_objects import HOMING, INTERNALS, bench_pdos
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.faults.detection_events import DetectionEvent, pieces_of
 
@@ -89,7 +89,8 @@ class BenchReport:
     def _state(self) -> None:
         controller, layout = self._controller, self._pdos.controller
         late = min(controller.missed + self._paced_late(), U16)
-        self._frames.append(Frame(layout.cob_id, layout.pack(max(controller.tick, 0) & U32, late, controller.state)))
+        state = HOMING if controller.is_homing else controller.state
+        self._frames.append(Frame(layout.cob_id, layout.pack(max(controller.tick, 0) & U32, late, state)))
 
 
 def _single(value: float) -> float:

@@ -37,7 +37,16 @@ CHANNEL_OWNER = 0x2420
 """Sub-index n holds the token of the client that has claimed SDO channel n; 0 for none."""
 BUSES = "can0", "bench"
 """The sub-indices 1 and 2 of DROPPED_FRAMES and ATTACHED_CLIENTS."""
-CONTROLLER_STATES: dict[int, str] = {0: "idle", 1: "bringing up", 2: "running", 3: "stopping", 4: "done", 5: "failed"}
+HOMING = 6
+CONTROLLER_STATES: dict[int, str] = {
+    0: "idle",
+    1: "bringing up",
+    2: "running",
+    3: "stopping",
+    4: "done",
+    5: "failed",
+    HOMING: "homing",
+}
 """The values of CONTROLLER_STATE in words."""
 INTERNALS = 4
 """Internal quantities of a law per joint: 0x2131 to 0x2134, named in 0x2130."""

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from canarm_protocol.canopen.frames import Cob, Frame, NmtCommand
-from canarm_protocol.cell.configuration import SYNC_COUNTER
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.wiring import InputSlot, card_nodes, input_slots
+
+from .cycle_count import CycleCount
 
 SAMPLES = 4096
 TABLE_BASE, LOG_BASE = 0x2000, 0x4000
@@ -72,14 +73,17 @@ class MemoryMirror:
         keys.sort(key=lambda key: (key[0], -1 if key[1] is None else _PAGES[key[1]]))
         self.pages = [PageNow(*key, np.zeros(SAMPLES, np.uint8), np.zeros(SAMPLES, np.bool_)) for key in keys]
         self._page_of = {(page.joint, page.quantity): page for page in self.pages}
-        self._near: int | None = None
-        self.cycle: int | None = None
-        """The cycle of the last SYNC; None until it is known."""
+        self._count = CycleCount()
         self.forget()
+
+    @property
+    def cycle(self) -> int | None:
+        """The cycle of the last SYNC; None until it is known."""
+        return self._count.cycle
 
     def forget(self) -> None:
         """What comes from now on begins anew; an image stays what it is."""
-        self.cycle = self._near = None
+        self._count.forget()
         for page in self.pages:
             page.is_known[:] = self._image is not None
             if self._image is not None:
@@ -88,7 +92,7 @@ class MemoryMirror:
 
     def anchor(self, cycle: int | None) -> None:
         """Telemetry says that the present cycle is about this one: the next SYNC's counter tells exactly which."""
-        self._near = cycle
+        self._count.anchor(cycle)
 
     def receive(self, frames: Iterable[tuple[int, Frame]]) -> None:
         """Take frames of the bus."""
@@ -99,22 +103,9 @@ class MemoryMirror:
             if can_id in by_cob:
                 self._take(can_id, data)
             elif can_id == Cob.SYNC:
-                self._sync(data)
+                self._count.sync(data)
             elif can_id == Cob.NMT and data[:1] == bytes((NmtCommand.START,)):
-                self.cycle = -1
-
-    def _sync(self, data: bytes) -> None:
-        counter = data[0] if len(data) == 1 else None
-        if self.cycle is not None:
-            self.cycle += 1
-            if counter is None or self.cycle % SYNC_COUNTER + 1 == counter:
-                return
-            self.cycle = None  # a SYNC was missed, or another master counts
-        if self._near is not None and counter is not None:
-            ahead = (counter - 1 - self._near) % SYNC_COUNTER
-            self.cycle = self._near + (ahead if ahead <= SYNC_COUNTER // 2 else ahead - SYNC_COUNTER)
-            if self.cycle < 0:
-                self.cycle = None
+                self._count.start()
 
     def _take(self, can_id: int, data: bytes) -> None:
         layout = self._layouts[can_id]
