@@ -28,8 +28,6 @@ from .summary import Summary
 
 SLOWEST = 10.0
 """A run is given up after this many times its robot time, plus START_S."""
-IMPORTANT = ("detected ", "recorded ")
-"""How the lines of a summary begin that a dashboard shows first."""
 PASSED_ON = (ExitStatus.DONE, ExitStatus.WRONG_INPUT)
 """Exit statuses of the controller that are passed on; any other is a failed run."""
 
@@ -127,10 +125,7 @@ class DemoRun:
         result = _result(controller)
         if result is None:
             return f"the controller ended with status {controller.status}", False, [str(self.folder)]
-        verdict, *details = summary_of({**result, "out": str(self.folder)}).as_text().splitlines()
-        # Why it ended, what was detected and where it is recorded come first: a low screen has little room.
-        important = [line for line in details if line.startswith(IMPORTANT) or line == result.get("reason")]
-        details = [*important, *(line for line in details if line not in important)]
+        verdict, *details = summary_of({**result, "out": str(self.folder)}).verdict_first()
         return verdict, controller.status == ExitStatus.DONE, details
 
     def wait(self) -> None:

@@ -10,6 +10,8 @@ from canarm_controller.supervision.detection import Detection
 from canarm_protocol.cell.bench_objects import SETTLING_CYCLES
 from canarm_protocol.shown import printable
 
+IMPORTANT = ("detected ", "recorded ")
+"""How the lines of a summary begin that a dashboard shows first."""
 MOST_DETECTIONS = 8
 """A summary for people shows this many detections, the first ones."""
 
@@ -50,6 +52,14 @@ class Summary:
         if self.object is None:
             del plain["object"]
         return plain
+
+    def verdict_first(self) -> list[str]:
+        """The lines of `as_text` for a screen with little room: the verdict, why it ended, what was detected and where
+        it is recorded, then the others.
+        """
+        verdict, *details = self.as_text().splitlines()
+        important = [line for line in details if line.startswith(IMPORTANT) or line in (self.reason, self.starved)]
+        return [verdict, *important, *(line for line in details if line not in important)]
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(self.as_text())}</pre>"

@@ -5,7 +5,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -133,9 +133,13 @@ def controller(
         if place is not None:
             follower.recorder = _start_recording(place, built, given, made, recording)
 
+    def last_words(result: RunResult) -> list[str]:
+        out = None if place is None or follower.recorder is None else place.path.absolute()
+        return _summary(nominal, control, clock, built, result, out).verdict_first()
+
     pacing = {"spin_ns": wall.spin * 1000, "pace": pace, "answer_s": sync_timeout}
     with made:
-        result = _run(built, follower, robot_bus, bench_bus, on_open, pacing)
+        result = _run(built, follower, robot_bus, bench_bus, on_open, pacing, last_words)
     stop.is_over()
     is_told = isinstance(built.error, InterruptedRunError) or follower.recorder is not None
     if isinstance(built.error, ClockMismatchError) or not is_told:
@@ -205,6 +209,7 @@ def _run(
     bench_bus: NamedBus | None,
     on_open: Callable[[], None],
     pacing: Mapping[str, Any],
+    last_words: Callable[[RunResult], Sequence[str]],
 ) -> RunResult:
     """Open the buses and run; a bus that cannot be opened is a failed run, without `on_open`.
 
@@ -225,7 +230,10 @@ def _run(
             follower.on_state(controller.state)
             return RunResult(controller.state, controller.reason, 0, 0, 0, 0.0, None)
         on_open()
-        return Runner(controller, port, bench, follower.on_state, follower.should_stop, **pacing).run()
+        runner = Runner(controller, port, bench, follower.on_state, follower.should_stop, **pacing)
+        result = runner.run()
+        runner.tell_outcome(last_words(result))
+        return result
 
 
 def _place_of(built: Controller) -> Callable[[], str]:

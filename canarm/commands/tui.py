@@ -78,7 +78,7 @@ def tui(
     hand = None if robot is None else HandInThread(nominal, robot.open)
     return run_dashboard(
         *(nominal, named.interface, named.channel, named.options),
-        outcome_of=(lambda: None) if runs is None else runs.outcome,
+        outcome_of=None if runs is None else runs.outcome,
         robot_bus=robot,
         again=runs,
         hand=hand,

@@ -25,7 +25,7 @@ from canarm_emulator.wire.error_frames import error_frame
 from canarm_emulator.wire.wire_events import ErrorFrame
 from canarm_protocol.canopen.frames import Frame, NmtCommand, NmtState, heartbeat_frame, nmt_frame, sync_frame
 from canarm_protocol.canopen.sdo import download, upload
-from canarm_protocol.cell.bench_objects import bench_pdos, sdo_channel
+from canarm_protocol.cell.bench_objects import FAULT_SET, RECORD_PLACE, RECORDING, bench_pdos, sdo_channel
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.runs.run_folder import create_run_folder
@@ -292,6 +292,36 @@ def test_the_recorder_leaves_a_row_of_truth_a_cycle(tmp_path) -> None:
     assert [float(row["time_s"]) for row in rows] == pytest.approx([k * 0.0025 for k in range(60)])
     assert float(rows[0]["joint2.true_angle_rad"]) == pytest.approx(0.349066)
     assert float(rows[1]["joint3.command_a"]) == pytest.approx(-41 / 255 * 1.5)
+
+
+def test_a_record_that_was_off_for_a_while_is_well_formed_and_says_so(tmp_path: Path) -> None:
+    """Frames and signals of cycles 3 to 5 are missing; the fault that begins there is among the events."""
+    folder = create_run_folder(tmp_path / "run")
+    with serving(folder=folder) as emulator:
+        controller, dashboard = emulator.client(), emulator.client("bench")
+        channel = SdoSession(dashboard, *sdo_channel(0x70, 0), DEADLINE_S)
+        controller.send([nmt_frame(NmtCommand.START)])
+        swing(controller, 3)
+        channel.download(RECORDING, 0, b"\0")
+        channel.download(FAULT_SET, 0, b'[[set]]\n[[set.fault]]\ntap = "joint2.tachometer"\nfault = "stuck"\n')
+        swing(controller, 3)
+        channel.download(RECORDING, 0, b"\1")
+        swing(controller, 3)
+        assert channel.upload(RECORD_PLACE).decode() == str(folder)
+        cycle(controller, nmt_frame(NmtCommand.PRE_OPERATIONAL))
+    with (folder / "signals" / "robot.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["cycle"]) for row in rows] == [0, 1, 2, 6, 7, 8]
+    assert [float(row["time_s"]) for row in rows[3:]] == pytest.approx([0.015, 0.0175, 0.02])
+    log = (folder / "can0.log").read_bytes()
+    assert log.count(b" 080#\n") == 7, "six cycles, and one after the run"
+    assert log.endswith(b"\n")
+    events = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+    assert [(each["state"], each["cycle"]) for each in events if each["event"] == "recording"] == [
+        ("off", 2),
+        ("on", 5),
+    ]
+    assert [each["cycle"] for each in events if each["event"] == "fault-begins"] == [3]
 
 
 @pytest.mark.parametrize("leaves", [True, False], ids=["leaves", "falls silent"])

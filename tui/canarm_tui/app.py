@@ -24,6 +24,7 @@ from . import texts
 from .bus.hand import Hand
 from .bus.recorded_watch import RecordedWatch
 from .bus.watch import BusWatch, robot_watch
+from .ended import BenchOutcome
 from .event_texts import stopped_by
 from .events import Happening, happenings
 from .events_view import EventsPane
@@ -67,10 +68,10 @@ class DashboardApp(RunControls):
 
     `where` names the bus in the header until a port describes itself. `clock_ns` is the wall clock in ns. `on_start` is
     called once, when the first screen is up; `until` is asked at every drain, and ends the dashboard when true. Each of
-    `signals` ends it too. `outcome_of` is asked as well: what it returns is how the run has ended, which is shown;
-    `again` can run again then. `record` is a recorded run, which plays in the place of a live one. `bus` is that of the
-    robot, which is opened when it is first looked at; `hand` drives its cards when it is asked to. What the user has
-    chosen is remembered in the file `config`.
+    `signals` ends it too. `outcome_of` is asked as well: what it returns is how the run has ended, which is shown, and
+    without it the bench is asked; `again` can run again then. `record` is a recorded run, which plays in the place of a
+    live one. `bus` is that of the robot, which is opened when it is first looked at; `hand` drives its cards when it is
+    asked to. What the user has chosen is remembered in the file `config`.
     """
 
     TITLE = "canarm"
@@ -101,7 +102,7 @@ class DashboardApp(RunControls):
         in_background: InBackground = in_thread,
         on_start: Callable[[], None] | None = None,
         until: Callable[[], bool] | None = None,
-        outcome_of: Callable[[], Outcome | None] = lambda: None,
+        outcome_of: Callable[[], Outcome | None] | None = None,
         signals: Iterable[signal.Signals] = (),
         bus: BusWatch | None = None,
         again: Again | None = None,
@@ -134,7 +135,7 @@ class DashboardApp(RunControls):
         self._scene: Scene | None = None
         self._clock_ns = clock_ns
         self._on_start, self._until, self._signals = on_start, until, signals
-        self._outcome_of = outcome_of
+        self._outcome_of, self._ended = outcome_of, BenchOutcome(self.desk)
         self.outcome: Outcome | None = None
         """How the run has ended, once it has."""
         self._connections = 0
@@ -206,7 +207,9 @@ class DashboardApp(RunControls):
         self.drain_sources()
         self.take_answers()
         self.follow_run()
-        if self.outcome is None or self.player is not None:
+        if self._outcome_of is None and isinstance(self.feed, Feed):
+            self.outcome = self._ended.poll(self.feed.report(now_ns), lambda: self._happened, now_ns)
+        elif self._outcome_of is not None and (self.outcome is None or self.player is not None):
             self.outcome = self._outcome_of()
         if self._until is not None and self._until():
             self.exit()
@@ -271,11 +274,12 @@ class DashboardApp(RunControls):
         """Header and counters: at once if they say something else, and if only numbers have changed, less often."""
         now_ns, width = self._clock_ns(), self.size.width - 2
         state = None if snapshot.report is None else (snapshot.report.state, snapshot.report.is_lost)
-        key = self.link.state, self.is_paused, state, snapshot.faults, snapshot.replay, width
+        recording = self.desk.recording
+        key = self.link.state, self.is_paused, state, snapshot.faults, snapshot.replay, width, recording
         if key == self._words and 0 < now_ns - self._words_ns < WORDS_NS:
             return
         self._words, self._words_ns = key, now_ns
-        words = texts.header_words(self.link, snapshot, self.is_paused, width, (self.cell.name,))
+        words = texts.header_words(self.link, snapshot, self.is_paused, width, (self.cell.name,), recording)
         self.screen_stack[0].query_one("#header", WordLine).show(words)
         counted = texts.counter_words(snapshot.counters, self.link.discarded, width) if self.player is None else ()
         self.screen_stack[0].query_one("#counters", WordLine).show(counted)
@@ -339,6 +343,7 @@ class DashboardApp(RunControls):
         yield SystemCommand("View: picture", "Save the screen as an SVG file", self._save_picture)
         yield SystemCommand("Fault: inject", "Inject a fault, chosen in a dialog", self.action_inject)
         yield SystemCommand("Fault: clear", "End faults, all or those of one set", self.action_clear)
+        yield SystemCommand("Bench: recording", "Stop recording, or go on with it", self.action_record)
         yield SystemCommand("Bench: emergency stop", "Open all supplies at once, or close them again", self.action_stop)
         yield SystemCommand("Bench: reset", "Switch the robot off and on again", self.action_reset)
         yield SystemCommand("Run: again", "Run again, with another law, motion, seed or pace", self.action_again)

@@ -26,7 +26,7 @@ def run_dashboard(
     on_start: Callable[[], None] | None = None,
     until: Callable[[], bool] | None = None,
     on_left: Callable[[str], None] | None = None,
-    outcome_of: Callable[[], Outcome | None] = lambda: None,
+    outcome_of: Callable[[], Outcome | None] | None = None,
     robot_bus: BusAddress | None = None,
     again: Again | None = None,
     hand: Hand | None = None,
@@ -35,8 +35,9 @@ def run_dashboard(
 
     `on_start` is called once, when the first screen is up; `until` often, and the dashboard ends when it is true.
     `on_left` is told at the end how the user has left it, in a few words. `outcome_of` returns how the run has ended,
-    once it has; the dashboard shows it and stays. `robot_bus` is watched from the beginning or, if too much comes on
-    it, from when a view of it is first chosen; `hand` drives its cards when the user asks for it.
+    once it has, and without it the bench is asked; the dashboard shows it and stays. `robot_bus` is watched from the
+    beginning or, if too much comes on it, from when a view of it is first chosen; `hand` drives its cards when the user
+    asks for it.
     A missing or lost bus is shown and tried again. SIGINT, SIGTERM and SIGHUP end the dashboard and leave the terminal
     as it was. Raises `TerminalError` if stdin or stderr, on which the dashboard is drawn, is no terminal, and
     `BrokenError` if an error has ended it that nobody has foreseen.

@@ -55,6 +55,8 @@ class FaultDesk:
     def __init__(self, cell: Cell, link: Lender, in_background: InBackground) -> None:
         self.faults: Faults | None = None
         """None until they have been read."""
+        self.recording: tuple[bool, str] | None = None
+        """Whether the bench records, and where, or why not; None until it has been read."""
         self.refusal: Refusal | None = None
         """Why the last read of the faults failed."""
         self._cell, self._link, self._in_background = cell, link, in_background
@@ -85,7 +87,7 @@ class FaultDesk:
 
     def reconnected(self) -> None:
         """The bus was opened again: it may be another bench."""
-        self._catalogue = self._seen = self._events_of = self.faults = None
+        self._catalogue = self._seen = self._events_of = self.faults = self.recording = None
         self._due_ns = self._soonest_ns = 0
 
     def load_catalogue(self, then: Callable[[tuple[Tap, ...] | Refusal], None]) -> None:
@@ -124,6 +126,19 @@ class FaultDesk:
         """Read what the controller's law and its own values are called."""
         self._ask(lambda client: client.law(), then)
 
+    def load_outcome(self, then: Callable[[str | Refusal], None]) -> None:
+        """Read how the controller says its run has ended; empty before."""
+        self._ask(lambda client: client.outcome(), then)
+
+    def record(self, is_on: bool, then: Callable[[str | Refusal], None]) -> None:
+        """Record frames and signals from now on, or no longer."""
+
+        def job(client: BenchClient) -> str:
+            place = client.record(is_on)
+            return f"recording again in {place}" if is_on else f"recording is off; what has come is in {place}"
+
+        self._do(job, then)
+
     def stop(self, is_on: bool, then: Callable[[str | Refusal], None]) -> None:
         """Emergency stop: open the supplies of all amplifiers, or close them again."""
 
@@ -148,20 +163,15 @@ class FaultDesk:
         self._seen, self._is_looking = signal, True
         self._due_ns, self._soonest_ns = now_ns + LOOK_NS, now_ns + CHANGE_NS
 
-        def job(client: BenchClient) -> Faults:
-            found = client.status()
-            if known is not None and len(known.acting) == len(found["active"]):
-                now = faults_of(found, ())
-                return replace(now, acting=known.acting, events=known.events, detections=known.detections)
-            events = client.events() if found["begun"] else ()
-            return faults_of(found, events, client.detections() if signal.detections else ())
+        def job(client: BenchClient) -> tuple[Faults, tuple[bool, str]]:
+            return _read(client, signal, known), client.recording()
 
-        def take(answer: Faults | Refusal) -> None:
+        def take(answer: tuple[Faults, tuple[bool, str]] | Refusal) -> None:
             self._is_looking = False
             if isinstance(answer, Refusal):
                 self.refusal, self._due_ns, self._soonest_ns = answer, now_ns + RETRY_NS, now_ns + RETRY_NS
             else:
-                self.refusal, self.faults, self._events_of = None, answer, signal
+                self.refusal, (self.faults, self.recording), self._events_of = None, answer, signal
 
         self._ask(job, take)
 
@@ -193,3 +203,13 @@ class FaultDesk:
             self._waiting.appendleft(question)
         else:
             self._waiting.append(question)
+
+
+def _read(client: BenchClient, signal: FaultSignal, known: Faults | None) -> Faults:
+    """The faults; what is `known`, and has not changed, is not read again."""
+    found = client.status()
+    if known is not None and len(known.acting) == len(found["active"]):
+        now = faults_of(found, ())
+        return replace(now, acting=known.acting, events=known.events, detections=known.detections)
+    events = client.events() if found["begun"] else ()
+    return faults_of(found, events, client.detections() if signal.detections else ())

@@ -121,7 +121,7 @@ class Feed:
     @property
     def is_running(self) -> bool:
         """Whether the controller has said last, and lately, that it controls the robot."""
-        report = self._reported_at(self._wall_ns)
+        report = self.report(self._wall_ns)
         return report is not None and CONTROLLER_STATES.get(report.state) in RUNNING and not report.is_lost
 
     @property
@@ -173,7 +173,7 @@ class Feed:
             age_ns=None if self._telemetry_wall_ns is None else wall_ns - self._telemetry_wall_ns,
             cycle=int(cycles[-1]) if len(cycles) else None,
             rates=self._rates(wall_ns),
-            report=self._reported_at(wall_ns),
+            report=self.report(wall_ns),
             counters=Counters(
                 self._received, self._unknown, self._malformed, self._dropped_samples, self._dropped_references
             ),
@@ -216,7 +216,8 @@ class Feed:
             self._moved_wall_ns = self._wall_ns
         self._cycle, self._cycle_ns, self._row_parts = cycle, self._bus_ns, 0
 
-    def _reported_at(self, wall_ns: int) -> Report | None:
+    def report(self, wall_ns: int) -> Report | None:
+        """What the controller has said of itself last, at the wall time `wall_ns`."""
         if self._report is None:
             return None
         tick, _, state = self._report
@@ -225,7 +226,7 @@ class Feed:
         return Report(*self._report, age_ns, is_silent and CONTROLLER_STATES.get(state) in HAVING)
 
     def _begin_run(self, cycle: int) -> None:
-        report = self._reported_at(self._wall_ns)
+        report = self.report(self._wall_ns)
         if report is not None and report.is_lost:
             self._report = None
         self._rows.clear()
@@ -285,7 +286,7 @@ class Feed:
         self._bus = BusNow(load, error_frames)
 
     def _on_controller(self, tick: int, late: int, state: int) -> None:
-        before = self._reported_at(self._wall_ns)
+        before = self.report(self._wall_ns)
         if before is None or tick < before.tick or before.is_lost:
             self.controllers += 1
         self._report = tick, late, state

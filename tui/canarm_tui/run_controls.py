@@ -36,6 +36,7 @@ class RunControls(ReplayControls):
         Binding("e", "stop", "Stop!", id="bench.stop", priority=True, tooltip="Emergency stop, at once"),
         Binding("ctrl+e", "stop_anyway", "Stop!", id="bench.stop_anyway", show=False, priority=True),
         Binding("r", "again", "Again", id="run.again", tooltip="Run again when a run of canarm demo is over"),
+        Binding("w", "record", "Record", id="bench.record", show=False, tooltip="Stop recording, or go on with it"),
         Binding("R", "reset", "Reset", id="bench.reset", show=False, tooltip="Switch the robot off and on; asks first"),
         Binding("q", "quit", "Quit", id="app.quit", tooltip="Leave the dashboard; whatever runs goes on"),
         Binding("Q", "leave_and_stop", "Leave and stop", id="app.stop", show=False, tooltip="Asks first"),
@@ -120,6 +121,11 @@ class RunControls(ReplayControls):
 
         if not isinstance(self.screen, StopScreen):
             self.push_screen(StopScreen(), release)
+
+    def action_record(self) -> None:
+        """Stop recording, or go on with it."""
+        recording = self.desk.recording
+        self.desk.record(recording is None or not recording[0], self.tell)
 
     def action_reset(self) -> None:
         """Ask whether the robot is to be switched off and on again, and do it."""

@@ -28,6 +28,8 @@ LEAST_PLACE = 18
 """The bus is left out if it would be cut shorter than "-i canarm -c bench"."""
 _HOST_AND_PORT = re.compile(r"\bhost=(\S+) port=(\d+)")
 ABSENT = "–"
+NOT_RECORDED = "not recorded"
+"""How the bench's object of the record begins where nothing can be recorded."""
 
 
 class Connection(Protocol):
@@ -136,8 +138,20 @@ def load_word(bus: BusNow | None) -> tuple[Word, ...]:
     return (Word(f"bus {100.0 * bus.load:.0f} %{errors}", Tone.WARNING if errors or bus.load > FULL else Tone.PLAIN),)
 
 
+def record_word(recording: tuple[bool, str] | None) -> tuple[Word, ...]:
+    """Whether the bench records; nothing where it never can."""
+    if recording is None or (not recording[0] and recording[1].startswith(NOT_RECORDED)):
+        return ()
+    return (Word("● rec", Tone.GOOD) if recording[0] else Word("○ not recorded", Tone.WARNING),)
+
+
 def header_words(
-    link: Connection, snapshot: Snapshot, is_paused: bool, width: int, what: Sequence[str] = ()
+    link: Connection,
+    snapshot: Snapshot,
+    is_paused: bool,
+    width: int,
+    what: Sequence[str] = (),
+    recording: tuple[bool, str] | None = None,
 ) -> tuple[Word, ...]:
     """The header line for `width` columns; what does not fit is cut from the end, where the bus is named.
 
@@ -151,6 +165,11 @@ def header_words(
         real_time_word(snapshot.rates),
         *load_word(snapshot.bus),
     )
+    recorded = record_word(recording)
+    if recorded and recorded[0].tone is Tone.GOOD:
+        live += recorded
+    else:
+        live = live[:1] + recorded + live[1:]
     words = [
         link_word(link, snapshot),
         *(() if snapshot.replay else live),

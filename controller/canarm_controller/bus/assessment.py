@@ -10,6 +10,9 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import ProtocolError
 from canarm_protocol.transport.sdo_session import SdoSession
 
+LONGEST_OUTCOME = 4000
+"""Bytes that a bench takes as the outcome of a run."""
+
 
 @dataclass(frozen=True, slots=True)
 class JointFigures:
@@ -54,3 +57,17 @@ def name_law(session: SdoSession, law: str, names: Sequence[str]) -> None:
     session.download(objects.LAW_NAME, 0, law.encode("ascii", "replace"))
     for position, name in enumerate(names[: objects.INTERNALS], start=1):
         session.download(objects.INTERNAL_NAME, position, name.encode("ascii", "replace"))
+
+
+def tell_outcome(session: SdoSession, lines: Sequence[str]) -> None:
+    """Tell the bench how the run has ended: a verdict, and a line for each detail, as many as the bench keeps.
+
+    Raises `SdoAborted` or `BusError`.
+    """
+    text = ""
+    for line in lines:
+        longer = f"{text}\n{line}" if text else line
+        if len(longer.encode()) > LONGEST_OUTCOME:
+            break
+        text = longer
+    session.download(objects.OUTCOME, 0, text.encode())

@@ -1,8 +1,9 @@
 """Drives a controller over real buses: the edge that owns ports, wall clock and pacing."""
 
+import contextlib
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from canarm_protocol.canopen.frames import Frame
@@ -13,7 +14,7 @@ from canarm_protocol.transport.port import BusPort
 from canarm_protocol.transport.realtime import Collector, undisturbed
 from canarm_protocol.transport.sdo_session import SdoSession
 
-from ..bus.assessment import JointFigures, name_law, read_assessment
+from ..bus.assessment import JointFigures, name_law, read_assessment, tell_outcome
 from ..errors import ControllerError
 from .controller import Controller
 from .pacing import LockstepPace, Pacer
@@ -95,6 +96,13 @@ class Runner:
     def missed(self) -> int:
         """Cycles missed so far: without all of their inputs in time, or left out."""
         return self._controller.missed + (self._pacer.missed if self._pacer else 0)
+
+    def tell_outcome(self, lines: Sequence[str]) -> None:
+        """After `run`: tell the bench how the run has ended, for those who watch. A bench that is lost is not told."""
+        session = self._session() if self._controller.tick >= 0 else None
+        if session is not None:
+            with contextlib.suppress(ProtocolError):
+                tell_outcome(session, lines)
 
     def run(self) -> RunResult:
         """From finding the cards to leaving them safe. Every wait is bounded; exceptions of a bus do not escape."""

@@ -1,4 +1,5 @@
-"""The bench node's data: truth, assessment, figures of the buses, faults, and what the controller reports and detects.
+"""The bench node's data: truth, assessment, figures of the buses, faults, what the controller reports and detects, and
+the run as a whole.
 
 Passes on what clients write; faults and the ownership of channels are handled elsewhere.
 """
@@ -14,6 +15,7 @@ from .assessor import Assessor
 from .bus_figures import BusFigures
 from .detection_objects import DetectionObjects
 from .fault_objects import FaultObjects
+from .run_objects import RunObjects
 from .sdo_channels import SdoChannels
 
 
@@ -39,6 +41,7 @@ class BenchDevice:
         self.buses = buses
         self.faults = faults
         self.detections = detections
+        self.run = RunObjects()
         self.channels = SdoChannels(cell.bus.bench_node_id)
         self.is_stopped = False
         """Whether the emergency stop is on."""
@@ -83,6 +86,12 @@ class BenchDevice:
             return self._off_and_on
         if index == objects.CHANNEL_OWNER:
             return lambda token: self._claim(subindex, token)
+        if index == objects.OUTCOME:
+            return self.run.set_outcome
+        if index == objects.RECORDING:
+            return lambda value: self.run.record(bool(value))
+        if index == objects.CONTROLLER_STATE:
+            return self._set_state
         if (index, subindex) not in self.report:
             return None
         report, key = self.report, (index, subindex)
@@ -149,6 +158,11 @@ class BenchDevice:
     def _set_tick(self, value: float) -> None:
         self.tick = int(value)
 
+    def _set_state(self, value: float) -> None:
+        self.report[objects.CONTROLLER_STATE, 0] = value
+        if objects.CONTROLLER_STATES.get(int(value)) not in objects.ENDED:
+            self.run.forget_outcome()
+
     def _stop(self, value: int) -> None:
         is_on = bool(value)
         if is_on is not self.is_stopped:
@@ -189,6 +203,9 @@ _EVENTS: dict[int, Callable[[BenchDevice], float | str | bytes]] = {
     objects.BROKEN_DETECTIONS: lambda device: device.detections.broken,
     objects.DETECTION_EVENTS: lambda device: device.detections.events(),
     objects.PACKED_DETECTIONS: lambda device: device.detections.packed_events(),
+    objects.OUTCOME: lambda device: device.run.outcome(),
+    objects.RECORDING: lambda device: device.run.is_recording(),
+    objects.RECORD_PLACE: lambda device: device.run.place(),
 }
 _SCORES = {
     objects.RMS_ERROR: "rms_lsb",

@@ -54,6 +54,8 @@ _OBJECT_COLUMNS = (
 EMERGENCY_LENGTH = 8
 _SYNC, _LAST_EMERGENCY = int(Cob.SYNC), Cob.EMERGENCY + HIGHEST_NODE_ID
 SCRIPT = "fault-script"
+RECORDING = "recording"
+"""The event of a record that is switched off, or on again."""
 """The event of a fault script that has been accepted."""
 
 
@@ -76,10 +78,13 @@ class Recorder:
     ) -> None:
         self._rotations, self._with_bench = (frames, signals), with_bench
         self._cell, self._unwritten = cell, Unwritten(folder, on_failure)
+        self.is_on = True
+        """Whether frames and signals are recorded; events always are."""
         self._open(folder)
 
     def _open(self, folder: Path) -> None:
         cell = self._cell
+        self._folder = folder
         self._log = CanLog(folder / CAN_LOG_FILE, rotation=self._rotations[0])
         bench = folder / BENCH_LOG_FILE
         self._bench_log = CanLog(bench, "bench", self._rotations[0]) if self._with_bench else None
@@ -95,6 +100,17 @@ class Recorder:
     def failure(self) -> str | None:
         """Why the record ends before the run, if it does."""
         return self._unwritten.why
+
+    @property
+    def place(self) -> str:
+        """The folder of the present run."""
+        return str(self._folder.absolute())
+
+    def switch(self, time_ns: int, is_on: bool) -> None:
+        """Record frames and signals from now on, or no longer. What has been recorded is whole on disk then."""
+        self.is_on = is_on
+        self._note_switch(time_ns)
+        self.write_out()
 
     def begin_run(self) -> None:
         """The truth of the next `cycle` is that of cycle 0."""
@@ -113,16 +129,17 @@ class Recorder:
         ]
         if special and any(each.frame.can_id >= ERROR_FLAG for each in special):
             records = [each for each in records if _is_logged(each.frame)]
-        try:
-            self._log.write_all(records)
-        except UNWRITABLE as error:
-            unwritten.note(error)
+        if self.is_on:
+            try:
+                self._log.write_all(records)
+            except UNWRITABLE as error:
+                unwritten.note(error)
         for each in special:
             self._event_of(each)
 
     def bench_frames(self, records: Sequence[Record]) -> None:
         """Append frames of the bench's own bus, if they are recorded."""
-        if self._bench_log is not None and self._unwritten.why is None:
+        if self._bench_log is not None and self.is_on and self._unwritten.why is None:
             with self._unwritten:
                 self._bench_log.write_all(records)
 
@@ -185,11 +202,17 @@ class Recorder:
         if self._cycle < 0:
             self._begin_ns = truth.time_ns
             self._events.begin(truth.time_ns)
+            if not self.is_on:
+                self._note_switch(truth.time_ns)
         self._cycle = truth.cycle
         values = chain((truth.time_ns * 1e-9,), *truth.joints)
         if truth.object is not None:
             values = chain(values, self._object(truth.time_ns, truth.object))
-        self._signals.write(truth.cycle, truth.time_ns - self._begin_ns, values)
+        if self.is_on:
+            self._signals.write(truth.cycle, truth.time_ns - self._begin_ns, values)
+
+    def _note_switch(self, time_ns: int) -> None:
+        self.event(time_ns, RECORDING, state="on" if self.is_on else "off")
 
     def _object(self, time_ns: int, state: ObjectState) -> list[float]:
         """The object's columns. A grip that has been lost since the last cycle is an event."""

@@ -107,6 +107,7 @@ class EmulatorRunner:
         if recorder is not None:
             bench.on_cycle = self._record_cycle
             bench.on_script = lambda script: recorder.script(bench.time_ns, script)
+            bench.device.run.attach(recorder, self._switch_recording)
         bench.device.buses.count_clients = self._count_clients
         bench.device.faults.on_event = self._fault_event
         bench.device.on_emergency_stop = self._emergency_stop
@@ -340,6 +341,12 @@ class EmulatorRunner:
     def _emergency_stop(self, is_on: bool) -> None:
         self._note("emergency-stop", state="on" if is_on else "off")
         self._on_event("emergency stop: the supply of all amplifiers is " + ("open" if is_on else "closed again"))
+
+    def _switch_recording(self, is_on: bool) -> None:
+        assert self._recorder is not None
+        self._deliver()  # what has come so far belongs to the record as it was
+        self._recorder.switch(self._bench.time_ns, is_on)
+        self._on_event(f"recording: {'on again' if is_on else 'off'}, {self._recorder.place}")
 
     def _powered_on(self) -> None:
         self._sync_sender = None

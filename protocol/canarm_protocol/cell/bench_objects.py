@@ -16,7 +16,7 @@ from ..canopen.pdo import MappedObject, PdoLayout, read_layouts
 from .model import Cell
 
 CYCLE, TRUE_ANGLE, TRUE_SPEED, TRUE_CURRENT, TRUE_COMMAND = 0x2001, 0x2100, 0x2101, 0x2102, 0x2103
-TICK, LATE, CONTROLLER_STATE, LAW_NAME = 0x2110, 0x2111, 0x2112, 0x2113
+TICK, LATE, CONTROLLER_STATE, LAW_NAME, OUTCOME = range(0x2110, 0x2115)
 REFERENCE, MEASURED_ANGLE, MEASURED_SPEED, CURRENT_COMMAND, FEED_FORWARD = 0x2120, 0x2121, 0x2122, 0x2123, 0x2124
 INTERNAL_NAME, INTERNAL = 0x2130, 0x2131
 DETECTION_PIECE, DETECTIONS, DETECTION_EVENTS, PACKED_DETECTIONS, BROKEN_DETECTIONS = range(0x2140, 0x2145)
@@ -32,7 +32,7 @@ FAULT_SET, FAULT_RESULT, FAULT_STATUS, FAULT_CATALOGUE, FAULT_EVENTS = range(0x2
 ACTIVE_FAULTS, BEGUN_FAULTS = 0x2405, 0x2406
 PACKED_CATALOGUE, PACKED_EVENTS = 0x2407, 0x2408
 """FAULT_CATALOGUE and FAULT_EVENTS packed with zlib: reading them during a run takes a tenth of the frames."""
-EMERGENCY_STOP, POWER_CYCLE = 0x2410, 0x2411
+EMERGENCY_STOP, POWER_CYCLE, RECORDING, RECORD_PLACE = range(0x2410, 0x2414)
 CHANNEL_OWNER = 0x2420
 """Sub-index n holds the token of the client that has claimed SDO channel n; 0 for none."""
 BUSES = "can0", "bench"
@@ -48,6 +48,7 @@ CONTROLLER_STATES: dict[int, str] = {
     HOMING: "homing",
 }
 """The values of CONTROLLER_STATE in words."""
+ENDED = ("done", "failed")
 INTERNALS = 4
 """Internal quantities of a law per joint: 0x2131 to 0x2134, named in 0x2130."""
 SDO_CHANNELS = 9
@@ -152,6 +153,7 @@ def bench_dictionary(cell: Cell) -> Dictionary:
     _variable(dictionary, LATE, "Controller's late cycles", _U16, "rw", 0, mappable=True)
     _variable(dictionary, CONTROLLER_STATE, "Controller's state", _U8, "rw", 0, mappable=True)
     _variable(dictionary, LAW_NAME, "Name of the controller's law", _TEXT, "rw", "")
+    _variable(dictionary, OUTCOME, "How the controller's run has ended, as text", datatypes.DOMAIN, "rw", None)
     _array(dictionary, INTERNAL_NAME, "Name of an internal quantity of the law", _TEXT, "rw", INTERNALS)
     joints = len(cell.joints)
     for index, name, access, data_type in _JOINT_OBJECTS:
@@ -182,6 +184,9 @@ def bench_dictionary(cell: Cell) -> Dictionary:
     dictionary[EMERGENCY_STOP].max = 1
     _variable(dictionary, POWER_CYCLE, "Power cycle (1 switches the robot off and on again)", _U8, "rw", 0)
     dictionary[POWER_CYCLE].max = 1
+    _variable(dictionary, RECORDING, "Recording of frames and signals (1 on, 0 off)", _U8, "rw", 0)
+    dictionary[RECORDING].max = 1
+    _variable(dictionary, RECORD_PLACE, "Folder of the record, or why there is none", _TEXT, "ro", "")
     _array(dictionary, CHANNEL_OWNER, "Token of the client that has claimed the SDO channel", _U32, "rw", SDO_CHANNELS)
     for channel in (CONTROLLER_CHANNEL, CLAIM_CHANNEL):
         dictionary[CHANNEL_OWNER][channel].access_type = "ro"

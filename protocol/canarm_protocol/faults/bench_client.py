@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from ..canopen.frames import Frame
-from ..canopen.sdo import SdoAborted, download, upload
+from ..canopen.sdo import AbortCode, SdoAborted, download, upload
 from ..cell import bench_objects as objects
 from ..cell.model import Cell
 from ..errors import BusError, FaultError, UsageError
@@ -115,6 +115,34 @@ class BenchClient:
             return _text(session.upload(objects.LAW_NAME)), tuple(map(_text, names))
 
         return self._ask(read)
+
+    def outcome(self) -> str:
+        """How the controller says its run has ended: a verdict, and a line for each detail; "" before."""
+        return printable_lines(self._read(objects.OUTCOME).decode("utf-8", "replace").strip())
+
+    def recording(self) -> tuple[bool, str]:
+        """Whether frames and signals are recorded, and in which folder, or why they are not."""
+
+        def read(session: SdoSession) -> tuple[bool, str]:
+            return session.upload(objects.RECORDING) != b"\0", _text(session.upload(objects.RECORD_PLACE))
+
+        return self._ask(read)
+
+    def record(self, is_on: bool) -> str:
+        """Record frames and signals from now on, or no longer; returns the folder. Raises `FaultError` with the reason
+        where nothing can be recorded.
+        """
+
+        def write(session: SdoSession) -> str:
+            try:
+                session.download(objects.RECORDING, 0, bytes((is_on,)))
+            except SdoAborted as error:
+                if error.code != AbortCode.DEVICE_STATE:
+                    raise
+                raise FaultError(_text(session.upload(objects.RECORD_PLACE))) from None
+            return _text(session.upload(objects.RECORD_PLACE))
+
+        return self._ask(write)
 
     def wire_figures(self, cell: Cell) -> WireFigures:
         """Load, errors and clients of the buses; `cell` is the bench's."""
