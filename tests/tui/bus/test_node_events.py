@@ -74,6 +74,24 @@ def test_the_next_nmt_start_begins_another_run():
     assert [each.is_earlier for each in events.notices.kept] == [True, False]
 
 
+def test_what_brings_the_next_run_up_is_before_its_cycle_0():
+    """As a controller ends a run, stopped and pre-operational, and begins the next one, with a reset."""
+    events = listening(near=0)
+    start, reset = nmt_frame(NmtCommand.START, ADC), nmt_frame(NmtCommand.RESET_NODE, ADC)
+    boot = heartbeat_frame(ADC, NmtState.BOOT_UP)
+    take(events, boot, start, *syncs(0, 3), nmt_frame(NmtCommand.STOP, ADC), reset, boot, start, *syncs(0, 1), reset)
+    known = [(each.is_earlier, each.cycle, each.what) for each in events.notices.kept]
+    assert known == [
+        (True, -1, "adc has booted"),
+        (True, -1, "NMT: start to adc"),
+        (True, 3, "NMT: stop to adc"),
+        (False, -1, "NMT: reset-node to adc"),
+        (False, -1, "adc has booted"),
+        (False, -1, "NMT: start to adc"),
+        (False, 1, "NMT: reset-node to adc"),
+    ]
+
+
 def test_the_same_again_is_counted():
     events = listening()
     take(events, *(Emergency(0x1000, 1).frame(ADC) for _ in range(50)))

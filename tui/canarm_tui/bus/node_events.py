@@ -15,6 +15,11 @@ from .cycle_count import CycleCount
 _NMT, _SYNC, _HEARTBEAT = int(Cob.NMT), int(Cob.SYNC), int(Cob.HEARTBEAT)
 _EMERGENCY, _LAST_EMERGENCY = int(Cob.EMERGENCY), Cob.EMERGENCY + HIGHEST_NODE_ID
 _START = int(NmtCommand.START)
+_RESETS, _ENDS = (
+    (int(NmtCommand.RESET_NODE), int(NmtCommand.RESET_COMMUNICATION)),
+    (int(NmtCommand.STOP), int(NmtCommand.PRE_OPERATIONAL)),
+)
+"""With a reset after the end of a run the next one is brought up; in the middle of a run it is an event of that."""
 _TOGGLE = 0x7F
 """Without bit 7, which toggles in an answer of node guarding."""
 
@@ -27,6 +32,7 @@ class NodeEvents:
         self._book, self._near = book, near
         self._count = CycleCount()
         self._states: dict[int, int] = {}
+        self._is_over = False
 
     def forget(self) -> None:
         """What comes from now on begins anew."""
@@ -51,11 +57,13 @@ class NodeEvents:
                 self._state(time_ns, can_id - _HEARTBEAT, frame[1][0] & _TOGGLE)
 
     def _command(self, time_ns: int, data: bytes) -> None:
-        cycle = self._count.cycle
-        if data[:1] == bytes((_START,)) and cycle != -1:  # each card is started by its own
+        cycle, command = self._count.cycle, data[0] if data else None
+        is_begin = command == _START or (command in _RESETS and self._is_over)
+        if is_begin and cycle != -1:  # each card is started by its own
             self._count.start()
             if cycle is not None:
                 self.notices.begin_run()
+        self._is_over = command in _ENDS or (self._is_over and not is_begin)
         self._say(time_ns, Kind.NMT, nmt(data, self._book.name))
 
     def _state(self, time_ns: int, node_id: int, state: int) -> None:
@@ -74,5 +82,5 @@ class NodeEvents:
     def _add(self, time_ns: int, kind: Kind, what: str, is_wrong: bool) -> None:
         cycle = self._count.cycle
         if cycle is None:
-            cycle = self._near()
-        self.notices.add(Notice(time_ns, -1 if cycle is None else cycle, kind, what, is_wrong))
+            cycle = self._near() or -1  # telemetry has cycle 0 before it, too
+        self.notices.add(Notice(time_ns, cycle, kind, what, is_wrong))
