@@ -66,6 +66,19 @@ def charts_in(page: str) -> list[dict[str, object]]:
     return list(json.loads(found.group(1)))
 
 
+def test_a_fault_after_the_end_of_a_run_is_not_called_missed(recorded: Path, tmp_path: Path) -> None:
+    """As when somebody breaks something on a bench whose controller has gone."""
+    folder = shutil.copytree(recorded / "pd", tmp_path / "pd")
+    event = {"source": "controller", "event": "state", "cycle": 1200, "time_s": 3.0, "state": "DONE"}
+    broken = {"set": "late", "tap": "joint2.motor", "fault": "winding-open", "cycle": 1202, "power_on_s": 3.2}
+    begins = {"source": "emulator", "event": "fault-begins", "time_s": 3.1, **broken}
+    with (folder / "events.jsonl").open("a") as file:
+        file.writelines(json.dumps(each) + "\n" for each in (event, begins))
+    _, lines = verdict(open_run(folder))
+    assert "when the run was over: no controller was there to detect it." in lines[-1]
+    assert "the run was over" in report_page([open_run(folder)])
+
+
 def test_the_verdict_comes_first_and_says_what_the_rig_knew(recorded: Path) -> None:
     run = open_run(recorded / "mras")
     is_good, lines = verdict(run)

@@ -64,7 +64,7 @@ def test_a_set_is_done_and_its_result_is_read_back(bench: FaultBench, client: Cl
     run_cycles(bench, 3)
     client.inject(STUCK.format(name="dies"))
     assert client.text(objects.FAULT_RESULT) == "accepted 'dies'"
-    assert client.status()["sets"] == [{"set": "dies", "state": "waiting", "activations": 0}]
+    assert client.status()["sets"] == [{"set": "dies", "state": "waiting", "activations": 0, "duration_s": 0.01}]
     run_cycles(bench, 1)
     assert client.status() == {
         "time_ns": bench.time_ns,
@@ -72,7 +72,7 @@ def test_a_set_is_done_and_its_result_is_read_back(bench: FaultBench, client: Cl
         "running": True,
         "begin_ns": 0,
         "begun": 1,
-        "sets": [{"set": "dies", "state": "active", "activations": 1}],
+        "sets": [{"set": "dies", "state": "active", "activations": 1, "duration_s": 0.01}],
         "active": [{"set": "dies", "tap": "joint2.tachometer", "fault": "stuck"}],
         "stops": [],
     }

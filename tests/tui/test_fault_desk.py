@@ -35,10 +35,10 @@ class Dashboard:
         self.drain(times=2)
         return next(tap for tap in found[0] if tap.name == name)
 
-    def inject(self, name, fault, typed, duration=""):
+    def inject(self, name, fault, typed, **schedule):
         tap = self.tap(name)
         kind = next(each for each in tap.faults if each.name == fault)
-        self.desk.inject(tap.name, kind, typed, duration, self.answers.append)
+        self.desk.inject(tap.name, kind, typed, schedule, self.answers.append)
         self.drain(times=3)
         return self.answers[-1]
 

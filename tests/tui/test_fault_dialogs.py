@@ -6,8 +6,10 @@ import pytest
 from textual.widgets import Input, OptionList, Static
 
 from canarm_tui import DashboardApp
+from canarm_tui.fault_catalogue import SCHEDULE
 from canarm_tui.fault_screens import ClearScreen, ResetScreen, StopScreen
 from canarm_tui.inject_screen import InjectScreen
+from canarm_tui.outcome import Outcome
 from canarm_tui.run_controls import LEFT, STOPPED
 from canarm_tui.widgets import FaultPanel, WordLine
 
@@ -119,7 +121,7 @@ async def test_what_the_bench_refuses_stands_in_the_dialog_and_can_be_mended(app
         assert loop.bench.device.faults.active == 1
 
 
-async def test_a_duration_is_typed_in_the_last_field(app, loop, clock):
+async def test_a_duration_is_typed_behind_the_parameters(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         await to_the_form(pilot)
         await pilot.keys("down")
@@ -140,8 +142,44 @@ async def test_defaults_stand_in_the_fields_and_other_faults_have_other_fields(a
         await pilot.keys("enter")
         fields = {field.name: field.value for field in app.screen.query("#form Input").results(Input)}
         assert "value" not in fields
-        assert fields["duration"] == ""
-        assert all(fields[name] for name in set(fields) - {"duration"})
+        assert all(fields[name] for name in set(fields) - set(SCHEDULE))
+        assert not any(fields[name] for name in SCHEDULE)
+
+
+async def test_a_fault_that_waits_is_shown_with_its_trigger_and_begun_by_hand(app, loop, clock):
+    async with running(app, loop, clock, WIDE) as pilot:
+        await to_the_form(pilot)
+        last = app.screen.query("#form Input")[-1]
+        last.focus()
+        await pilot.typed("yes")
+        await pilot.keys("enter")
+        await pilot.shown(3.0)
+        assert "  ○ waiting: joint2.tachometer stuck (by hand)" in panel(app)
+        await pilot.keys("x", "t")
+        assert isinstance(app.screen, ClearScreen), "all of them cannot be triggered"
+        await pilot.keys("down", "t")
+        assert line(app, "notice") == "✓ triggered 'joint2.tachometer stuck'"
+        assert loop.bench.device.faults.active == 1
+
+
+async def test_without_a_run_the_dialog_says_that_the_robot_is_at_rest(app, loop, clock):
+    async with running(app, loop, clock) as pilot:
+        await pilot.keys("f")
+        assert "no run goes on" in said(app)
+
+
+async def test_after_a_run_of_a_demo_nothing_is_injected(cell, loop, clock):
+    class Runs:
+        number, ends_here, folder = 1, True, "run"
+
+    over = Outcome("DONE: konkuk1", True)
+    app = DashboardApp(
+        cell, lambda: loop, clock_ns=clock, in_background=lambda job: job(), again=Runs(), outcome_of=lambda: over
+    )
+    async with running(app, loop, clock) as pilot:
+        await pilot.keys("f")
+        assert len(app.screen_stack) == 1
+        assert "nobody would detect a fault; r runs again" in line(app, "notice")
 
 
 async def test_escape_goes_back_step_by_step(app, loop, clock):

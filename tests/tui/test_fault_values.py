@@ -3,7 +3,7 @@
 import pytest
 
 from canarm_protocol.errors import FaultError
-from canarm_protocol.faults.script import parse_faults
+from canarm_protocol.faults.script import parse_faults, trigger_text
 from canarm_tui import fault_texts
 from canarm_tui.event_texts import event_line, marks_of, stopped_by
 from canarm_tui.events import happenings
@@ -73,7 +73,13 @@ def detection(time_s, cycle, reaction="substitute"):
 
 
 def status(active=(), sets=()):
-    return {"active": list(active), "sets": [{"set": name, "state": state, "activations": 1} for name, state in sets]}
+    return {"active": list(active), "sets": [set_of(name, state) for name, state in sets]}
+
+
+def set_of(name, state):
+    """As the bench says it; what waits has a trigger."""
+    waits_for = {"trigger": "when joint2.angle_deg > 30"} if state == "waiting" else {}
+    return {"set": name, "state": state, "activations": 1, **waits_for}
 
 
 def text_of(lines):
@@ -222,13 +228,28 @@ def test_faults_that_act_and_sets_that_wait_are_listed_with_the_last_three_event
     lines = panel_lines(FaultSignal(1, False, 3), faults, None, CYCLE_S)
     assert text_of(lines) == [
         "▲ 1 fault acts │ ○ 1 set waits │ begun so far 3",
-        "  ▲ joint2.tachometer stuck (dies), since 1.250 s (cycle 500)",
-        "  ○ waiting: later",
+        "  ▲ joint2.tachometer stuck (dies), since 1.250 s (cycle 500), until it is cleared",
+        "  ○ waiting: later (when joint2.angle_deg > 30)",
         "  1.250 s (cycle 500) │ ▲ fault begins: joint2.tachometer stuck (dies)",
         "  1.000 s (cycle 400) │ ○ fault ends: joint2.tachometer stuck (dies)",
         "  0.750 s (cycle 300) │ ▲ fault begins: joint2.tachometer stuck (dies)",
     ]
     assert lines[1][0].tone is Tone.WARNING
+
+
+def test_for_how_long_a_fault_acts_yet_and_which_time_of_several_it_is():
+    """Begun in cycle 300 for 1 s, which is 400 cycles: in cycle 500 half of it is left."""
+    said = {**status([DIES]), "sets": [{**set_of("dies", "active"), "duration_s": 1.0, "repeat": 5, "activations": 2}]}
+    faults = faults_of(said, [event("begins", 0.75, 300)])
+
+    def acting_at(cycle):
+        lines = fault_texts.panel_lines(FaultSignal(1, False, 1), faults, None, (), CYCLE_S, cycle)
+        return text_of(lines)[1].partition("(cycle 300), ")[2]
+
+    assert acting_at(300) == "1.0 s more, 2 of 5"
+    assert acting_at(500) == "0.5 s more, 2 of 5"
+    assert acting_at(900) == "0.0 s more, 2 of 5"
+    assert acting_at(None) == "1 s in all, 2 of 5"
 
 
 def test_the_panel_stays_small_however_many_faults_act():
@@ -296,7 +317,7 @@ def test_what_a_name_holds_comes_before_what_a_description_holds():
 
 def test_only_what_differs_from_the_default_is_said_and_names_are_free():
     typed = {"value": " 2.5 ", "n": "4"}
-    text = injection("joint2.tachometer", STUCK, typed, "0.5", {"joint2.tachometer stuck"})
+    text = injection("joint2.tachometer", STUCK, typed, {"duration": "0.5"}, {"joint2.tachometer stuck"})
     (declared,) = parse_faults(text).sets
     assert (declared.name, declared.duration_s) == ("joint2.tachometer stuck #2", 0.5)
     (spec,) = declared.faults
@@ -307,13 +328,55 @@ def test_only_what_differs_from_the_default_is_said_and_names_are_free():
     ("typed", "value"), [("0x294", 0x294), ("7", 7), ("-1e-3", -0.001), ("high", "high"), ('a"\\b', 'a"\\b')]
 )
 def test_numbers_are_numbers_and_words_are_words(typed, value):
-    (declared,) = parse_faults(injection("t", STUCK, {"value": typed, "n": ""}, "", ())).sets
+    (declared,) = parse_faults(injection("t", STUCK, {"value": typed, "n": ""}, {}, ())).sets
     assert dict(declared.faults[0].parameters) == {"value": value}
     assert declared.duration_s is None
+
+
+@pytest.mark.parametrize(
+    ("schedule", "expected"),
+    [
+        ({"at": "2"}, "at 2 s"),
+        ({"after": "0.5"}, "at 10.5 s"),
+        ({"cycle": "400"}, "in cycle 400"),
+        ({"when": "abs(joint2.speed_rad_s) > 1 and time_s > 2"}, "when abs(joint2.speed_rad_s) > 1 and time_s > 2"),
+        ({"manual": "yes"}, "by hand"),
+        ({"manual": "no"}, ""),
+    ],
+)
+def test_what_was_typed_of_the_beginning_is_the_trigger_of_the_set(schedule, expected):
+    text = injection("t", STUCK, {"value": "", "n": ""}, schedule, (), now_s=10.0)
+    (declared,) = parse_faults(text).sets
+    assert trigger_text(declared.trigger) == expected
+
+
+def test_a_fault_may_come_several_times():
+    schedule = {"duration": "0.01", "repeat": "5", "period": "0.1", "at": "", "when": "  "}
+    (declared,) = parse_faults(injection("t", STUCK, {"value": "", "n": ""}, schedule, ())).sets
+    assert (declared.duration_s, declared.repeat, declared.period_s) == (0.01, 5, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("schedule", "reason"),
+    [
+        ({"at": "1", "when": "time_s > 1"}, "has at and when; must have one trigger"),
+        ({"at": "1", "after": "1"}, "has at and after; must have one of them"),
+        ({"after": "1"}, "no run goes on"),
+        ({"after": "soon"}, "must be a number of seconds"),
+        ({"manual": "perhaps"}, "must be yes or no"),
+        ({"repeat": "3"}, "needs a duration"),
+        ({"cycle": "1.5"}, "must be a whole number"),
+    ],
+)
+def test_a_schedule_that_cannot_be_is_refused_in_one_line(schedule, reason):
+    now_s = 3.0 if schedule != {"after": "1"} else None
+    with pytest.raises(FaultError, match=reason) as raised:
+        injection("t", STUCK, {"value": "", "n": ""}, schedule, (), now_s)
+    assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize("duration", ["soon", "0", "-1", "nan"])
 def test_a_duration_that_is_none_is_refused_in_one_line(duration):
     with pytest.raises(FaultError, match=r"^duration = .*must be a number of seconds, greater than 0") as raised:
-        injection("t", STUCK, {"value": "", "n": "4"}, duration, ())
+        injection("t", STUCK, {"value": "", "n": "4"}, {"duration": duration}, ())
     assert "\n" not in str(raised.value)

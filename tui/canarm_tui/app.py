@@ -29,7 +29,7 @@ from .event_texts import stopped_by
 from .events import Happening, happenings
 from .events_view import EventsPane
 from .fault_desk import FaultDesk, Refusal
-from .fault_screens import ClearScreen
+from .fault_screens import Chosen, ClearScreen
 from .fault_texts import answer_word, panel_lines
 from .faults import Faults
 from .feed import Feed
@@ -61,6 +61,8 @@ WORDS_NS = 200_000_000
 ANSWER_NS = 6_000_000_000
 """How long the bench's answer to a request stays below the header."""
 FIRST = VIEWS[0]
+NO_RUN = "the run is over: nobody would detect a fault; r runs again"
+AT_REST = "no run goes on: what acts at once acts on a robot at rest, until a controller comes"
 
 
 class DashboardApp(RunControls):
@@ -251,7 +253,11 @@ class DashboardApp(RunControls):
         screen.query_one(OutcomePanel).show(with_cause(self.outcome, stopped_by(happened, cycle_s)))
         # The view of events has them all.
         is_events = self.view.name == "events"
-        lines = () if is_events else panel_lines(snapshot.faults, faults, self.desk.refusal, happened, cycle_s)
+        lines = (
+            ()
+            if is_events
+            else panel_lines(snapshot.faults, faults, self.desk.refusal, happened, cycle_s, snapshot.cycle)
+        )
         screen.query_one(FaultPanel).show(lines)
         screen.query_one(ViewTabs).show(self.view)
         if not self.is_paused:
@@ -317,17 +323,23 @@ class DashboardApp(RunControls):
 
     def action_inject(self) -> None:
         """Inject a fault, chosen in a dialog."""
-        self.push_screen(InjectScreen(self.desk), self.tell)
+        if self._again is not None and self.outcome is not None:
+            self.tell(Refusal(NO_RUN))
+            return
+        remark = "" if self.feed.is_running or self.player is not None else AT_REST
+        self.push_screen(InjectScreen(self.desk, remark), self.tell)
 
     def action_clear(self) -> None:
-        """Ask which faults to end, and end them."""
+        """Ask which faults to end, or which set to begin, and do it."""
 
-        def clear(chosen: tuple[str | None] | None) -> None:
-            if chosen is not None:
-                self.desk.clear(chosen[0], self.tell)
+        def clear(chosen: Chosen | None) -> None:
+            if chosen is not None and chosen.is_begin and chosen.name is not None:
+                self.desk.trigger(chosen.name, self.tell)
+            elif chosen is not None:
+                self.desk.clear(chosen.name, self.tell)
 
-        faults = self.desk.faults
-        self.push_screen(ClearScreen(() if faults is None else faults.set_names), clear)
+        faults = self.desk.faults or Faults()
+        self.push_screen(ClearScreen(faults.set_names, faults.waiting), clear)
 
     def tell(self, answer: str | Refusal | None) -> None:
         """Show an answer of the bench, or of ours, for a while."""

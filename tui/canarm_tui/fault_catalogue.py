@@ -9,10 +9,22 @@ from typing import Any, Protocol, TypeVar
 
 from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.fault_toml import as_toml
-from canarm_protocol.faults.script import ParameterValue, script_of
+from canarm_protocol.faults.script import LONGEST_S, ParameterValue, script_of
 
 IDENTIFIER = "cob_id"
 """Parameters of this name are shown in hexadecimal."""
+AFTER, WHEN, MANUAL = "after", "when", "manual"
+SCHEDULE = {
+    "duration": "s; until it is cleared unless given",
+    "repeat": "times in all, each of that duration",
+    "period": "s from one beginning to the next",
+    "at": "s after cycle 0; at once unless given",
+    AFTER: "s from now, in a run that goes on",
+    "cycle": "with that cycle",
+    WHEN: "joint2.angle_deg > 30 and time_s > 1",
+    MANUAL: "yes: waits for x, then t",
+}
+"""When a fault acts: what can be typed, by the key of a set but for `after`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,22 +97,51 @@ def matching(entries: Iterable[N], typed: str) -> tuple[N, ...]:
     return *by_name, *(each for each in by_both if each not in by_name)
 
 
-def injection(tap: str, fault: FaultKind, typed: Mapping[str, str], duration: str, taken: Collection[str]) -> str:
+def injection(
+    tap: str,
+    fault: FaultKind,
+    typed: Mapping[str, str],
+    schedule: Mapping[str, str],
+    taken: Collection[str],
+    now_s: float | None = None,
+) -> str:
     """The text of a set with one fault; an empty field, or one with the default, is left out.
 
-    `taken` are the names of existing sets. Raises `FaultError` if no fault set can express what was typed.
+    `schedule` says when it acts, by the keys of `SCHEDULE`; `taken` are the names of existing sets; `now_s` is the time
+    since cycle 0 of the run that goes on, None without one. Raises `FaultError` if no fault set can express what was
+    typed.
     """
     usual = {each.name: each.default for each in fault.parameters}
     given = {name: text.strip() for name, text in typed.items()}
     spec = {name: _value(text) for name, text in given.items() if text not in ("", usual[name])}
-    entry: dict[str, Any] = {"name": _free_name(f"{tap} {fault.name}", taken)}
-    if duration.strip():
-        entry["duration"] = _value(duration.strip())
+    entry: dict[str, Any] = {"name": _free_name(f"{tap} {fault.name}", taken), **_times(schedule, now_s)}
     table = {"set": [{**entry, "fault": [{**spec, "tap": tap, "fault": fault.name}]}]}
     try:
         return as_toml(script_of(table, "inject"))
     except FaultError as error:
         raise FaultError(str(error).partition("): ")[2] or str(error)) from None
+
+
+def _times(schedule: Mapping[str, str], now_s: float | None) -> dict[str, Any]:
+    """The keys of a set, of what was typed."""
+    given = {key: text.strip() for key, text in schedule.items() if text.strip()}
+    times: dict[str, Any] = {key: text if key == "when" else _value(text) for key, text in given.items()}
+    if AFTER in times:
+        after = times.pop(AFTER)
+        if "at" in times:
+            raise FaultError("has at and after; must have one of them")
+        if now_s is None:
+            raise FaultError(f"after = {after}: no run goes on; at counts from cycle 0 of the next one")
+        if isinstance(after, str) or not 0.0 <= after <= LONGEST_S:
+            raise FaultError(f"after = {after}: must be a number of seconds, at least 0, at most {LONGEST_S:g}")
+        times["at"] = now_s + after
+    if MANUAL in times:
+        if given[MANUAL].lower() not in ("yes", "y", "true", "no", "n", "false"):
+            raise FaultError(f"manual = {given[MANUAL]}: must be yes or no")
+        times[MANUAL] = given[MANUAL].lower()[0] in "yt"
+        if not times[MANUAL]:
+            del times[MANUAL]
+    return times
 
 
 def _kind(plain: Mapping[str, Any]) -> FaultKind:

@@ -108,15 +108,26 @@ class FaultDesk:
         self._ask(lambda client: client.wire_figures(self._cell), then)
 
     def inject(
-        self, tap: str, fault: FaultKind, typed: dict[str, str], duration: str, then: Callable[[str | Refusal], None]
+        self,
+        tap: str,
+        fault: FaultKind,
+        typed: dict[str, str],
+        schedule: dict[str, str],
+        then: Callable[[str | Refusal], None],
     ) -> None:
-        """Inject one fault with the typed parameters and duration."""
+        """Inject one fault with the typed parameters, when the schedule says."""
 
         def job(client: BenchClient) -> str:
-            names = {each["set"] for each in client.status()["sets"]}
-            return client.inject(injection(tap, fault, typed, duration, names))
+            found = client.status()
+            names = {each["set"] for each in found["sets"]}
+            now_s = (found["time_ns"] - found["begin_ns"]) * 1e-9 if found["running"] else None
+            return client.inject(injection(tap, fault, typed, schedule, names, now_s))
 
         self._do(job, then)
+
+    def trigger(self, name: str, then: Callable[[str | Refusal], None]) -> None:
+        """Begin a set that waits."""
+        self._do(lambda client: client.trigger(name), then)
 
     def clear(self, name: str | None, then: Callable[[str | Refusal], None]) -> None:
         """End and forget the sets of that name, or all."""

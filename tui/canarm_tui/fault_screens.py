@@ -1,7 +1,7 @@
-"""The small dialogs: which sets to clear, emergency stop, power-on reset, leaving. Others carry out the choice."""
+"""The small dialogs: which sets to clear or trigger, emergency stop, power-on reset, leaving. Others do it."""
 
-from collections.abc import Sequence
-from typing import ClassVar
+from collections.abc import Collection, Sequence
+from typing import ClassVar, NamedTuple
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
@@ -14,12 +14,23 @@ from textual.widgets.option_list import Option
 from .dialog import Dialog
 
 ALL = "all faults and all sets that wait"
+KEYS = "enter clears │ escape closes"
 
 
-class ClearScreen(Dialog[tuple[str | None] | None]):
-    """Ends with a tuple of the set's name (None: all), or None if the user cancels."""
+class Chosen(NamedTuple):
+    """A set (None: all of them), which is to begin if `is_begin`, or else to end."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,q", "dismiss", "Close")]
+    name: str | None
+    is_begin: bool = False
+
+
+class ClearScreen(Dialog[Chosen]):
+    """Ends with what was chosen, or None if the user cancels. `waiting` sets can be triggered."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape,q", "dismiss", "Close"),
+        Binding("t", "trigger", "Trigger"),
+    ]
     DEFAULT_CSS = """
     ClearScreen { align: center middle; }
     ClearScreen Vertical {
@@ -31,19 +42,31 @@ class ClearScreen(Dialog[tuple[str | None] | None]):
     }
     """
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], waiting: Collection[str] = ()) -> None:
         super().__init__()
+        self._waiting = waiting
         self._choices: tuple[str | None, ...] = (None, *names)
 
     def compose(self) -> ComposeResult:
         """A line for all, and one per set."""
         with Vertical() as box:
-            box.border_title, box.border_subtitle = "Clear", "enter clears │ escape closes"
-            yield OptionList(*(Option(Content(ALL if name is None else name)) for name in self._choices))
+            keys = "enter clears │ t triggers what waits │ escape closes" if self._waiting else KEYS
+            box.border_title, box.border_subtitle = "Clear", keys
+            yield OptionList(*(Option(Content(self._line(name))) for name in self._choices))
+
+    def _line(self, name: str | None) -> str:
+        return ALL if name is None else f"{name}{' (waits)' * (name in self._waiting)}"
+
+    def action_trigger(self) -> None:
+        """Begin the set at the cursor, if it waits."""
+        place = self.query_one(OptionList).highlighted
+        name = None if place is None else self._choices[place]
+        if name in self._waiting:
+            self.dismiss(Chosen(name, is_begin=True))
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         """Clear the selected line."""
-        self.dismiss((self._choices[event.option_index],))
+        self.dismiss(Chosen(self._choices[event.option_index]))
 
 
 class QuestionScreen(Dialog[bool]):

@@ -22,9 +22,10 @@ def panel_lines(
     refusal: Refusal | None,
     happened: Sequence[Happening],
     cycle_s: float,
+    cycle: int | None = None,
 ) -> tuple[Line, ...]:
-    """The panel: nothing before the first fault or detection, then what acts, what waits, and the last of what has
-    `happened`, which is newest first.
+    """The panel: nothing before the first fault or detection, then what acts and for how long yet, what waits, and the
+    last of what has `happened`, which is newest first. `cycle` is the present one.
     """
     if signal is None:
         return ()
@@ -33,8 +34,8 @@ def panel_lines(
         return ()
     return (
         _summary(signal, faults, refusal),
-        *_acting_lines(faults, cycle_s),
-        *_waiting_lines(faults.waiting),
+        *_acting_lines(faults, cycle_s, cycle),
+        *_waiting_lines(faults),
         *_event_lines(happened[:MOST_EVENTS], cycle_s),
     )
 
@@ -68,12 +69,12 @@ def _refusal_words(refusal: Refusal | None) -> Line:
     return () if refusal is None else (Word(f"▲ not up to date: {refusal.reason}", Tone.WARNING),)
 
 
-def _acting_lines(faults: Faults, cycle_s: float) -> Iterator[Line]:
+def _acting_lines(faults: Faults, cycle_s: float, cycle: int | None) -> Iterator[Line]:
     acting = faults.acting
     shown = acting if len(acting) <= MOST_ACTING else acting[: MOST_ACTING - 1]
     for each in shown:
         since = "" if each.began is None else f", since {_since(each.began, faults.begin_ns, cycle_s)}"
-        yield (Word(f"  ▲ {_what(each)}{since}", Tone.WARNING),)
+        yield (Word(f"  ▲ {_what(each)}{since}{_left(each, faults, cycle_s, cycle)}", Tone.WARNING),)
     if len(shown) < len(acting):
         yield (Word(f"  ▲ and {len(acting) - len(shown)} more", Tone.WARNING),)
 
@@ -82,10 +83,29 @@ def _since(began: FaultEvent, begin_ns: int, cycle_s: float) -> str:
     return when(began, cycle_s, began.time_ns < begin_ns)
 
 
-def _waiting_lines(waiting: tuple[str, ...]) -> Iterator[Line]:
+def _left(each: ActingFault, faults: Faults, cycle_s: float, cycle: int | None) -> str:
+    """For how long it acts yet, as far as that is known, and which time of several this is."""
+    plan, began = faults.plans.get(each.set_name), each.began
+    if plan is None:
+        return ""
+    turn = f", {plan.activations} of {plan.repeat}" if plan.repeat > 1 else ""
+    if plan.duration_s is None:
+        return f", until it is cleared{turn}"
+    if began is None or cycle is None or began.cycle < 0 or began.time_ns < faults.begin_ns:
+        return f", {plan.duration_s:g} s in all{turn}"
+    return f", {max(plan.duration_s - (cycle - began.cycle) * cycle_s, 0.0):.1f} s more{turn}"
+
+
+def _waiting_lines(faults: Faults) -> Iterator[Line]:
+    waiting = faults.waiting
     if waiting:
         more = f" and {len(waiting) - MOST_NAMES} more" if len(waiting) > MOST_NAMES else ""
-        yield (Word(f"  ○ waiting: {', '.join(waiting[:MOST_NAMES])}{more}"),)
+        yield (Word(f"  ○ waiting: {', '.join(_awaited(name, faults) for name in waiting[:MOST_NAMES])}{more}"),)
+
+
+def _awaited(name: str, faults: Faults) -> str:
+    trigger = faults.plans[name].trigger if name in faults.plans else ""
+    return f"{name} ({trigger})" if trigger else name
 
 
 def _what(each: ActingFault) -> str:

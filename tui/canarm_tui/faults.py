@@ -4,7 +4,7 @@ Plain values of the bench's JSON in, frozen values out. No bus, no clock, no tex
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from canarm_protocol.faults.detection_events import DetectionEvent, detection_from_plain
@@ -33,6 +33,16 @@ class ActingFault:
 
 
 @dataclass(frozen=True, slots=True)
+class SetPlan:
+    """When a set acts: for how long (None: until it is cleared), how often in all and so far, and what it waits for."""
+
+    duration_s: float | None = None
+    repeat: int = 1
+    activations: int = 0
+    trigger: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Faults:
     """All faults at one time. `waiting` and `set_names` are names of sets; `events`, `detections` and emergency `stops`
     are newest first, as many as the bench keeps. `begin_ns` is the virtual time of cycle 0 of the present run: what was
@@ -47,6 +57,8 @@ class Faults:
     detections: tuple[DetectionEvent, ...] = ()
     stops: tuple[StopEvent, ...] = ()
     begin_ns: int = 0
+    plans: Mapping[str, SetPlan] = field(default_factory=dict)
+    """By the set's name, as far as they are known."""
 
 
 def faults_of(
@@ -77,6 +89,17 @@ def faults_of(
         tuple(detection_from_plain(each) for each in detections)[::-1],
         tuple(stop_from_plain(each) for each in status.get("stops", ()))[::-1],
         _begin_of(status),
+        {each["set"]: _plan(each) for each in status["sets"]},
+    )
+
+
+def _plan(plain: Mapping[str, Any]) -> SetPlan:
+    duration_s = plain.get("duration_s")
+    return SetPlan(
+        None if duration_s is None else float(duration_s),
+        int(plain.get("repeat", 1)),
+        int(plain["activations"]),
+        str(plain.get("trigger", "")),
     )
 
 

@@ -1,4 +1,4 @@
-"""The dialog that injects a fault: a tap, a fault that it supports, values for the parameters.
+"""The dialog that injects a fault: a tap, a fault that it supports, values for the parameters, and when it acts.
 
 Asks `FaultDesk` and shows its answers unchanged; what is allowed is not known here.
 """
@@ -9,16 +9,16 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.content import Content
+from textual.widget import Widget
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
 from .dialog import Dialog
-from .fault_catalogue import FaultKind, Tap, matching
+from .fault_catalogue import SCHEDULE, WHEN, FaultKind, Tap, matching
 from .fault_desk import FaultDesk, Refusal
 from .styles import STYLES
 from .texts import Tone
 
-DURATION = "duration"
 _KEYS = "type to find │ ↑ ↓ choose │ enter goes on │ escape goes back"
 _FORM_KEYS = "↑ ↓ next field │ enter injects │ escape goes back"
 
@@ -46,13 +46,15 @@ class InjectScreen(Dialog[str]):
     InjectScreen Horizontal .name { width: 22; }
     InjectScreen Horizontal Input { width: 16; }
     InjectScreen Horizontal .hint { width: 1fr; padding-left: 1; color: $foreground 60%; }
+    InjectScreen Horizontal .long { width: 1fr; }
+    InjectScreen .heading { color: $text-primary; }
     InjectScreen #about { height: auto; color: $foreground 60%; }
     InjectScreen #said { height: auto; max-height: 6; }
     """
 
-    def __init__(self, desk: FaultDesk) -> None:
+    def __init__(self, desk: FaultDesk, remark: str = "") -> None:
         super().__init__()
-        self._desk = desk
+        self._desk, self._remark = desk, remark
         self._taps: tuple[Tap, ...] = ()
         self._tap: Tap | None = None
         self._fault: FaultKind | None = None
@@ -124,7 +126,7 @@ class InjectScreen(Dialog[str]):
         if isinstance(answer, Refusal):
             self._say(answer.reason, Tone.BAD)
             return
-        self._say("", Tone.PLAIN)
+        self._say(self._remark, Tone.WARNING)
         self._taps = answer
         self._fill()
 
@@ -159,7 +161,7 @@ class InjectScreen(Dialog[str]):
         if self._shown:
             options.highlighted = 0
         if self._taps:
-            self._say("" if self._shown else "nothing is called so; fewer letters find more", Tone.WARNING)
+            self._say(self._remark if self._shown else "nothing is called so; fewer letters find more", Tone.WARNING)
 
     async def _show_form(self, fault: FaultKind) -> None:
         if self._tap is None or not self.is_there:
@@ -167,12 +169,15 @@ class InjectScreen(Dialog[str]):
         form, dialog = self.query_one("#form", VerticalScroll), self.query_one("#dialog")
         await form.remove_children()
         rows = [(each.name, each.default, f"{each.bounds}: {each.about}") for each in fault.parameters]
-        rows.append((DURATION, "", "s; until it is cleared unless given"))
         fields = [Input(value, name=name, compact=True, select_on_focus=False) for name, value, _ in rows]
-        await form.mount_all(
-            Horizontal(Static(Content(name), classes="name"), field, Static(Content(hint), classes="hint"))
-            for field, (name, _, hint) in zip(fields, rows, strict=True)
-        )
+        lines: list[Widget] = [_field_line(field, hint) for field, (_, _, hint) in zip(fields, rows, strict=True)]
+        lines.append(Static("when it acts", classes="heading"))
+        for name, hint in SCHEDULE.items():
+            is_text = name == WHEN
+            field = Input(name=name, compact=True, classes="long" * is_text, placeholder=hint * is_text)
+            fields.append(field)
+            lines.append(_field_line(field, "" if is_text else hint))
+        await form.mount_all(lines)
         dialog.border_title, dialog.border_subtitle = Content(f"{self._tap.name} {fault.name}"), _FORM_KEYS
         self.query_one("#about", Static).update(Content(_about(fault)))
         self.set_class(True, "-form")
@@ -182,10 +187,11 @@ class InjectScreen(Dialog[str]):
         if self._tap is None or self._fault is None or self._is_asking:
             return
         fields = list(self.query_one("#form").query(Input))
-        *typed, duration = [(field.name or "", field.value) for field in fields]
+        all_of_it = [(field.name or "", field.value) for field in fields]
+        typed, schedule = dict(all_of_it[: -len(SCHEDULE)]), dict(all_of_it[-len(SCHEDULE) :])
         self._is_asking = True
         self._say("… asking the bench", Tone.DIM)
-        self._desk.inject(self._tap.name, self._fault, dict(typed), duration[1], self.while_open(self._take_answer))
+        self._desk.inject(self._tap.name, self._fault, typed, schedule, self.while_open(self._take_answer))
 
     def _take_answer(self, answer: str | Refusal) -> None:
         self._is_asking = False
@@ -196,6 +202,11 @@ class InjectScreen(Dialog[str]):
 
     def _say(self, text: str, tone: Tone) -> None:
         self.query_one("#said", Static).update(Content.styled(text, STYLES[tone]))
+
+
+def _field_line(field: Input, hint: str) -> Horizontal:
+    hints = [Static(Content(hint), classes="hint")] if hint else []
+    return Horizontal(Static(Content(field.name or ""), classes="name"), field, *hints)
 
 
 def _about(fault: FaultKind) -> str:

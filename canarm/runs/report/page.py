@@ -15,7 +15,7 @@ from .charts import Chart, charts_of
 from .figures import Figure, above, figures_of
 from .html_parts import cell_of, chart_place, escaped, number_cell, page_of, table_of
 from .pose import pose_charts
-from .story import spans_of, verdict
+from .story import Span, spans_of, verdict
 
 MOST_ROWS = 300
 """Longest table of events."""
@@ -99,7 +99,7 @@ def _tables(runs: Sequence[Run], names: Sequence[str]) -> Iterable[str]:
                 cell_of(each.what),
                 number_cell(each.begin_s),
                 number_cell(each.end_s),
-                cell_of("–" if each.noticed is None else each.noticed.detection.detector),
+                cell_of(_detector_of(each)),
                 cell_of((each.noticed and each.noticed.detection.where) or "–"),
                 number_cell(each.latency_ms),
                 cell_of("–" if each.noticed is None else each.noticed.detection.reaction.value),
@@ -146,3 +146,9 @@ def _origin(run: Run, name: str) -> str:
         "<details><summary>Configuration, versions, command lines</summary>"
         f"<pre>{escaped(text[:_SHOWN] + rest)}</pre></details>"
     )
+
+
+def _detector_of(span: Span) -> str:
+    if span.noticed is not None:
+        return span.noticed.detection.detector
+    return "the run was over" if span.is_late else "–"

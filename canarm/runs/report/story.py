@@ -1,5 +1,6 @@
 """What has happened in a run, in words: how it ended, how it followed, which faults began and what noticed them."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,6 +13,7 @@ from ...rig.findings import Noticed
 from ..run import Run
 
 MOST_NAMED = 6
+OVER = ("STOPPING", "DONE", "FAILED")
 SAME_S = 1e-9
 """Times that differ by less are the same one."""
 SETTLED = f" (the first {SETTLING_CYCLES} cycles left out)"
@@ -28,6 +30,8 @@ class Span:
     end_s: float | None
     noticed: Noticed | None
     is_stop: bool = False
+    is_late: bool = False
+    """Whether it has begun when the run was over, and no controller was there to detect it."""
 
     @property
     def latency_ms(self) -> float | None:
@@ -71,7 +75,7 @@ def _stops(run: Run) -> list[Span]:
 
 
 def _faults_of(run: Run) -> list[Span]:
-    begin_s, found = run.begin_s, []
+    begin_s, over_s, found = run.begin_s, _over_s(run), []
     ends = [each for each in run.faults if not each.is_begin]
     for each in (each for each in run.faults if each.is_begin):
         begun_s = each.time_ns * 1e-9 - begin_s
@@ -79,8 +83,15 @@ def _faults_of(run: Run) -> list[Span]:
         if end is not None:
             ends.remove(end)
         seen = next((other for other in run.detections if other.time_s >= begun_s - SAME_S), None)
-        found.append(Span(each.label, begun_s, None if end is None else end.time_ns * 1e-9 - begin_s, seen))
+        end_s = None if end is None else end.time_ns * 1e-9 - begin_s
+        found.append(Span(each.label, begun_s, end_s, seen, is_late=seen is None and begun_s >= over_s))
     return found
+
+
+def _over_s(run: Run) -> float:
+    """When the controller began to stop; infinite if it has not."""
+    ends = (each["time_s"] for each in run.event_list if each["event"] == "state" and each.get("state") in OVER)
+    return min(ends, default=math.inf)
 
 
 def verdict(run: Run) -> tuple[bool, list[str]]:
@@ -143,7 +154,9 @@ def _faults(run: Run) -> Iterator[str]:
     for each in spans[:MOST_NAMED]:
         begun = "The emergency stop was pressed" if each.is_stop else f"{printable(each.what)} began"
         what = f"{begun} at {each.begin_s:.4f} s"
-        if each.noticed is None:
+        if each.is_late:
+            yield f"{what}, when the run was over: no controller was there to detect it."
+        elif each.noticed is None:
             yield f"{what}; nothing was detected after it."
         else:
             where = f" at {printable(each.noticed.detection.where, 60)}" if each.noticed.detection.where else ""

@@ -37,7 +37,7 @@ class FaultDesk(Protocol):
         ...
 
     def plain_sets(self) -> list[dict[str, Any]]:
-        """Every set that was accepted and not cleared: `set`, `state`, `activations`."""
+        """Every set that was accepted and not cleared: `set`, `state`, `activations`, and when it acts."""
         ...
 
     def plain_catalogue(self) -> list[dict[str, Any]]:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from random import Random
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FaultError
@@ -161,6 +161,10 @@ class FaultEngine:
     def status(self) -> list[SetStatus]:
         """Every set that was accepted and not cleared, in order."""
         return [SetStatus(turn.declared.name, turn.state, turn.activations) for turn in self._turns()]
+
+    def plain_sets(self) -> list[dict[str, Any]]:
+        """The same for JSON, with what is declared of their times."""
+        return [turn.as_plain() for turn in self._turns()]
 
     @property
     def never_begun(self) -> list[str]:

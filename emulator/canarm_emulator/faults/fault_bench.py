@@ -64,9 +64,8 @@ class FaultBench(Bench):
         super().power_cycle()
 
     def plain_sets(self) -> list[dict[str, Any]]:
-        """Every set that was accepted and not cleared, for JSON: `set`, `state`, `activations`."""
-        sets = [] if self._engine is None else self._engine.status()
-        return [{"set": each.name, "state": each.state.value, "activations": each.activations} for each in sets]
+        """Every set that was accepted and not cleared, for JSON: `set`, `state`, `activations`, and when it acts."""
+        return [] if self._engine is None else self._engine.plain_sets()
 
     def plain_catalogue(self) -> list[dict[str, Any]]:
         """What can be injected where, for JSON: one object per tap."""

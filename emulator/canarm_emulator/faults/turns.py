@@ -6,10 +6,10 @@ The engine begins and ends sets; what their faults do never enters.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from canarm_protocol.faults.conditions import Condition
-from canarm_protocol.faults.script import FaultSet
+from canarm_protocol.faults.script import FaultSet, trigger_text
 
 from .catalogue import PlannedFault
 from .declaration import Fault, Tap
@@ -51,6 +51,19 @@ class Turn:
     faults: list[tuple[Tap, Fault]] = field(default_factory=list)
     failure: tuple[Fault, str] | None = None
     """Its first fault that has failed, and how."""
+
+    def as_plain(self) -> dict[str, Any]:
+        """For JSON: `set`, `state`, `activations`, and where there is one `duration_s`, `repeat`, and the `trigger`
+        that it waits for.
+        """
+        declared = self.declared
+        plain: dict[str, Any] = {"set": declared.name, "state": self.state.value, "activations": self.activations}
+        if declared.duration_s is not None:
+            plain["duration_s"] = declared.duration_s
+        if declared.repeat > 1:
+            plain["repeat"] = declared.repeat
+        trigger = trigger_text(declared.trigger)
+        return {**plain, "trigger": trigger} if trigger and self.state is SetState.WAITING else plain
 
     def may_begin(self, now_ns: int, begin_ns: int | None, cycle: int, values: Values) -> bool:
         """Whether its trigger holds. A condition must have been false before it triggers again."""

@@ -54,6 +54,15 @@ class Trigger:
     is_manual: bool = False
 
 
+def trigger_text(trigger: Trigger) -> str:
+    """The trigger in words; empty for none."""
+    if trigger.at_s is not None:
+        return f"at {trigger.at_s:g} s"
+    if trigger.cycle is not None:
+        return f"in cycle {trigger.cycle}"
+    return f"when {trigger.when}" if trigger.when is not None else "by hand" * trigger.is_manual
+
+
 @dataclass(frozen=True, slots=True)
 class FaultSet:
     """Faults that become active together. Without a duration they last until cleared, or until the next set's turn.
