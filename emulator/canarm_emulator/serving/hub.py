@@ -144,16 +144,17 @@ class Hub:
         traffic.frame_bytes += len(frame.data)
         if frame.is_remote:
             return
-        if receivers:
-            self._queue(receivers, format_frame(frame, time_ns), exclude)
+        wanting = [client for client in receivers if client.client_id != exclude]
         if subscribers:
-            wanting = [each for each in subscribers if (frame.can_id, frame.is_extended) in each.subscribed]
-            self._queue(wanting, format_frame(frame, time_ns), exclude)
+            key = frame.can_id, frame.is_extended
+            wanting += [client for client in subscribers if key in client.subscribed and client.client_id != exclude]
+        if wanting:
+            self._queue(wanting, format_frame(frame, time_ns))
 
     def send_error(self, channel: str, time_ns: int, error_class: int) -> None:
         """Queue an error frame with SocketCAN's class bits for the receiving clients of `channel`."""
         if receivers := self._receivers_of(channel):
-            self._queue(receivers, format_error(error_class, time_ns), None)
+            self._queue(receivers, format_error(error_class, time_ns))
 
     def flush(self) -> None:
         """One non-blocking send per client; the rest stays queued for the next `poll` or `flush`."""
@@ -209,9 +210,9 @@ class Hub:
         except KeyError:
             raise HubError(f"channel {channel!r} is not served; served are {', '.join(self._receivers)}") from None
 
-    def _queue(self, clients: Iterable[Connection], element: bytes, exclude: int | None) -> None:
+    def _queue(self, clients: Iterable[Connection], element: bytes) -> None:
         for client in clients:
-            if client.client_id != exclude and not client.queue(element):
+            if not client.queue(element):
                 assert client.channel is not None
                 self._dropped_on[client.channel] += 1
 

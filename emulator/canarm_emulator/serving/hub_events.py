@@ -14,10 +14,10 @@ class HasFileno(Protocol):
 
 
 class Received(NamedTuple):
-    """A client sent a frame."""
+    """A frame came on a bus, from a client by its number or from a port."""
 
     channel: str
-    client_id: int
+    origin: object
     frame: Frame
 
 

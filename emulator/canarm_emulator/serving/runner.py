@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import NamedTuple
 
 from canarm_protocol.canopen.frames import ERROR_FLAG, Cob, Frame, NmtState
 from canarm_protocol.cell.bench_objects import DIVIDER
@@ -40,14 +39,6 @@ LONGEST_REPLAY_NS = 1_000_000_000
 RESTED = "a new controller begins after another"
 SHORTEST_FRAME_BITS = 47
 """Bits of a frame without data, with intermission (ISO 11898-1), which bounds the frames that a bus can carry."""
-
-
-class _Received(NamedTuple):
-    """A frame that has come and is not taken yet."""
-
-    bus: str
-    frame: Frame
-    origin: object
 
 
 class EmulatorRunner:
@@ -160,25 +151,23 @@ class EmulatorRunner:
             self._write_out_ns = now_ns + QUIET_NS
             self._recorder.write_out()
 
-    def _received(self, events: Sequence[Event]) -> Iterator[Event | _Received]:
+    def _received(self, events: Sequence[Event]) -> Iterator[Event]:
         """Input in order: events of clients, frames of clients and ports. A port is read when it is due."""
         for event in events:
-            if type(event) is Received:
-                yield _Received(event.channel, event.frame, event.client_id)
-            elif type(event) is Ready:
+            if type(event) is Ready:
                 yield from self._read(event.fileobj)  # type: ignore[arg-type]
             else:
                 yield event
         for port in self._polled:
             yield from self._read(port)
 
-    def _read(self, port: BusPort) -> Iterator[_Received]:
+    def _read(self, port: BusPort) -> Iterator[Received]:
         bus = self._bus_of[id(port)]
-        return (_Received(bus, frame, port) for _, frame in port.receive(0.0))
+        return (Received(bus, port, frame) for _, frame in port.receive(0.0))
 
-    def _take_all(self, received: Iterable[Event | _Received], now_ns: int) -> None:
+    def _take_all(self, received: Iterable[Event], now_ns: int) -> None:
         for each in received:
-            if isinstance(each, _Received):
+            if type(each) is Received:
                 self._take(*each, now_ns)
             else:
                 self._client_event(each)
@@ -210,14 +199,14 @@ class EmulatorRunner:
         received = list(self._received(events))
         while len(received) <= most and (events := self._hub.poll(0.0)):
             received += self._received(events)
-        frames = [each for each in received if isinstance(each, _Received)]
-        self._queued_syncs = sum(each.bus == ROBOT_BUS and is_sync(each.frame) for each in frames)
+        frames = [each for each in received if type(each) is Received]
+        self._queued_syncs = sum(each.channel == ROBOT_BUS and is_sync(each.frame) for each in frames)
         self._take_all(received, now_ns)
         self._is_behind = False
         self._last_look_ns = time.monotonic_ns()
         self._bench.advance(self._last_look_ns - self._start_ns)
 
-    def _take(self, bus: str, frame: Frame, origin: object, now_ns: int) -> None:
+    def _take(self, bus: str, origin: object, frame: Frame, now_ns: int) -> None:
         if bus == ROBOT_BUS:
             self._origin, self._write_out_ns = origin, now_ns + QUIET_NS
             if is_sync(frame):

@@ -18,6 +18,8 @@ _EXTENDED_FLAG, _REMOTE_FLAG, _ERROR_FLAG = 0x8000_0000, 0x4000_0000, 0x2000_000
 """CAN_EFF_FLAG, CAN_RTR_FLAG and CAN_ERR_FLAG of linux/can.h in an ID, which state_raw.c sends as it was given."""
 _WIDEST_HEX, _WIDEST_DECIMAL = (1 << 64) - 1, 20
 """strtoul's value for anything larger, and the decimal digits of 64 bits."""
+_GAPS = {str(length): " " * length for length in range(1, 9)}
+"""What stands after each byte where all of them have two digits."""
 _LENGTH_TEXT = tuple(str(length) for length in range(9))
 _BYTE_OF = {spelling % byte: byte for byte in range(256) for spelling in ("%x", "%X", "%02x", "%02X")}
 _byte_of = _BYTE_OF.__getitem__
@@ -229,10 +231,12 @@ def _read_sends(text: str) -> list[Command]:
         can_id, is_extended = _IDS[id_text]
         if byte_texts in (">", " >"):
             data = b""
-        elif byte_texts.endswith(" >"):
-            data = bytes(map(_byte_of, byte_texts[:-2].split(" ")))
-        else:
+        elif not byte_texts.endswith(" >"):
             raise ValueError(element)
+        elif byte_texts[2::3] == _GAPS.get(length_text):
+            data = bytes.fromhex(byte_texts[:-2])
+        else:
+            data = bytes(map(_byte_of, byte_texts[:-2].split(" ")))
         if length_text != _LENGTH_TEXT[len(data)]:
             raise ValueError(element)
         commands.append(_tuple(Send, (_tuple(Frame, (can_id, data, is_extended, False)),)))
