@@ -119,13 +119,13 @@ def test_nothing_to_receive_is_an_empty_list(bus):
 
 def test_frames_are_sent_in_one_piece_and_in_order(server, bus):
     bus.send_frames([Frame(0x123), Frame(0x1AAAAAAA, b"\x01\xf1", is_extended=True)])
-    expected = b"< send 123 0 >< send 1AAAAAAA 2 1 f1 >"
+    expected = b"< send 123 0 >< send 1AAAAAAA 2 01 f1 >"
     assert server.hear(len(expected)) == expected
 
 
 def test_python_can_messages_pass_both_ways(server, bus):
     bus.send(can.Message(arbitration_id=0x123, data=b"\x0a", is_extended_id=False))
-    assert server.hear(16) == b"< send 123 1 a >"
+    assert server.hear(17) == b"< send 123 1 0a >"
     server.say(b"< frame 123 1.500000 11 >< error 004 2.000000 >")
     message, error = bus.recv(DEADLINE_S), bus.recv(DEADLINE_S)
     assert (message.arbitration_id, bytes(message.data), message.timestamp) == (0x123, b"\x11", 1.5)

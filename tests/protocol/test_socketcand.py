@@ -63,7 +63,7 @@ def test_empty_frame_has_two_blanks_because_python_can_needs_them():
 
 def test_send_elements_are_those_of_the_protocol_document():
     assert format_send(Frame(0x123)) == b"< send 123 0 >"
-    assert format_send(Frame(0x1AAAAAAA, b"\x01\xf1", is_extended=True)) == b"< send 1AAAAAAA 2 1 f1 >"
+    assert format_send(Frame(0x1AAAAAAA, b"\x01\xf1", is_extended=True)) == b"< send 1AAAAAAA 2 01 f1 >"
 
 
 @pytest.mark.parametrize("write", [format_send, lambda frame: format_frame(frame, 0)])

@@ -22,8 +22,6 @@ _MAX_SECONDS_DIGITS = 12  # 30 000 years; keeps every time stamp within a float'
 STANDARD_MASK = 0x7FF
 EXTENDED_MASK = 0x1FFF_FFFF
 HEX_DIGITS = frozenset("0123456789abcdefABCDEF")
-_UNPADDED = tuple(b"%x" % byte for byte in range(256))
-_unpadded = _UNPADDED.__getitem__
 # The generated __new__ of a NamedTuple takes three times as long.
 _tuple = tuple.__new__
 
@@ -63,7 +61,7 @@ def format_send(frame: Frame) -> bytes:
     text = b"< send %08X %d %b >" if is_extended else b"< send %03X %d %b >"
     if not data:
         return (b"< send %08X 0 >" if is_extended else b"< send %03X 0 >") % can_id
-    return text % (can_id, len(data), b" ".join(map(_unpadded, data)))
+    return text % (can_id, len(data), hexlify(data, b" "))
 
 
 class ClientParser:
