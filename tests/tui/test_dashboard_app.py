@@ -221,7 +221,7 @@ async def test_the_palette_offers_commands_by_area(app):
     assert commands == [
         "View: pause", *(f"View: {view.title.lower()}" for view in VIEWS), "View: theme", "View: picture",
         "Fault: inject", "Fault: clear",
-        "Bench: emergency stop", "Bench: reset", "Run: again", "Dashboard: help", "Dashboard: quit",
+        "Run: summary", "Bench: recording", "Bench: emergency stop", "Bench: reset", "Run: again", "Dashboard: help", "Dashboard: quit",
         "Dashboard: quit and stop",
     ]  # fmt: skip
     async with running(app) as pilot:
@@ -262,9 +262,13 @@ async def test_on_a_low_terminal_the_outcome_leaves_room_for_the_views(cell, por
     outcome = Outcome("FAILED: konkuk1", False, ["joint2: stuck", "recorded in run", *map(str, range(20))])
     app = DashboardApp(cell, lambda: port, clock_ns=clock, in_background=lambda job: job(), outcome_of=lambda: outcome)
     async with running(app, (80, 24)) as pilot:
-        assert app.query_one(OutcomePanel).region.height == 5
+        assert app.query_one(OutcomePanel).region.height == 7
         assert any("recorded in run" in text for text in screen_text(app))
+        assert any("h shows all" in text for text in screen_text(app))
         assert any(trace.region for trace in app.query(Trace))
+        await pilot.press("h")
+        assert any("17" in text for text in screen_text(app)), "all of it fits the dialog"
+        await pilot.press("escape")
         await pilot.resize_terminal(120, 40)
         await shown(app, pilot)
         assert app.query_one(OutcomePanel).region.height > 10

@@ -119,3 +119,29 @@ async def test_where_nothing_is_recorded_the_reason_is_shown(cell, loop, clock):
         app.drain()
         app.redraw()
         assert "the emulator was started without --out DIR" in app._answer.text
+
+
+FIGURES = [
+    "DONE: konkuk1, mras on sine, feed-forward table, clock sync",
+    "recorded in /home/somebody/canarm/runs/20260301-120000",
+    "3200 cycles, 0.974 x real time, 0 missed, 0 late",
+    "joint        RMS error   max error  peak current   ripple  amplifier",
+    "joint2       0.061 LSB   0.151 LSB       0.794 A        -  within its limit",
+    "joint3       0.074 LSB   0.200 LSB       0.329 A        -  within its limit",
+]
+
+
+async def test_the_figures_of_two_joints_fit_the_smallest_terminal(cell, loop, clock, report):
+    async with watching(cell, loop, clock, (80, 24)) as (app, press):
+        report(app, clock, 3200, DONE)
+        tell_outcome(session(cell, loop), FIGURES)
+        shown = await press()
+        for line in FIGURES:
+            assert line in shown
+        assert "q leaves" in shown
+
+
+async def test_before_the_end_there_is_no_summary(cell, loop, clock, report):
+    async with watching(cell, loop, clock) as (app, press):
+        report(app, clock, 3200, RUNNING)
+        assert "there is no summary yet" in await press("h")

@@ -250,7 +250,8 @@ class DashboardApp(RunControls):
         self._draw_words(snapshot)
         faults, cycle_s = self.desk.faults, self.cell.bus.cycle_s
         happened = self._take_events(faults)
-        screen.query_one(OutcomePanel).show(with_cause(self.outcome, stopped_by(happened, cycle_s)))
+        self.cause = stopped_by(happened, cycle_s)
+        screen.query_one(OutcomePanel).show(with_cause(self.outcome, self.cause))
         # The view of events has them all.
         is_events = self.view.name == "events"
         lines = (
@@ -355,6 +356,7 @@ class DashboardApp(RunControls):
         yield SystemCommand("View: picture", "Save the screen as an SVG file", self._save_picture)
         yield SystemCommand("Fault: inject", "Inject a fault, chosen in a dialog", self.action_inject)
         yield SystemCommand("Fault: clear", "End faults, all or those of one set", self.action_clear)
+        yield SystemCommand("Run: summary", "How the run went, all of it", self.action_outcome)
         yield SystemCommand("Bench: recording", "Stop recording, or go on with it", self.action_record)
         yield SystemCommand("Bench: emergency stop", "Open all supplies at once, or close them again", self.action_stop)
         yield SystemCommand("Bench: reset", "Switch the robot off and on again", self.action_reset)

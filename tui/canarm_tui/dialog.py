@@ -57,4 +57,11 @@ class EndsOnce(Screen[ScreenResultType]):
 
 # The styles are those of the first base alone.
 class Dialog(ModalScreen[ScreenResultType], EndsOnce[ScreenResultType]):
-    """A screen above the others, which ends once with a result."""
+    """A screen above the others, which ends once with a result. What it shows stands in a box of the class `dialog`."""
+
+    DEFAULT_CSS = """
+    Dialog { align: center middle; }
+    Dialog .dialog {
+        max-width: 100%; height: auto; max-height: 100%; border: round $primary; padding: 0 1; background: $surface;
+    }
+    """

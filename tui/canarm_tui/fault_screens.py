@@ -32,11 +32,7 @@ class ClearScreen(Dialog[Chosen]):
         Binding("t", "trigger", "Trigger"),
     ]
     DEFAULT_CSS = """
-    ClearScreen { align: center middle; }
-    ClearScreen Vertical {
-        width: 76; max-width: 100%; height: auto; max-height: 100%;
-        border: round $primary; padding: 0 1; background: $surface;
-    }
+    ClearScreen .dialog { width: 76; }
     ClearScreen OptionList, ClearScreen OptionList:focus {
         height: auto; max-height: 16; border: none; padding: 0; text-wrap: nowrap; text-overflow: ellipsis;
     }
@@ -49,7 +45,7 @@ class ClearScreen(Dialog[Chosen]):
 
     def compose(self) -> ComposeResult:
         """A line for all, and one per set."""
-        with Vertical() as box:
+        with Vertical(classes="dialog") as box:
             keys = "enter clears │ t triggers what waits │ escape closes" if self._waiting else KEYS
             box.border_title, box.border_subtitle = "Clear", keys
             yield OptionList(*(Option(Content(self._line(name))) for name in self._choices))
@@ -77,10 +73,7 @@ class QuestionScreen(Dialog[bool]):
         Binding("escape,n,q", "answer(False)", "No"),
     ]
     DEFAULT_CSS = """
-    QuestionScreen { align: center middle; }
-    QuestionScreen Static {
-        width: 60; max-width: 100%; height: auto; border: heavy $error; padding: 1 2; background: $surface;
-    }
+    QuestionScreen .dialog { width: 60; border: heavy $error; padding: 1 2; }
     """
 
     def __init__(self, title: str, question: str, key: str) -> None:
@@ -89,7 +82,7 @@ class QuestionScreen(Dialog[bool]):
 
     def compose(self) -> ComposeResult:
         """The question."""
-        question = Static(self._text)
+        question = Static(self._text, classes="dialog")
         question.border_title = self._heading
         keys = "enter or y" if self._yes == "y" else f"enter, y or {self._yes}"
         question.border_subtitle = f"{keys}: yes │ escape, n: no"

@@ -15,8 +15,10 @@ from .views import View
 _KEYS = """\
 [b]Keys[/b]
   e  emergency stop, at once, from everywhere; asks before it is released; in a text field: ctrl+e
-  f  inject a fault      x  clear faults      space  pause and go on      ctrl+p  all commands      ?  this help
+  f  inject a fault      x  clear faults, or begin one that waits (t)
+  space  pause and go on      ctrl+p  all commands      ?  this help
   r  run again, when a run of canarm demo is over; law, motion, seed and pace can be other ones
+  h  how it went: all of the summary      w  stop recording, or go on with it
   R  reset: the robot off and on again, as canarm reset does; it asks first
   q  leave; whatever runs goes on      Q  leave and stop what runs; it asks first      ctrl+c  leave; ends a demo
   When the run of canarm demo is over, the dashboard stays, with how it went at the top.
@@ -26,6 +28,7 @@ _SCREEN = """\
 [b]Header[/b]
   connected      the bus is open and the bench sends
   no data        the bus is open, but no bench has sent telemetry on it
+  rec            the bench records frames and signals; "not recorded": w has stopped that
   lost           the bus is gone; the last data stay, and it is tried again every second
   controller lost  it has said nothing for more than a second, while the bench goes on
   stale          nothing has come for more than half a second
@@ -34,11 +37,13 @@ _SCREEN = """\
   × real time    how many seconds of the run pass in a second
 
 [b]Faults and detections[/b]
-  Under the joints as soon as there are some: which act and since when, which sets wait, the last three events.
+  Under the joints as soon as there are some: which act, since when and for how long yet, which sets wait for what, the
+  last three events.
   ◆ detected     what a controller has detected, what it did, and how long after the last fault began
   Times are seconds from cycle 0 of the present run. Without any there is no such part.
   f asks the bench what it can inject where: type a part of a name, choose with ↑ and ↓, go on with enter.
-  A field that is left as it is keeps its default. What the bench refuses, it says in the dialog."""
+  When it acts stands below its values: at once unless you say when. A field that is left as it is keeps its default.
+  What the bench refuses, it says in the dialog."""
 
 
 DASHBOARD = _KEYS, _SCREEN
@@ -63,11 +68,7 @@ class HelpScreen(Dialog[None]):
         Binding("q", "app.quit", "Quit"),
     ]
     DEFAULT_CSS = """
-    HelpScreen { align: center middle; }
-    HelpScreen VerticalScroll {
-        width: 108; max-width: 100%; height: auto; max-height: 100%;
-        border: round $primary; padding: 0 1; background: $surface;
-    }
+    HelpScreen .dialog { width: 108; }
     """
 
     def __init__(
@@ -81,6 +82,6 @@ class HelpScreen(Dialog[None]):
 
     def compose(self) -> ComposeResult:
         """The text, and how to close it."""
-        with VerticalScroll() as box:
+        with VerticalScroll(classes="dialog") as box:
             box.border_title, box.border_subtitle = self._heading, "escape closes"
             yield Static(self._text)

@@ -32,11 +32,7 @@ class InjectScreen(Dialog[str]):
         Binding("down", "move(1)", "Down", show=False, priority=True),
     ]
     DEFAULT_CSS = """
-    InjectScreen { align: center middle; }
-    InjectScreen #dialog {
-        width: 100; max-width: 100%; height: 22; max-height: 100%;
-        border: round $primary; padding: 0 1; background: $surface;
-    }
+    InjectScreen .dialog { width: 100; height: 22; }
     InjectScreen OptionList { height: 1fr; border: none; padding: 0; text-wrap: nowrap; text-overflow: ellipsis; }
     InjectScreen #form { height: 1fr; display: none; }
     InjectScreen.-form #form { display: block; }
@@ -63,7 +59,7 @@ class InjectScreen(Dialog[str]):
 
     def compose(self) -> ComposeResult:
         """Search and list, or the form; below them the bench's answer."""
-        with Vertical(id="dialog"):
+        with Vertical(id="dialog", classes="dialog"):
             yield Input(id="search", compact=True, placeholder="part of a name, such as joint2 stuck")
             options = OptionList(id="choices")
             options.can_focus = False

@@ -71,11 +71,7 @@ class AgainScreen(Dialog[str]):
         Binding("down", "app.focus_next", "Down", show=False, priority=True),
     ]
     DEFAULT_CSS = """
-    AgainScreen { align: center middle; }
-    AgainScreen #dialog {
-        width: 96; max-width: 100%; height: auto; max-height: 100%;
-        border: round $primary; padding: 0 1; background: $surface;
-    }
+    AgainScreen .dialog { width: 96; }
     AgainScreen Horizontal { height: auto; }
     AgainScreen .name { width: 12; }
     AgainScreen Input { width: 28; }
@@ -91,7 +87,7 @@ class AgainScreen(Dialog[str]):
     def compose(self) -> ComposeResult:
         """A field for everything that can be another one."""
         last, hints = self._again.last, self._again.hints
-        with Vertical(id="dialog") as box:
+        with Vertical(classes="dialog") as box:
             box.border_title, box.border_subtitle = "Run again", "↑ ↓ next field │ enter runs │ escape goes back"
             for each in fields(NextRun):
                 with Horizontal():

@@ -17,7 +17,7 @@ from .fault_desk import FaultDesk, Refusal
 from .fault_screens import LeaveScreen, ResetScreen, StopScreen
 from .feed import Feed
 from .link import InBackground, Link
-from .outcome import Outcome
+from .outcome import Outcome, OutcomeScreen, with_cause
 from .player import NoLink, Player
 from .replay_controls import ReplayControls
 from .run_again import Again, AgainScreen, NextRun
@@ -26,6 +26,7 @@ from .views import Context
 LEFT = "the dashboard was left"
 STOPPED = "stopped from the dashboard"
 NO_AGAIN = "a controller is started outside: canarm controller, with the address above; a demo runs again by itself"
+NOT_OVER = "there is no summary yet: no run has ended"
 STILL_RUNNING = "the run goes on; r runs again when it is over, and Q ends it"
 
 
@@ -36,6 +37,7 @@ class RunControls(ReplayControls):
         Binding("e", "stop", "Stop!", id="bench.stop", priority=True, tooltip="Emergency stop, at once"),
         Binding("ctrl+e", "stop_anyway", "Stop!", id="bench.stop_anyway", show=False, priority=True),
         Binding("r", "again", "Again", id="run.again", tooltip="Run again when a run of canarm demo is over"),
+        Binding("h", "outcome", "Summary", id="run.outcome", show=False, tooltip="How the run went, all of it"),
         Binding("w", "record", "Record", id="bench.record", show=False, tooltip="Stop recording, or go on with it"),
         Binding("R", "reset", "Reset", id="bench.reset", show=False, tooltip="Switch the robot off and on; asks first"),
         Binding("q", "quit", "Quit", id="app.quit", tooltip="Leave the dashboard; whatever runs goes on"),
@@ -47,6 +49,8 @@ class RunControls(ReplayControls):
     desk: FaultDesk
     context: Context
     outcome: Outcome | None
+    cause = ""
+    """What from outside has ended the run, if that is known."""
     left_by = LEFT
     """How the user has left, in a few words."""
 
@@ -121,6 +125,13 @@ class RunControls(ReplayControls):
 
         if not isinstance(self.screen, StopScreen):
             self.push_screen(StopScreen(), release)
+
+    def action_outcome(self) -> None:
+        """Show all of the summary of a run that is over."""
+        if self.outcome is None:
+            self.tell(Refusal(NOT_OVER))
+        else:
+            self.push_screen(OutcomeScreen(with_cause(self.outcome, self.cause) or self.outcome))
 
     def action_record(self) -> None:
         """Stop recording, or go on with it."""

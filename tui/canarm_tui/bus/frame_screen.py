@@ -87,11 +87,7 @@ class FrameScreen(Dialog[None]):
         Binding("space", "hold", "Hold"),
     ]
     DEFAULT_CSS = """
-    FrameScreen { align: center middle; }
-    FrameScreen VerticalScroll {
-        width: 96; max-width: 100%; height: auto; max-height: 100%;
-        border: round $primary; padding: 0 1; background: $surface;
-    }
+    FrameScreen .dialog { width: 96; }
     FrameScreen Static { height: auto; text-wrap: nowrap; text-overflow: ellipsis; }
     """
 
@@ -102,7 +98,7 @@ class FrameScreen(Dialog[None]):
 
     def compose(self) -> ComposeResult:
         """One text."""
-        with VerticalScroll() as box:
+        with VerticalScroll(classes="dialog") as box:
             box.border_title = "Frame"
             box.border_subtitle = "escape closes" if self._is_held else "space holds │ escape closes"
             yield Static(id="frame-text")

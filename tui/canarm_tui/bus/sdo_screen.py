@@ -44,11 +44,7 @@ class SdoScreen(Dialog[None]):
         Binding("slash", "find", "Find", key_display="/"),
     ]
     DEFAULT_CSS = """
-    SdoScreen { align: center middle; }
-    SdoScreen > Vertical {
-        width: 130; max-width: 100%; height: 90%; max-height: 100%;
-        border: round $primary; background: $surface;
-    }
+    SdoScreen .dialog { width: 130; height: 90%; padding: 0; }
     SdoScreen Input { display: none; height: 1; border: none; padding: 0 1; }
     SdoScreen Input.-shown { display: block; }
     SdoScreen #sdo-said { height: auto; max-height: 4; text-wrap: wrap; }
@@ -66,7 +62,7 @@ class SdoScreen(Dialog[None]):
 
     def compose(self) -> ComposeResult:
         """The objects, what was said last, and a line to type into."""
-        with Vertical() as box:
+        with Vertical(classes="dialog") as box:
             box.border_title = f"Objects of {self._bus.book.name(self._node_id)}, node 0x{self._node_id:02X}"
             box.border_subtitle = _KEYS
             yield Grid[Entry](COLUMNS, self._cells, _key, id="objects", empty="no object fits")
