@@ -221,7 +221,8 @@ async def test_the_palette_offers_commands_by_area(app):
     assert commands == [
         "View: pause", *(f"View: {view.title.lower()}" for view in VIEWS), "View: theme", "View: picture",
         "Fault: inject", "Fault: clear",
-        "Run: summary", "Bench: recording", "Bench: emergency stop", "Bench: reset", "Run: again", "Dashboard: help", "Dashboard: quit",
+        "Run: summary", "Bench: recording",
+        "Bench: emergency stop", "Bench: reset", "Run: again", "Dashboard: help", "Dashboard: quit",
         "Dashboard: quit and stop",
     ]  # fmt: skip
     async with running(app) as pilot:
