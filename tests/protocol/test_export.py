@@ -126,7 +126,7 @@ def test_every_object_is_described_in_full(name: str, text: str) -> None:
             continue
         if object_type == 0x2:  # a DOMAIN, CiA 306: it has no value of its own
             assert int(entries["DataType"], 0) == 0xF
-            assert entries["AccessType"] in ("ro", "wo")
+            assert entries["AccessType"] in ("ro", "wo", "rw")
             continue
         assert object_type == 0x7
         assert int(entries["DataType"], 0) in {*range(0x1, 0xC), 0xF, *range(0x10, 0x1C)}
