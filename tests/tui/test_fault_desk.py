@@ -57,6 +57,19 @@ def test_a_fault_that_is_injected_acts_and_is_known(dashboard, loop):
     assert dashboard.feed.faults == FaultSignal(1, False, 1)
 
 
+def test_the_emergency_stop_does_not_wait_for_a_conversation_that_is_on(cell, loop):
+    """As while the catalogue is read, which takes a second, and more on a busy machine."""
+    dashboard = Dashboard(cell, loop)
+    dashboard.drain(times=2)
+    waiting = []
+    desk = FaultDesk(cell, dashboard.link, waiting.append)
+    desk.load_catalogue(lambda answer: None)
+    desk.poll(None, dashboard.now_ns)
+    assert len(waiting) == 1, "it is on"
+    desk.stop(True, lambda answer: None)
+    assert loop.bench.device.is_stopped
+
+
 def test_the_bench_says_what_is_wrong_and_nothing_is_injected(dashboard, loop):
     answer = dashboard.inject("joint2.tachometer", "stuck", {"value": "99"})
     assert isinstance(answer, Refusal)

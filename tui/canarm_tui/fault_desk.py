@@ -4,12 +4,16 @@ One conversation at a time, in the background and with a time-out; `poll` delive
 waits. Time is passed in. What is drawn is not known here.
 """
 
+import contextlib
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
 
+from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.canopen.sdo import download
+from canarm_protocol.cell.bench_objects import EMERGENCY_STOP, sdo_channel
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import BusError, FaultError
 from canarm_protocol.faults.bench_client import BenchClient
@@ -40,6 +44,9 @@ class Lender(Protocol):
 
     def lend(self) -> AbstractContextManager[BusPort]:
         """The bus. Raises `BusError` without one."""
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Send at once, whatever conversation goes on. Raises `BusError`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +158,15 @@ class FaultDesk:
         self._do(job, then)
 
     def stop(self, is_on: bool, then: Callable[[str | Refusal], None]) -> None:
-        """Emergency stop: open the supplies of all amplifiers, or close them again."""
+        """Emergency stop: open the supplies of all amplifiers, or close them again.
+
+        To open them, one frame goes out at once, on the channel that needs no claim: a conversation that is on may take
+        seconds. The conversation that follows says whether it has been heard.
+        """
+        if is_on:
+            request = next(download(EMERGENCY_STOP, 0, b"\1"))
+            with contextlib.suppress(BusError):
+                self._link.send([Frame(sdo_channel(self._cell.bus.bench_node_id, 0)[0], request)])
 
         def job(client: BenchClient) -> str:
             client.emergency_stop(is_on)

@@ -7,7 +7,7 @@ known to the feed.
 
 import contextlib
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict
 from enum import Enum
@@ -114,6 +114,12 @@ class Link:
             self._discarded_before = _sum(self._discarded_before, port.discarded)
             port.close()
         self.state, self.reason, self._due_ns = LinkState.CONNECTING, None, None
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Send frames at once, whatever conversation goes on. Raises `BusError` without a bus."""
+        if self._port is None:
+            raise BusError(f"not connected: {self.reason or self.where}")
+        self._port.send(frames)
 
     def lend(self) -> AbstractContextManager[BusPort]:
         """The bus for a conversation in another thread; `poll` still gets every frame. Raises `BusError` without

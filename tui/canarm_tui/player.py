@@ -4,7 +4,7 @@ Wall time is passed in with every call. Nothing is drawn here, and no file is re
 """
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 
 import numpy as np
@@ -27,6 +27,7 @@ from .snapshot import Snapshot
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 50.0)
 SEEK_S = 5.0
+NOBODY = "this is a recorded run: nothing can be injected into it, cleared, stopped or reset"
 
 
 class Player:
@@ -187,9 +188,13 @@ class NoLink:
         """Nothing."""
         return []
 
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Raises `BusError`: there is nobody to hear it."""
+        raise BusError(NOBODY)
+
     def lend(self) -> AbstractContextManager[BusPort]:
         """Raises `BusError`: there is nobody to ask."""
-        raise BusError("this is a recorded run: nothing can be injected into it, cleared, stopped or reset")
+        raise BusError(NOBODY)
 
     def reopen(self) -> None:
         """Nothing."""
