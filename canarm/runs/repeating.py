@@ -12,7 +12,7 @@ from typing import NamedTuple
 from canarm_controller.laws.loading import LAWS
 from canarm_controller.reference.trajectory import named_motions
 from canarm_emulator.bench.robot_bus import is_sync
-from canarm_emulator.serving.recording import POWER_ON_S, SCRIPT
+from canarm_emulator.serving.recording import POWER_ON_S, RECORDING, SCRIPT
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import FaultError
@@ -31,8 +31,12 @@ from .run import Run
 
 AFTERWARDS_S = 5.0
 """A run that has stopped itself is repeated for so much longer: it has to stop by itself again."""
-_BY_HAND = {"emergency-stop": "the emergency stop", "power-cycle": "the power cycle"}
-"""Events of what nobody can repeat to the bit."""
+_BY_HAND = {
+    "emergency-stop": "the emergency stop",
+    "power-cycle": "the power cycle",
+    RECORDING: "the stop of the recording",
+}
+"""Events of what nobody can repeat to the bit, or from which on frames are missing."""
 MOST_S = 1e6
 MOST_CYCLES = 40_000_000
 """A hundred thousand seconds of konkuk1."""
@@ -174,7 +178,7 @@ def _known(run: Run, what: str, known: tuple[str, ...]) -> str:
 
 
 def _by_hand(run: Run) -> _End | None:
-    """The first emergency stop or power cycle: at which moment of its cycle it struck, nobody knows."""
+    """The first emergency stop, power cycle or stop of the recording: at which moment of its cycle, nobody knows."""
     for event in run.event_list:
         what = _BY_HAND.get(str(event["event"]))
         at_s = event.get(POWER_ON_S)

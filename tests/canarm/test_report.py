@@ -79,6 +79,17 @@ def test_a_fault_after_the_end_of_a_run_is_not_called_missed(recorded: Path, tmp
     assert "the run was over" in report_page([open_run(folder)])
 
 
+def test_a_gap_in_the_record_is_said(recorded: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(recorded / "pd", tmp_path / "pd")
+    off = {"source": "emulator", "event": "recording", "cycle": 400, "time_s": 1.0, "state": "off", "power_on_s": 1.1}
+    with (folder / "events.jsonl").open("a") as file:
+        for each in (off, {**off, "state": "on", "time_s": 1.5}, {**off, "time_s": 2.0}):
+            file.write(json.dumps(each) + "\n")
+    _, lines = verdict(open_run(folder))
+    assert "Frames and true signals were not recorded from 1.0000 s to 1.5000 s." in lines
+    assert "Frames and true signals were not recorded from 2.0000 s on." in lines
+
+
 def test_the_verdict_comes_first_and_says_what_the_rig_knew(recorded: Path) -> None:
     run = open_run(recorded / "mras")
     is_good, lines = verdict(run)

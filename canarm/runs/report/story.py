@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
+from canarm_emulator.serving.recording import RECORDING
 from canarm_protocol.cell.bench_objects import SETTLING_CYCLES
 from canarm_protocol.faults.fault_events import EMERGENCY_STOP
 from canarm_protocol.shown import printable
@@ -97,7 +98,7 @@ def _over_s(run: Run) -> float:
 def verdict(run: Run) -> tuple[bool, list[str]]:
     """Whether all went well, and sentences, the most important first. They are safe to show."""
     is_good, lines = _end(run)
-    lines += [*_tracking(run), *_cycles(run), *_faults(run)]
+    lines += [*_tracking(run), *_cycles(run), *_gaps(run), *_faults(run)]
     if run.complaints:
         lines.append(f"Of its folder, this cannot be read: {'; '.join(run.complaints)}.")
     return is_good and not run.complaints, lines
@@ -147,6 +148,18 @@ def _cycles(run: Run) -> Iterator[str]:
         yield (
             "No cycle was missed or late." if not missed and not late else f"{missed} cycles were missed, {late} late."
         )
+
+
+def _gaps(run: Run) -> Iterator[str]:
+    begin_s: float | None = None
+    for each in run.event_list:
+        if each["event"] == RECORDING and each.get("state") == "off":
+            begin_s = each["time_s"] if begin_s is None else begin_s
+        elif each["event"] == RECORDING and begin_s is not None:
+            yield f"Frames and true signals were not recorded from {begin_s:.4f} s to {each['time_s']:.4f} s."
+            begin_s = None
+    if begin_s is not None:
+        yield f"Frames and true signals were not recorded from {begin_s:.4f} s on."
 
 
 def _faults(run: Run) -> Iterator[str]:
