@@ -1,11 +1,8 @@
 """Building the parts of a run from names and texts, as the command line and the rig are given them."""
 
-import importlib.metadata
 import math
-import platform
-import sys
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from canarm_controller.laws.loading import load_law
 from canarm_controller.reference.trajectory import make_trajectory
@@ -27,7 +24,6 @@ __all__ = [
     "UsageError",
     "make_bench",
     "make_controller",
-    "provenance",
     "tick_count",
     "traffic_warning",
 ]
@@ -84,15 +80,3 @@ def traffic_warning(cell: Cell, name: str) -> str | None:
         f"{name}: the cyclic traffic does not fit {cell.bus.bitrate} bit/s and a cycle of {cell.bus.cycle_us} us; on a "
         f"real bus frames come late: canarm check --cell {name} has the arithmetic"
     )
-
-
-def provenance() -> dict[str, Any]:
-    """The origin of a run, for its record: versions, machine and command line."""
-    ours = ("canarm", "canarm-protocol", "canarm-emulator", "canarm-controller")
-    packages = (*ours, "mujoco", "numpy", "python-can", "canopen")
-    return {
-        "command_line": sys.argv,
-        "python": platform.python_version(),
-        "machine": platform.platform(),
-        "versions": {name: importlib.metadata.version(name) for name in packages},
-    }

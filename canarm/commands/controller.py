@@ -56,8 +56,9 @@ from ..options import (
     parse_address,
 )
 from ..output_options import OutputOptions
+from ..provenance import provenance
 from ..recording import Recording, parse_recording, recording_failure
-from ..session import make_controller, provenance, tick_count, traffic_warning
+from ..session import make_controller, tick_count, traffic_warning
 from ..stdout import keep_stdout
 from ..stopping import StopRequest, parents_words
 from ..summary import Summary, detections_as_plain

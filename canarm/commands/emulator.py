@@ -55,10 +55,11 @@ from ..options import (
     parse_address,
 )
 from ..output_options import OutputOptions
+from ..provenance import provenance
 from ..recording import Recording, parse_recording, recording_failure
 from ..runs.converting import convert_all
 from ..serving import attach_flags, exposure_lines
-from ..session import make_bench, provenance, traffic_warning
+from ..session import make_bench, traffic_warning
 from ..stopping import StopRequest, parents_words
 from ..usage import UsageError, parse_settings
 

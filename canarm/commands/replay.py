@@ -75,6 +75,7 @@ def replay(
 
 
 def _check(run: Run, law: str | None, trajectory: str | None) -> int:
+    from ..provenance import differences
     from ..runs.repeating import check_again
 
     if not (run.path / CAN_LOG_FILE).is_file():
@@ -84,6 +85,8 @@ def _check(run: Run, law: str | None, trajectory: str | None) -> int:
     for text in run.complaints:
         _tell(text)
     print(found.text)
+    if not found.is_same and (others := differences(run.made_by)):
+        _tell(f"its numbers may be rounded otherwise here: it was made with {', '.join(others)}")
     return ExitStatus.DONE if found.is_same else ExitStatus.FAILED
 
 

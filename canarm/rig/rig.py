@@ -37,8 +37,9 @@ from canarm_protocol.runs.run_folder import (
 )
 from canarm_protocol.shown import named_error
 
+from ..provenance import provenance
 from ..recording import recording_failure
-from ..session import make_bench, make_controller, provenance, tick_count
+from ..session import make_bench, make_controller, tick_count
 from ..summary import Summary, detections_as_plain
 from ..usage import UsageError, value_text
 from .any_rig import AnyRig

@@ -7,6 +7,7 @@ import signal
 from pathlib import Path
 
 import can
+import numpy as np
 import pytest
 
 from canarm import Rig
@@ -81,6 +82,20 @@ def test_another_seed_truth_or_law_is_another_run(
     change_record(copy, "rig", **changes)
     assert canarm_here(["replay", str(copy), "--check"]) == 1
     assert " differs first: recorded at " in capsys.readouterr().out
+
+
+def test_where_a_difference_may_come_from_another_machine_that_is_said(
+    copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    versions = {**json.loads((copy / "run.json").read_text())["rig"]["versions"], "numpy": "1.26.4"}
+    change_record(copy, "rig", processor="Z80\x1b[2J", versions=versions)
+    assert canarm_here(["replay", str(copy), "--check"]) == 0
+    assert "rounded otherwise" not in capsys.readouterr().err, "nothing differs: nobody asks why"
+    change_record(copy, "rig", seed=6)
+    assert canarm_here(["replay", str(copy), "--check"]) == 1
+    told = capsys.readouterr().err
+    assert "it was made with processor Z80\\x1b[2J (here " in told
+    assert f"numpy 1.26.4 (here {np.__version__})" in told
 
 
 def test_what_others_say_after_the_end_of_a_run_does_not_count_against_it(
