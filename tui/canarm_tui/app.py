@@ -26,18 +26,18 @@ from .bus.recorded_watch import RecordedWatch
 from .bus.watch import BusWatch, robot_watch
 from .ended import BenchOutcome
 from .event_texts import stopped_by
-from .events import Happening, happenings
 from .events_view import EventsPane
 from .fault_desk import FaultDesk, Refusal
 from .fault_screens import Chosen, ClearScreen
 from .fault_texts import answer_word, panel_lines
 from .faults import Faults
 from .feed import Feed
+from .gathered import Gathered
 from .help import HelpScreen
 from .inject_screen import InjectScreen
 from .joints_view import JointsPane
 from .link import InBackground, Link, in_thread
-from .notices import Notice
+from .news import News
 from .outcome import Outcome, OutcomePanel, with_cause
 from .player import NoLink, Player, RecordDesk
 from .record import Record
@@ -144,12 +144,8 @@ class DashboardApp(RunControls):
         self._asked_law: tuple[object, ...] = ()
         self._answer: texts.Word | None = None
         self._answer_until_ns = 0
-        self._drawn: tuple[object, ...] = ()
-        self._events: tuple[Happening, ...] = ()
-        self._happened: tuple[Happening, ...] = ()
-        self._happened_to: tuple[object, ...] = ()
-        self._happened_ns = 0
-        self._redraw_ns = self._words_ns = 0
+        self._gathered, self._news = Gathered(), News(IDLE_NS)
+        self._words_ns = 0
         self._words: tuple[object, ...] = ()
 
     def compose(self) -> ComposeResult:
@@ -210,7 +206,7 @@ class DashboardApp(RunControls):
         self.take_answers()
         self.follow_run()
         if self._outcome_of is None and isinstance(self.feed, Feed):
-            self.outcome = self._ended.poll(self.feed.report(now_ns), lambda: self._happened, now_ns)
+            self.outcome = self._ended.poll(self.feed.report(now_ns), lambda: self._gathered.of_bench, now_ns)
         elif self._outcome_of is not None and (self.outcome is None or self.player is not None):
             self.outcome = self._outcome_of()
         if self._until is not None and self._until():
@@ -227,13 +223,11 @@ class DashboardApp(RunControls):
 
     def redraw_news(self) -> None:
         """Draw new data at once; without any, ages and counters every `IDLE_NS`."""
-        now_ns = self._clock_ns()
         news = (
             *(self.link.state, self.feed.changes, self.feed.faults, self.desk.faults, self.desk.refusal),
-            *(self._answer, self.outcome, [source.changes for source in self.context.sources]),
+            *(self.desk.recording, self._answer, self.outcome, [source.changes for source in self.context.sources]),
         )
-        if news != self._drawn or now_ns >= self._redraw_ns:
-            self._drawn, self._redraw_ns = news, now_ns + IDLE_NS
+        if self._news.is_due(news, self._clock_ns()):
             self.redraw()
 
     def redraw(self) -> None:
@@ -249,7 +243,8 @@ class DashboardApp(RunControls):
         notice.show(() if said is None else (said,))
         self._draw_words(snapshot)
         faults, cycle_s = self.desk.faults, self.cell.bus.cycle_s
-        happened = self._take_events(faults)
+        self._gathered.gather(faults, self.context.notices, self._clock_ns())
+        happened = self._gathered.of_bench
         self.cause = stopped_by(happened, cycle_s)
         screen.query_one(OutcomePanel).show(with_cause(self.outcome, self.cause))
         # The view of events has them all.
@@ -262,20 +257,8 @@ class DashboardApp(RunControls):
         screen.query_one(FaultPanel).show(lines)
         screen.query_one(ViewTabs).show(self.view)
         if not self.is_paused:
-            self._scene = Scene(snapshot, self._events, faults, self._clock_ns())
+            self._scene = Scene(snapshot, self._gathered.all_of_them, faults, self._clock_ns())
             self._pane().show(self._scene)
-
-    def _take_events(self, faults: Faults | None) -> tuple[Happening, ...]:
-        """All events anew if there are other ones; returns those of the bench alone."""
-        now_ns, (before, *_) = self._clock_ns(), self._happened_to or (None,)
-        key = (faults, *(each.version for each in self.context.notices))
-        is_due = faults is not before or not 0 <= now_ns - self._happened_ns < WORDS_NS
-        if key != self._happened_to and is_due:
-            self._happened_to, self._happened_ns = key, now_ns
-            noticed = (notice for each in self.context.notices for notice in each.kept)
-            self._events = happenings(faults or Faults(), noticed)
-            self._happened = tuple(each for each in self._events if not isinstance(each.event, Notice))
-        return self._happened
 
     def _draw_words(self, snapshot: Snapshot) -> None:
         """Header and counters: at once if they say something else, and if only numbers have changed, less often."""

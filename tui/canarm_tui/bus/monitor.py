@@ -13,6 +13,7 @@ from textual.screen import Screen
 from textual.widgets import ContentSwitcher, Footer
 
 from ..help import HelpScreen
+from ..news import News
 from ..snapshot import Snapshot
 from ..steady import SteadyApp
 from ..terminal import check_terminal, ending_signals, run_app
@@ -63,8 +64,7 @@ class MonitorApp(SteadyApp):
         self._filter_text = filter_text
         self.bus, self.view, self.is_paused = watch, MONITOR_VIEWS[0], False
         self._clock_ns, self._until, self._signals = clock_ns, until, signals
-        self._drawn: object = None
-        self._redraw_ns = 0
+        self._news = News(IDLE_NS)
 
     def compose(self) -> ComposeResult:
         """Header, views, keys."""
@@ -100,9 +100,7 @@ class MonitorApp(SteadyApp):
 
     def redraw_news(self) -> None:
         """Draw news at once; without any, ages from time to time."""
-        now_ns, news = self._clock_ns(), self.bus.changes
-        if news != self._drawn or now_ns >= self._redraw_ns:
-            self._drawn, self._redraw_ns = news, now_ns + IDLE_NS
+        if self._news.is_due(self.bus.changes, self._clock_ns()):
             self.redraw()
 
     def redraw(self) -> None:
