@@ -1,13 +1,17 @@
 """A recorded run plays as a live one would: a synthetic history of 20 s, a fault from 5 to 10 s, seen at 5.1 s."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from canarm_protocol.canopen.frames import Emergency, NmtCommand, NmtState, heartbeat_frame, nmt_frame, sync_frame
 from canarm_protocol.faults.detection_events import DetectionEvent
 from canarm_protocol.faults.fault_events import FaultEvent
 from canarm_tui import DashboardApp
 from canarm_tui.faults import Faults
 from canarm_tui.history import COLUMNS, Column, History
+from canarm_tui.notices import Kind, Notice
 from canarm_tui.outcome import Outcome
 from canarm_tui.player import Player
 from canarm_tui.record import Record
@@ -116,8 +120,32 @@ async def test_the_dashboard_plays_it_in_its_views_and_asks_nobody(record, clock
         await press("right_square_bracket", "right_square_bracket")
         lines = await press("1")
         assert any("✖ FAILED: konkuk1" in line for line in lines)
-        lines = await press("left_square_bracket", "f", "e", "r")
+        lines = await press("left_square_bracket", "f", "e", "r", "w")
         assert not any("FAILED" in line for line in lines)
         assert len(app.screen_stack) == 1
         await pilot.press("q")
     assert app.return_code == 0
+
+
+async def test_events_of_its_bus_and_of_its_controller_have_their_moments_wherever_the_record_is(record, clock):
+    """Looked at in the middle of the record: what was before cycle 0 was before cycle 0."""
+    frames = [heartbeat_frame(0x14, NmtState.BOOT_UP), nmt_frame(NmtCommand.START)]
+    frames += [sync_frame(cycle % 240 + 1) for cycle in range(100)]
+    stamped = [(0, each) for each in [*frames, Emergency(0x8130, 0x11).frame(0x14)]]
+    noticed = (
+        Notice(0, 20, Kind.CONTROLLER, "controller running"),
+        Notice(0, 7999, Kind.CONTROLLER, "controller done"),
+    )
+    record = replace(record, frames=lambda: iter(stamped), noticed=noticed)
+    app = DashboardApp(record.cell, lambda: pytest.fail("no bus"), clock_ns=clock, record=record)
+    async with app.run_test(size=(120, 30)) as pilot:
+        await pilot.press("space", "n", "2")
+        app.drain()
+        clock.advance(0.5)
+        app.redraw()
+        await pilot.pause()
+        text = "\n".join(screen_lines(app))
+        assert "before cycle 0 │ • adc has booted" in text
+        assert "0.247 s (cycle 99) │ ! EMCY of adc: 0x8130 life guard or heartbeat error" in text
+        assert "0.050 s (cycle 20) │ ▸ controller running" in text
+        assert "controller done" not in text

@@ -14,6 +14,7 @@ from .bus.node_events import NodeEvents
 from .bus.watch import BusWatch
 from .event_texts import NOTHING, Line, event_line
 from .events import Happening
+from .player import Player
 from .styles import line_of
 from .texts import Tone, Word
 from .views import Context, Pane, Scene, View
@@ -112,7 +113,9 @@ def _fits(line: Line, words: list[str]) -> bool:
 
 
 def _make(context: Context) -> EventsPane:
-    heard = NodeEvents(context.bus.book, lambda: context.feed.cycle)
+    feed = context.feed
+    # A recorded bus is heard from its beginning, wherever the record is by then.
+    heard = NodeEvents(context.bus.book, lambda: None if isinstance(feed, Player) else feed.cycle)
     context.bus.listeners.append(heard)
     context.notices.append(heard.notices)
     return EventsPane(context.cell.bus.cycle_s, context.bus)

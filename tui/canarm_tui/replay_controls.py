@@ -8,7 +8,7 @@ from .player import Player
 from .steady import SteadyApp
 
 ACTIONS = ("skip", "faster", "event")
-LIVE_ACTIONS = ("inject", "clear", "stop", "stop_anyway", "reset", "again", "leave_and_stop")
+LIVE_ACTIONS = ("inject", "clear", "stop", "stop_anyway", "reset", "again", "record", "leave_and_stop")
 
 
 class ReplayControls(SteadyApp):
