@@ -9,6 +9,7 @@ from pathlib import Path
 FOLDER = Path(__file__).with_name("screens")
 SIZES = [(80, 24), (120, 35), (160, 48), (200, 60)]
 """Terminals that every view is looked at in."""
+MOST_LOOKS = 20
 
 
 def screen_lines(app) -> list[str]:
@@ -38,6 +39,17 @@ async def at_every_size(app, pilot, name: str, part: str | None = None) -> None:
     """`check_screen` in each of `SIZES`, one after the other."""
     for size in SIZES:
         await pilot.resize_terminal(*size)
+        await _settled(app, pilot)
+        check_screen(app, name, part)
+
+
+async def _settled(app, pilot) -> None:
+    """Until it is drawn alike twice: what a size brings with it may be laid out one after the other."""
+    before: list[str] = []
+    for _ in range(MOST_LOOKS):
         app.redraw()
         await pilot.pause()
-        check_screen(app, name, part)
+        lines = screen_lines(app)
+        if lines == before:
+            return
+        before = lines
