@@ -172,11 +172,22 @@ async def test_after_a_run_of_a_demo_nothing_is_injected(cell, loop, clock):
     class Runs:
         number, ends_here, folder = 1, True, "run"
 
-    over = Outcome("DONE: konkuk1", True)
+    over = []
     app = DashboardApp(
-        cell, lambda: loop, clock_ns=clock, in_background=lambda job: job(), again=Runs(), outcome_of=lambda: over
+        *(cell, lambda: loop),
+        clock_ns=clock,
+        in_background=lambda job: job(),
+        again=Runs(),
+        outcome_of=lambda: over[0] if over else None,
     )
     async with running(app, loop, clock) as pilot:
+        await to_the_form(pilot)
+        over.append(Outcome("DONE: konkuk1", True))
+        await pilot.shown()
+        await pilot.keys("enter")
+        assert "nobody would detect a fault" in said(app), "it was over while the form was filled in"
+        assert loop.bench.device.faults.active == 0
+        await pilot.keys("escape", "escape", "escape")
         await pilot.keys("f")
         assert len(app.screen_stack) == 1
         assert "nobody would detect a fault; r runs again" in line(app, "notice")

@@ -307,11 +307,15 @@ class DashboardApp(RunControls):
 
     def action_inject(self) -> None:
         """Inject a fault, chosen in a dialog."""
-        if self._again is not None and self.outcome is not None:
-            self.tell(Refusal(NO_RUN))
+
+        def refusal() -> str:
+            return NO_RUN if self._again is not None and self.outcome is not None else ""
+
+        if refusal():
+            self.tell(Refusal(refusal()))
             return
         remark = "" if self.feed.is_running or self.player is not None else AT_REST
-        self.push_screen(InjectScreen(self.desk, remark), self.tell)
+        self.push_screen(InjectScreen(self.desk, remark, refusal), self.tell)
 
     def action_clear(self) -> None:
         """Ask which faults to end, or which set to begin, and do it."""

@@ -3,6 +3,7 @@
 Asks `FaultDesk` and shows its answers unchanged; what is allowed is not known here.
 """
 
+from collections.abc import Callable
 from typing import ClassVar
 
 from textual.app import ComposeResult
@@ -48,9 +49,10 @@ class InjectScreen(Dialog[str]):
     InjectScreen #said { height: auto; max-height: 6; }
     """
 
-    def __init__(self, desk: FaultDesk, remark: str = "") -> None:
+    def __init__(self, desk: FaultDesk, remark: str = "", refusal: Callable[[], str] = str) -> None:
+        """`remark` stands below until there is something else to say; `refusal` is why nothing is injected now."""
         super().__init__()
-        self._desk, self._remark = desk, remark
+        self._desk, self._remark, self._refusal = desk, remark, refusal
         self._taps: tuple[Tap, ...] = ()
         self._tap: Tap | None = None
         self._fault: FaultKind | None = None
@@ -181,6 +183,9 @@ class InjectScreen(Dialog[str]):
 
     def _inject(self) -> None:
         if self._tap is None or self._fault is None or self._is_asking:
+            return
+        if refusal := self._refusal():
+            self._say(refusal, Tone.BAD)
             return
         fields = list(self.query_one("#form").query(Input))
         all_of_it = [(field.name or "", field.value) for field in fields]
