@@ -170,13 +170,24 @@ def test_what_is_no_utf_8_is_refused(client: Client) -> None:
     assert client.text(objects.FAULT_RESULT).startswith("refused: fault set: is not UTF-8: ")
 
 
-def test_a_text_that_nobody_foresaw_is_refused_and_the_bench_goes_on(
-    bench: FaultBench, client: Client, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def stumble(script: object) -> str:
+class Stumbling:
+    """Carries out no script."""
+
+    def inject(self, script: object) -> str:
         raise RecursionError("maximum recursion depth exceeded")
 
-    monkeypatch.setattr(bench.device.faults._desk, "inject", stumble)
+    def plain_sets(self) -> list[dict[str, Any]]:
+        return []
+
+    def plain_catalogue(self) -> list[dict[str, Any]]:
+        return []
+
+    def load(self) -> None:
+        pass
+
+
+def test_a_text_that_nobody_foresaw_is_refused_and_the_bench_goes_on(bench: FaultBench, client: Client) -> None:
+    bench.device.faults.attach(Stumbling())
     with pytest.raises(SdoAborted):
         client.inject(STUCK.format(name="x"))
     assert client.text(objects.FAULT_RESULT).startswith("refused: fault set: cannot be done (RecursionError)")

@@ -9,7 +9,7 @@ is b₁ = r − a₁ − a₄C₂₃₄ − d₅a_r and b₂ = σ₁(p_z − d�
 θ₂ = atan2((a₂ + a₃c₃)b₂ − a₃s₃b₁, (a₂ + a₃c₃)b₁ + a₃s₃b₂); θ₅ from n and o along the pitch axis.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,8 +19,8 @@ from .arms import FiveAxisArm
 from .kinematics import Floats
 from .reasons import Reason
 
-Mask = NDArray[np.bool_]
-Codes = NDArray[np.int8]
+Mask: TypeAlias = NDArray[np.bool_]
+Codes: TypeAlias = NDArray[np.int8]
 """Values of `Reason`."""
 YAW_TOLERANCE = 1e-9
 """|a·h| below which a pose has no yaw: rounding leaves 1e-13 for a point 1 mm from the base's axis."""

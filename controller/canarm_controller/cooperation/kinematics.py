@@ -5,7 +5,7 @@ paper, in the frame of the arm's base.
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,7 @@ from canarm_protocol.cell.rigid import exact_cos_sin
 from ..errors import CooperationError
 from .arms import DhChain, FiveAxisArm
 
-Floats = NDArray[np.float64]
+Floats: TypeAlias = NDArray[np.float64]
 
 
 BLOCK = 4096

@@ -6,6 +6,7 @@ Equations of motion, drives and joint names beyond error messages must not enter
 
 from dataclasses import dataclass
 from math import isfinite, radians
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from canarm_protocol.cell.rigid import exact_cos_sin
 from ..errors import DynamicsError
 from .frames import Placement, unwound
 
-Floats = NDArray[np.float64]
+Floats: TypeAlias = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Tensor = tuple[float, float, float, float, float, float]
 

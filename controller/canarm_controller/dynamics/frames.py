@@ -6,14 +6,14 @@ Owns rotations of frames. Masses enter as numbers to be carried into another fra
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, cos, hypot, pi, sin
-from typing import Self
+from typing import Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from canarm_protocol.cell.rigid import from_rpy_deg
 
-Matrix = NDArray[np.float64]
+Matrix: TypeAlias = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Tensor = tuple[float, float, float, float, float, float]
 

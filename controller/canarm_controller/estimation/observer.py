@@ -5,6 +5,7 @@ feedback must not enter.
 """
 
 from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from canarm_protocol.cell.model import ObserverGains
 
 from ..cycle import Cycle
 
-Matrix = NDArray[np.float64]
+Matrix: TypeAlias = NDArray[np.float64]
 Acceleration = Callable[[Sequence[float], Sequence[float], Sequence[float]], Sequence[float]]
 """From positions (rad), speeds (rad/s) and applied torques (N·m) to accelerations (rad/s²)."""
 

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from ..errors import TrajectoryError
 from .limits import Floats, Limits, Reference
 
-Bools = NDArray[np.bool_]
+Bools: TypeAlias = NDArray[np.bool_]
 
 BLEND_S = 2.0
 """Duration of the blend from the measured pose."""

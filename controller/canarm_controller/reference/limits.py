@@ -1,7 +1,7 @@
 """What the joints of a cell can follow, and whether a motion stays within it."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from canarm_protocol.cell.model import Cell
 from ..dynamics import Arm, cell_arm
 from ..errors import TrajectoryError
 
-Floats = NDArray[np.float64]
+Floats: TypeAlias = NDArray[np.float64]
 
 CHECKED_AT_ONCE = 4096
 """Samples of a trajectory that are checked together."""

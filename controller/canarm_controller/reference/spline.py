@@ -5,13 +5,13 @@ Nothing here knows about joints, files or control.
 
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+Floats: TypeAlias = NDArray[np.float64]
+Bools: TypeAlias = NDArray[np.bool_]
 STEEPEST = 3.0
 """A cubic between two points is monotone if the slopes at its ends have the secant's sign and are no more than this
 much steeper: F. N. Fritsch and R. E. Carlson, SIAM J. Numer. Anal. 17 (1980) 238.

@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from canarm_protocol.text_file import RowError, csv_rows, finite, read_text
 from ..errors import TrajectoryError
 from .limits import real_numbers
 
-Floats = NDArray[np.float64]
+Floats: TypeAlias = NDArray[np.float64]
 
 TIME_UNITS = {"time_s": 1.0, "time_ms": 1e-3, "time_us": 1e-6}
 ANGLE_UNITS = {"": math.radians(1.0), "_deg": math.radians(1.0), "_rad": 1.0}

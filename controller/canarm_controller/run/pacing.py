@@ -98,7 +98,7 @@ class LockstepPace:
     def __init__(self, period_ns: int, rate: float, clock: Callable[[], int] = time.perf_counter_ns) -> None:
         self._interval_ns = period_ns / rate
         self._clock = clock
-        self._start_ns: float = clock()
+        self._start_ns = float(clock())
 
     def left_s(self, tick: int) -> float:
         """Seconds until the SYNC of `tick` may be sent."""

@@ -5,6 +5,7 @@ their parameters; NMT states, EMCY and time-outs belong to the node.
 """
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from canarm_protocol.canopen.dictionary import ERROR_REGISTER, SYNC_OVERFLOW, SYNC_WINDOW
 from canarm_protocol.canopen.frames import Frame, data_frame
@@ -213,7 +214,7 @@ class Pdos:
         for setter, value in zip(self._setters[layout.number], values, strict=True):
             setter(value)
 
-    def _look_for_refused(self, number: int, values: Sequence[int]) -> None:
+    def _look_for_refused(self, number: int, values: Sequence[Any]) -> None:
         for place, is_refused in self._refusals[number]:
             if is_refused(values[place]):
                 self.refused.add(number)

@@ -7,7 +7,7 @@ import itertools
 import struct
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from canopen.objectdictionary import datatypes
 
@@ -81,7 +81,8 @@ class PdoLayout:
         self.objects = tuple(objects)
         self.size = layout.size
         self.pack: Callable[..., bytes] = layout.pack
-        self.unpack: Callable[[bytes], tuple[int, ...]] = layout.unpack
+        self.unpack: Callable[[bytes], tuple[Any, ...]] = layout.unpack
+        """A number for each object: whole, but for those of type REAL32."""
 
     def __repr__(self) -> str:
         objects = ", ".join(f"0x{mapped.index:04X}:{mapped.subindex:02X}" for mapped in self.objects)

@@ -53,7 +53,7 @@ class CardChannel:
         found = None if layout is None else data.get(layout.cob_id)
         if layout is None or found is None or len(found) < layout.size:
             return None
-        value = layout.unpack(found[: layout.size])[self.position]
+        value: int = layout.unpack(found[: layout.size])[self.position]
         if self.card.kind.is_output:
             return value >> self.start_bit + self.codec.shift & self.codec.full_scale
         return self.codec.code(value)
