@@ -15,7 +15,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup demo test soak check check-format check-lint check-types check-imports check-lock check-wheels \
+.PHONY: help setup demo test soak compiled plain fresh check-compiled check check-format check-lint check-types check-imports check-lock check-wheels \
 	check-docs check-install check-mf4 \
 	check-socketcan bench ablation alarms matrix pair-matrix identification paper rhino robots fuzz docs notice format lock clean
 
@@ -23,14 +23,27 @@ help: ## List the targets
 	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12] [NO_UV=1] [JOBS=2]'
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-demo: setup ## Run the robot, the controller and the dashboard (ARGS="--law mras --seconds 10")
+demo: fresh ## Run the robot, the controller and the dashboard (ARGS="--law mras --seconds 10")
 	@$(BIN)/canarm demo $(ARGS)
 
-test: setup ## Run the tests, but for the long ones (ARGS="-k encoder")
+test: fresh ## Run the tests, but for the long ones (ARGS="-k encoder")
 	$(BIN)/python -m pytest -n $(JOBS) -m "not slow" $(ARGS)
 
-soak: setup ## Run the long tests: 10^6 cycles, 10^6 frames, the whole matrix, processes on the wall clock
+soak: fresh ## Run the long tests: 10^6 cycles, 10^6 frames, the whole matrix, processes on the wall clock
 	$(BIN)/python -m pytest -n $(JOBS) -m slow $(ARGS)
+
+compiled: setup ## Compile what a cycle runs through, beside its source; takes minutes, and a C compiler
+	$(BIN)/python scripts/compiled.py build
+
+plain: setup ## Take that back: the sources run
+	$(BIN)/python scripts/compiled.py plain
+
+fresh: setup
+	@$(BIN)/python scripts/compiled.py fresh
+
+# Not part of check: it compiles for minutes. .ci/run runs both.
+check-compiled: setup ## Compile; are the frames of runs the same to the byte, and do the tests pass? The sources run again afterwards
+	$(BIN)/python scripts/check_compiled.py --jobs $(JOBS) $(ARGS)
 
 check: check-format check-lint check-types check-imports check-lock check-docs test check-wheels check-install check-mf4 ## Run what CI runs, but for soak and check-socketcan
 
@@ -124,6 +137,7 @@ lock: setup ## Bring uv.lock up to date with the pyproject.toml files (ARGS=--up
 setup: $(STAMP) ## Make .venv; done again when a pyproject.toml or uv.lock changes
 
 clean: ## Remove .venv, caches and build results (not runs/)
+	find protocol emulator controller \( -name "*.so" -o -name "*.pyd" \) -delete
 	rm -rf $(VENV) .cache .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis build dist
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 

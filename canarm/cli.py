@@ -22,6 +22,7 @@ from cyclopts.config import Env
 from canarm_protocol.errors import CanarmError, ExitStatus
 from canarm_protocol.shown import LONGEST_LINE, first_line, named_error, printable, printable_lines
 
+from .compiled import how_it_runs
 from .stopping import interrupt_on_terminate
 from .usage import UsageError
 
@@ -32,8 +33,8 @@ LOG_LEVEL = f"{ENVIRONMENT_PREFIX}LOG"
 
 
 def version() -> str:
-    """The version of the installed distribution."""
-    return importlib.metadata.version("canarm")
+    """The version of the installed distribution, and whether it runs compiled."""
+    return f"{importlib.metadata.version('canarm')} ({how_it_runs()})"
 
 
 app = App(

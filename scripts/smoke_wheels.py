@@ -50,7 +50,8 @@ def missing_files(package: str, folder: Path, wheel: Path) -> list[str]:
     with zipfile.ZipFile(wheel) as archive:
         packed = set(archive.namelist())
     sources = (path.relative_to(folder).as_posix() for path in (folder / package).rglob("*") if path.is_file())
-    return sorted(name for name in sources if "__pycache__" not in name and name not in packed)
+    left_out = "__pycache__", ".so", ".pyd"  # make compiled puts libraries beside the sources
+    return sorted(name for name in sources if not any(each in name for each in left_out) and name not in packed)
 
 
 def check_contents(wheels: Mapping[str, Path]) -> None:
