@@ -10,11 +10,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from canarm_controller.dynamics import cell_arm
+from canarm_controller.laws.slotine_li import SlotineLi
 from canarm_controller.laws.tuning import suggested_control
 from canarm_controller.supervision import uncertainty as box
 from canarm_controller.supervision.thresholds import LIGHTEST_SHARE
 from canarm_protocol.cell.cell_checks import problems
-from canarm_protocol.cell.model import Cell
+from canarm_protocol.cell.model import Cell, Control, Motor
 from canarm_protocol.errors import CellError
 
 Value = float | int | str
@@ -26,8 +27,10 @@ HEARTBEAT_CYCLES = 2
 """A heartbeat is sent every second cycle at most."""
 SHORT_DELAY_SHARE = 8
 """The compute delay is one cycle over this if the cell's own delay exceeds a fifth of the cycle."""
-LATE_CYCLES = 2
-"""Cycles from a measurement to the middle of the time in which its command acts, with scan and winding."""
+LATE_CYCLES = 1.5
+"""Cycles from a measurement to the middle of the time in which its command acts; the winding adds its time constant."""
+LATEST_RAD = math.radians(80.0)
+"""How late a law may answer a swing on a wire, as a phase: at 90 degrees nothing of it damps, at 80 a sixth."""
 LONGEST_CYCLE_US = 100_000
 """The longest cycle of any cell."""
 
@@ -129,15 +132,14 @@ def hypercube(axes: Sequence[Axis], count: int, seed: int) -> list[dict[str, Val
     return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
-def truth_of(cell: Cell, draw: Mapping[str, Value]) -> dict[str, str]:
+def truth_of(cell: Cell, draw: Mapping[str, Value], law: str | None = None) -> dict[str, str]:
     """What `--truth` takes for a draw from `robot_box`; an axis that the draw lacks is nominal.
 
-    A wire is elastic where that is drawn and the cycle of `cell` lets a controller bear it.
+    A wire is elastic where that is drawn and `law`, or each of the laws, damps its swing with the cycle of `cell`.
     """
     truth: dict[str, str] = {}
     arm = cell_arm(cell.robot, cell.joint_names)
-    inertias = zip(arm.effective_inertia, arm.rotor_inertia, strict=True)
-    for name, joint, (whole, rotor) in zip(cell.joint_names, cell.joints, inertias, strict=True):
+    for name, joint, whole in zip(cell.joint_names, cell.joints, arm.effective_inertia, strict=True):
         motor = joint.motor
 
         def lay(key: str, value: float | None, owner: str = name) -> None:
@@ -149,7 +151,8 @@ def truth_of(cell: Cell, draw: Mapping[str, Value]) -> dict[str, str]:
             return None if factor is None else float(factor) * nominal
 
         stiffness = times("wire_stiffness", motor.wire_stiffness_nm_rad) or motor.wire_stiffness_nm_rad
-        if draw.get(f"{name}.wire") == "elastic" and _is_borne(stiffness, whole, rotor, cell.bus.cycle_s):
+        rate = _damping_rate(cell.control.of_joint(name), law)
+        if draw.get(f"{name}.wire") == "elastic" and _is_damped(motor, stiffness, whole, rate, cell.bus.cycle_s):
             truth[f"{name}.wire"] = "1"
             lay("wire_stiffness", stiffness)
         lay("coulomb", times("coulomb", motor.coulomb_friction_nm))
@@ -171,13 +174,24 @@ def truth_of(cell: Cell, draw: Mapping[str, Value]) -> dict[str, str]:
     return truth
 
 
-def _is_borne(stiffness_nm_rad: float, whole: float, rotor: float, cycle_s: float) -> bool:
-    """Whether a controller can damp the swing on a wire: acting two cycles late, it pushes where a quarter is shorter.
+def _damping_rate(control: Control, law: str | None) -> float:
+    """Torque of a law by speed over the joint's inertia, 1/s."""
+    usual = 2.0 * control.damping_ratio * control.natural_frequency_rad_s
+    sliding = control.slotine_li.error_rate_rad_s + control.slotine_li.sliding_rate_rad_s
+    return max(usual, sliding) if law is None else sliding if law == SlotineLi.name else usual
 
-    Inertias of joint and rotor in kg·m².
+
+def _is_damped(motor: Motor, stiffness_nm_rad: float, whole: float, rate: float, cycle_s: float) -> bool:
+    """Whether a law damps the swing on a wire, at the inertia of the whole joint, kg·m², although it acts late.
+
+    A torque by speed that is a quarter of a swing late is one by angle: it makes the swing quicker, as a stiffer wire
+    does, and does not damp it.
     """
-    swing_rad_s = math.sqrt(stiffness_nm_rad * (1.0 / rotor + 1.0 / max(whole - rotor, LIGHTEST_SHARE * whole)))
-    return LATE_CYCLES * cycle_s * swing_rad_s <= 0.5 * math.pi
+    latest_rad_s = LATEST_RAD / (LATE_CYCLES * cycle_s + motor.winding_mh * 1e-3 / motor.winding_ohm)
+    rotor = motor.reflected_inertia_kg_m2
+    by_wire = stiffness_nm_rad * (1.0 / rotor + 1.0 / max(whole - rotor, LIGHTEST_SHARE * whole))
+    by_law = box.TORQUE_CONSTANT[1] * rate * whole / rotor * latest_rad_s
+    return by_wire + by_law <= latest_rad_s**2
 
 
 def payload_truth(cell: Cell, share: float) -> dict[str, str]:

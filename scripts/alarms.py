@@ -117,7 +117,7 @@ def run(job: Job) -> Result:
     """One run in virtual time."""
     drawn = job.run
     cell = cell_of(job.cell) if job.cell else retimed(load_cell(CELL), 10 * round(100.0 * float(drawn["cycle"])))
-    truth, changed_at = truth_of(cell, job.robot), None
+    truth, changed_at = truth_of(cell, job.robot, str(drawn["law"])), None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RigWarning)  # 0.8 ms are too short for a bus of 1 Mbit/s; a rig has none
         rig = Rig(cell, str(drawn["law"]), str(drawn["motion"]), seed=int(drawn["seed"]), truth=truth)

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from canarm import Rig
@@ -56,6 +57,39 @@ def test_an_axis_that_is_not_drawn_is_nominal() -> None:
     cell = load_cell("konkuk1")
     assert truth_of(cell, {}) == {}
     assert truth_of(cell, {PAYLOAD.name: 0.5}) == {"joint3.mass": "0.9"}
+
+
+@pytest.mark.parametrize("law", ["pd", "slotine-li"])
+@pytest.mark.parametrize("cycle_us", [2500, 5000, 7000, 9000])
+def test_a_wire_is_drawn_elastic_where_the_sampled_law_damps_its_swing(law: str, cycle_us: int) -> None:
+    """Rotor and link on a spring, and the law's torque by the rotor's speed, held for a cycle, a cycle late."""
+    cell = retimed(load_cell("konkuk1"), cycle_us)
+    control, drawn = cell.control, {}
+    rates = {
+        "pd": 2.0 * control.damping_ratio * control.natural_frequency_rad_s,
+        "slotine-li": control.slotine_li.error_rate_rad_s + control.slotine_li.sliding_rate_rad_s,
+    }
+    for factor in np.geomspace(0.5, 2.0, 9):
+        truth = truth_of(cell, {"joint2.wire": "elastic", "joint2.wire_stiffness": factor}, law)
+        drawn[factor] = "joint2.wire" in truth
+        if drawn[factor]:
+            assert largest_root(200.0 * factor, 0.054, 0.1102 - 0.054, rates[law] * 0.1102, cycle_us * 1e-6) < 1.0
+    assert drawn[0.5] or cycle_us > 8000
+    assert all(drawn.values()) == (cycle_us == 2500 or (cycle_us, law) == (5000, "pd"))
+
+
+def largest_root(stiffness: float, rotor: float, link: float, damping: float, period_s: float) -> float:
+    """The greatest magnitude of the sampled swing's eigenvalues. States: twist, speeds, torque that is held."""
+    rate = np.zeros((4, 4))
+    rate[0, 1:3] = 1.0, -1.0
+    rate[1, (0, 3)] = -stiffness / rotor, 1.0 / rotor
+    rate[2, 0] = stiffness / link
+    step, term = np.eye(4), np.eye(4)
+    for power in range(1, 40):  # the exponential's series
+        term = term @ rate * (period_s / power)
+        step = step + term
+    step[3] = 0.0, -damping, 0.0, 0.0
+    return float(np.abs(np.linalg.eigvals(step)).max())
 
 
 @pytest.mark.filterwarnings("ignore:.*does not fit:canarm.rig.arguments.RigWarning")
