@@ -228,6 +228,7 @@ def _arm_rows(
         why = _source("acceleration_mismatch_rad_s2", limits.acceleration_mismatch_rad_s2, why)
         turned = derived.turned_nm * nominal.mobility_per_kg_m2[1]
         turned_why = f"+{turned:.3g} where it has just turned: {limit.COULOMB_TURN:.3g} x {nominal.coulomb_nm:.3g} N m"
+        turned_why += f"; +{2.0 / limit.BANDWIDTH_RAD_S * derived.payload:.3g} per rad/s at which the payload turns"
         start = f"at the start, on elastic wires, {derived.start_acceleration:.3g}; lasting, more than any payload: "
         start += f"{derived.lasting:.3g}"
         start += reach.beyond_drive(derived.acceleration) or reach.beyond_drive(derived.lasting, "lasting, ")

@@ -81,6 +81,7 @@ class JointState:
         "_upset_at",
         "bias",
         "compliance_rad_nm",
+        "contested_until",
         "cycles",
         "is_agitated",
         "mode",
@@ -88,6 +89,7 @@ class JointState:
         "position_rad",
         "speed",
         "turned_until",
+        "turning_rad_s",
         "velocity_rad_s",
     )  # fmt: skip
 
@@ -122,6 +124,10 @@ class JointState:
         self._marks: tuple[Mark, Mark] = ((0, 0.0, 0.0, 0, 0.0),) * 2
         self._changed_at = 0
         self._set_rate()
+        self.contested_until = -1
+        """Until this cycle a code that stands is no proof: another joint has shown that the arm itself has changed."""
+        self.turning_rad_s = 0.0
+        """How fast the arm turns, all of its joints together."""
         self.compliance_rad_nm = 0.0
         """Of its drive wire, where that is known to be elastic; else 0."""
         self.is_agitated = False
@@ -145,6 +151,11 @@ class JointState:
     def is_elastic(self) -> bool:
         """Whether its drive wire is known to be elastic."""
         return self.compliance_rad_nm > 0.0
+
+    @property
+    def is_witness(self) -> bool:
+        """Whether it contradicts its model by a reading that lives: the arm has changed, and not its tachometer."""
+        return self.is_agitated and self._code_cycles < self._timing.stuck
 
     @property
     def is_upset(self) -> bool:
@@ -183,6 +194,11 @@ class JointState:
         worst = self._thresholds.turned_nm * mobility
         behind = self._payload_share() * self._thresholds.stuck_drift * 2.0 / self._bandwidth_rad_s
         return self.unlearned_friction(self.turned_until, self.cycles, worst) + behind
+
+    @property
+    def behind_rad_s2(self) -> float:
+        """What is not learned yet of a payload that turns with the arm: the observer is two time constants behind."""
+        return self._payload_share() * self._thresholds.payload * self.turning_rad_s * 2.0 / self._bandwidth_rad_s
 
     def _payload_share(self) -> float:
         """How much payload of the box there is: what the model has lacked lately tells, unless the arm has changed."""

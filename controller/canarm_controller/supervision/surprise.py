@@ -28,6 +28,9 @@ JOLT_KEPT = 0.97
 """In 10 ms: a swing of 80 rad/s on a wire with 2 to 3 % of critical damping is a third after half a second."""
 LASTING_SHARE = 0.7
 """Share of the lasting limit that must remain a little later for it not to have been a blow."""
+UNEXCUSED_FACTOR = 2.0
+"""A missing torque counts as against its command if at least half of it has no excuse: a reversed bridge makes 2, and
+what is left is then what an idle one makes."""
 
 
 class SurpriseWatch:
@@ -50,6 +53,8 @@ class SurpriseWatch:
         self._was_forward = [False] * len(joints)
         self._expected_rad_s = [(0.0, 0.0)] * len(joints)
         self._changes, self._jolts = [0.0] * len(joints), [0.0] * len(joints)
+        self._rebounds = [0.0] * len(joints)
+        """Of an arm with an elastic wire, rad/s²: it swings back from what was not expected."""
         self._refresh_s = timing.refresh * timing.period_s
         self._motors = [limit.motor_share for limit in limits]
         self.is_open = False
@@ -57,7 +62,9 @@ class SurpriseWatch:
     def turn(self, speed_rad_s: Sequence[float]) -> None:
         """Once in 10 ms: note which joints turn or stand, for their friction is not known, and what jolts the wires."""
         timing = self._timing
+        turning_rad_s = sum(map(abs, speed_rad_s))
         for index, (joint, speed, limits) in enumerate(zip(self._joints, speed_rad_s, self._limits, strict=True)):
+            joint.turning_rad_s = turning_rad_s
             if not self.is_open:
                 joint.learn_lack()
             is_forward = speed > 0.0
@@ -69,6 +76,7 @@ class SurpriseWatch:
             lasting, self._changes[index] = self._changes[index], expected - 2.0 * last + before
             jolt = abs(self._changes[index] + lasting) / self._refresh_s
             self._jolts[index] = max(jolt, JOLT_KEPT * self._jolts[index])
+            self._rebounds[index] *= JOLT_KEPT
 
     def _shaken_rad_s2(self, index: int, turned_rad_s2: Sequence[float]) -> float:
         """What elastic wires may make of a joint's acceleration: of its own motor, and of links that it carries.
@@ -83,13 +91,17 @@ class SurpriseWatch:
             if not (joint.is_elastic or motor):
                 continue
             jolt = self._jolts[other] + turned_rad_s2[other]
-            shaken += jolt * (motor if other == index else abs(coupling) * own * (1.0 + motor))
+            if other == index:
+                shaken += jolt * motor
+            else:
+                shaken += abs(coupling) * own * (jolt * (1.0 + motor) + abs(self._rebounds[other]))
         return shaken
 
     def open(self, count: int, speed_rad_s: Sequence[float]) -> None:
         """A joint has been agitated in cycle `count`."""
         self._calm_bias = [joint.bias for joint in self._joints]
         self.is_open = True
+        self._hear_witnesses()
         self._begin(count, speed_rad_s)
 
     def cancel(self) -> None:
@@ -101,6 +113,7 @@ class SurpriseWatch:
 
     def step(self, count: int, speed_rad_s: Sequence[float], acted_nm: Sequence[float], may_stop: bool) -> None:
         """One cycle. `acted_nm` acted since the last."""
+        self._hear_witnesses()
         for index, torque_nm in enumerate(acted_nm):
             self._applied_nm[index] += torque_nm
             if self._lasting_at[index] and count >= self._lasting_at[index]:
@@ -110,6 +123,14 @@ class SurpriseWatch:
             self.is_open = False
         elif count >= self._at:
             self._assess(count, speed_rad_s, may_stop)
+
+    def _hear_witnesses(self) -> None:
+        """Where a joint contradicts its model with a living code, the arm has changed, and another's may stand."""
+        for joint in self._joints:
+            if joint.is_witness:
+                for other in self._joints:
+                    if other is not joint:
+                        other.contested_until = other.cycles + self._timing.stuck_sure
 
     def _begin(self, count: int, speed_rad_s: Sequence[float]) -> None:
         self._at = count + self._timing.assessed
@@ -144,17 +165,22 @@ class SurpriseWatch:
             unexpected = missing_nm[index] * own
             if joint.mode not in (Mode.SOUND, Mode.STEP):
                 continue
-            excused = turned[index] + self._shaken_rad_s2(index, turned)
-            may_judge = may_stop and not is_start and abs(unexpected) > excused
+            excused = turned[index] + self._shaken_rad_s2(index, turned) + joint.behind_rad_s2
+            if unexpected * self._rebounds[index] < 0.0:
+                excused += abs(self._rebounds[index])
+            may_judge = may_stop and not is_start and abs(unexpected) > UNEXCUSED_FACTOR * excused
             self._judge_direction(index, missing_nm[index], self._begun[index][2] / own, may_judge)
             allowed = limits.start_acceleration if is_swinging else limits.acceleration * joint.noisiness
             if abs(unexpected) > allowed + excused and not joint.accuse_code():
                 is_unexpected = True
+                if any(each.is_elastic for each in self._joints):
+                    self._rebounds[index] = unexpected
                 worth_a = missing_nm[index] / self._per_ampere[index]
                 detail = f"{unexpected:+.0f} rad/s2 beyond the model, {worth_a:+.2f} A worth of torque"
                 self._report("acceleration-mismatch", index, detail, None)
                 if joint.mode is Mode.SOUND:
-                    joint.settle(extra[index] - (joint.bias - self._begun[index][2]))
+                    share = 1.0 + self._motors[index] if joint.is_elastic else 1.0
+                    joint.settle(extra[index] / share - (joint.bias - self._begun[index][2]))
             if not may_stop:
                 self._calm_bias[index], self._lasting_at[index] = joint.bias, 0
             elif abs(joint.bias - self._calm_bias[index]) > limits.lasting and not is_swinging:

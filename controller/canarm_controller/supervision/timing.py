@@ -30,7 +30,8 @@ LASTING_S = 0.025
 STUCK_S, STUCK_CYCLES = 0.02, (3, 8)
 """A code unchanged for this time (within these bounds of readings) may be stuck: noise changes it sooner."""
 STUCK_SURE_S, STUCK_SURE_CYCLES = 0.06, (8, 24)
-"""A code unchanged for this time agrees with nothing."""
+"""A code unchanged for this time agrees with nothing; on an elastic wire, where a motor's speed stands at either end of
+a swing, not sooner than that, however many readings it takes."""
 STEP_S, SHORTEST_STEP_CYCLES = 0.0225, 4
 """Longest time to decide on a step of the speed, and the least number of readings."""
 ABRUPT_S, SHORTEST_ABRUPT_CYCLES = 0.06, 12
@@ -62,6 +63,7 @@ class Timing:
     lasting: int
     stuck: int
     stuck_sure: int
+    stuck_swinging: int
     step: int
     abrupt: int
     window: int
@@ -94,6 +96,7 @@ class Timing:
             unsettled=cycles(UNSETTLED_S),
             lasting=cycles(LASTING_S, 2),
             stuck=min(cycles(STUCK_S, STUCK_CYCLES[0]), STUCK_CYCLES[1]),
+            stuck_swinging=cycles(STUCK_SURE_S, STUCK_SURE_CYCLES[0]),
             stuck_sure=min(cycles(STUCK_SURE_S, STUCK_SURE_CYCLES[0]), STUCK_SURE_CYCLES[1]),
             step=cycles(STEP_S, SHORTEST_STEP_CYCLES),
             abrupt=cycles(ABRUPT_S, SHORTEST_ABRUPT_CYCLES),

@@ -99,14 +99,16 @@ class JointWitness(SensorLess):
             self._code_at, self._code_turned, self._code_swing = count, self.turned_until, self._swing
         else:
             cycles = self._code_cycles = self._code_cycles + 1
-            if cycles >= self._stuck_cycles and count >= self._calm_at:
+            if cycles >= self._stuck_cycles and count >= self._calm_at and count >= self.contested_until:
                 stood_s = (count - self._code_at) * period_s
                 moved = model - self._code_model + stood_s * self._code_bias
-                limit = self._stuck_limit if cycles >= self._timing.stuck_sure else STUCK_HASTE * self._stuck_limit
+                timing = self._timing
+                is_sure = cycles >= (timing.stuck_swinging if self.compliance_rad_nm else timing.stuck_sure)
+                limit = self._stuck_limit if is_sure else STUCK_HASTE * self._stuck_limit
                 is_far = not -limit < moved < limit and self._is_beyond_model(
                     moved, limit, stood_s, self._code_at, self._code_turned, self._code_swing
                 )
-                is_far = is_far or (cycles >= self._timing.stuck_sure and self._goes_on(model, bias))
+                is_far = is_far or (is_sure and self._goes_on(model, bias))
                 is_stuck = is_far or self._accused_at == self._code_at
         if x_code != self._x_code:
             self._x_code, self._x_travel = x_code, travel
@@ -195,6 +197,7 @@ class JointWitness(SensorLess):
         It is then called stuck. An arm that accelerates changes the code; one that was stopped shows that it stands.
         """
         is_shown = abs(self._last_rad_s) >= self._thresholds.standing and 0 < self._code < self._highest_speed_code
+        is_shown = is_shown and self.cycles >= self.contested_until
         self._accused_at = self._code_at if is_shown and self._code_cycles >= self._stuck_cycles else -1
         return self._accused_at >= 0
 
