@@ -175,10 +175,12 @@ def truth_of(cell: Cell, draw: Mapping[str, Value], law: str | None = None) -> d
 
 
 def _damping_rate(control: Control, law: str | None) -> float:
-    """Torque of a law by speed over the joint's inertia, 1/s."""
-    usual = 2.0 * control.damping_ratio * control.natural_frequency_rad_s
-    sliding = control.slotine_li.error_rate_rad_s + control.slotine_li.sliding_rate_rad_s
-    return max(usual, sliding) if law is None else sliding if law == SlotineLi.name else usual
+    """Torque of a law by speed over the joint's inertia, 1/s; of the quickest law of the cell if None."""
+    usual, gains = 2.0 * control.damping_ratio * control.natural_frequency_rad_s, control.slotine_li
+    if gains is None or law not in (None, SlotineLi.name):
+        return usual
+    sliding = gains.error_rate_rad_s + gains.sliding_rate_rad_s
+    return max(usual, sliding) if law is None else sliding
 
 
 def _is_damped(motor: Motor, stiffness_nm_rad: float, whole: float, rate: float, cycle_s: float) -> bool:

@@ -64,10 +64,11 @@ def test_an_axis_that_is_not_drawn_is_nominal() -> None:
 def test_a_wire_is_drawn_elastic_where_the_sampled_law_damps_its_swing(law: str, cycle_us: int) -> None:
     """Rotor and link on a spring, and the law's torque by the rotor's speed, held for a cycle, a cycle late."""
     cell = retimed(load_cell("konkuk1"), cycle_us)
-    control, drawn = cell.control, {}
+    control, gains, drawn = cell.control, cell.control.slotine_li, {}
+    assert gains is not None
     rates = {
         "pd": 2.0 * control.damping_ratio * control.natural_frequency_rad_s,
-        "slotine-li": control.slotine_li.error_rate_rad_s + control.slotine_li.sliding_rate_rad_s,
+        "slotine-li": gains.error_rate_rad_s + gains.sliding_rate_rad_s,
     }
     for factor in np.geomspace(0.5, 2.0, 9):
         truth = truth_of(cell, {"joint2.wire": "elastic", "joint2.wire_stiffness": factor}, law)
