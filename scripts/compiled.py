@@ -144,7 +144,8 @@ def main() -> int:
         elif what == "plain":
             print(f"plain: {remove()} libraries removed; the sources run")
         elif changed := stale():
-            raise CompileError(f"{', '.join(changed)}: not the source that was compiled. make compiled, or make plain")
+            named = changed[0] if len(changed) == 1 else f"{changed[0]} and {len(changed) - 1} more"
+            raise CompileError(f"{named}: not the source that was compiled. make compiled, or make plain")
     except (CompileError, subprocess.TimeoutExpired) as error:
         remove() if what == "build" else None
         print(f"compiled: {error}", file=sys.stderr)

@@ -75,6 +75,18 @@ def test_a_library_of_which_nobody_knows_the_source_is_stale(tree: Path) -> None
     assert compiled.stale(tree) == ["protocol/canarm_protocol/cycle.py"]
 
 
+def test_one_line_says_that_other_sources_were_compiled(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["compiled.py", "fresh"])
+    monkeypatch.setattr(compiled, "stale", lambda: ["emulator/canarm_emulator/cycle.py", "b.py", "c.py"])
+    assert compiled.main() == 1
+    assert capsys.readouterr().err == (
+        "compiled: emulator/canarm_emulator/cycle.py and 2 more: not the source that was compiled. "
+        "make compiled, or make plain\n"
+    )
+
+
 def test_without_libraries_nothing_is_stale(tree: Path) -> None:
     assert compiled.remove(tree) == 6
     (tree / "emulator" / "canarm_emulator" / "cycle.py").write_text("PERIOD_US = 1000\n")
