@@ -28,9 +28,6 @@ JOLT_KEPT = 0.97
 """In 10 ms: a swing of 80 rad/s on a wire with 2 to 3 % of critical damping is a third after half a second."""
 LASTING_SHARE = 0.7
 """Share of the lasting limit that must remain a little later for it not to have been a blow."""
-UNEXCUSED_FACTOR = 2.0
-"""A missing torque counts as against its command if at least half of it has no excuse: a reversed bridge makes 2, and
-what is left is then what an idle one makes."""
 
 
 class SurpriseWatch:
@@ -168,7 +165,7 @@ class SurpriseWatch:
             excused = turned[index] + self._shaken_rad_s2(index, turned) + joint.behind_rad_s2
             if unexpected * self._rebounds[index] < 0.0:
                 excused += abs(self._rebounds[index])
-            may_judge = may_stop and not is_start and abs(unexpected) > UNEXCUSED_FACTOR * excused
+            may_judge = may_stop and not is_start and abs(unexpected) > excused
             self._judge_direction(index, missing_nm[index], self._begun[index][2] / own, may_judge)
             allowed = limits.start_acceleration if is_swinging else limits.acceleration * joint.noisiness
             if abs(unexpected) > allowed + excused and not joint.accuse_code():
