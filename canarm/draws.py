@@ -25,6 +25,8 @@ BISECTIONS = 60
 """Halvings of the interval 0 to 1: finer than a float resolves."""
 HEARTBEAT_CYCLES = 2
 """A heartbeat is sent every second cycle at most."""
+SILENT_HEARTBEATS = 2
+"""A card is silent for so many heartbeats at least before it is missed."""
 SHORT_DELAY_SHARE = 8
 """The compute delay is one cycle over this if the cell's own delay exceeds a fifth of the cycle."""
 LATE_CYCLES = 1.5
@@ -212,6 +214,9 @@ def retimed(cell: Cell, cycle_us: int) -> Cell:
     bus = table["bus"]
     own_us, bus["cycle_us"] = bus["cycle_us"], cycle_us
     bus["heartbeat_ms"] = max(bus["heartbeat_ms"], math.ceil(HEARTBEAT_CYCLES * cycle_us / 1000))
+    if table["supervision"].get("silent_card_ms") is not None:
+        least_ms = SILENT_HEARTBEATS * bus["heartbeat_ms"]
+        table["supervision"]["silent_card_ms"] = max(table["supervision"]["silent_card_ms"], least_ms)
     if 5 * bus["compute_delay_us"] > cycle_us:
         bus["compute_delay_us"] = cycle_us // SHORT_DELAY_SHARE
     other = Cell.model_validate(table)

@@ -45,6 +45,45 @@ def test_a_heartbeat_is_lost_after_its_timeout_and_not_before(supervisor: Superv
     assert str(verdict) == "heartbeat-lost: card 'dac' (node 0x12) silent for 100 ms"
 
 
+def test_a_card_that_is_silent_while_others_are_heard_is_missed_within_20_ms() -> None:
+    """Cards of the pair say every 7 ms that they are there: every third cycle at the most."""
+    cell = load_cell("rhino-pair")
+    supervisor = Supervisor(cell, card_nodes(cell))
+    nodes = [card.node_id for card in cell.card]
+    silent = nodes.index(0x21)
+
+    def heard(tick: int, each: list[int]) -> None:
+        for node_id in each:
+            assert supervisor.message(beat(node_id, OPERATIONAL), tick) is None
+
+    for tick in (0, 3, 6):
+        assert supervisor.begin_cycle(tick) is None
+        heard(tick, nodes)
+    for tick in (9, 12):
+        assert supervisor.begin_cycle(tick) is None
+        heard(tick, nodes[:silent] + nodes[silent + 1 :])
+    verdict = supervisor.begin_cycle(13)
+    assert str(verdict) == (
+        "heartbeat-lost: card 'slave-dac1' (node 0x21) silent for 15 ms, while other cards are heard"
+    )
+    assert (13 - 6) * cell.bus.cycle_s <= 0.02
+
+
+def test_cards_that_are_all_silent_have_the_whole_time() -> None:
+    """A busy machine: they are heard again one after the other, each once."""
+    cell = load_cell("rhino-pair")
+    supervisor = Supervisor(cell, card_nodes(cell))
+    nodes = [card.node_id for card in cell.card]
+    for tick in (0, 3, 6):
+        for node_id in nodes:
+            supervisor.message(beat(node_id, OPERATIONAL), tick)
+    for tick in range(7, 7 + TIMEOUT_CYCLES):
+        assert supervisor.begin_cycle(tick) is None
+    for node_id in nodes[1:]:
+        supervisor.message(beat(node_id, OPERATIONAL), 46)
+        assert supervisor.begin_cycle(46) is None
+
+
 @pytest.mark.parametrize(
     ("state", "name"),
     [(BOOT_UP, "BOOT_UP"), (STOPPED, "STOPPED"), (PRE_OPERATIONAL, "PRE_OPERATIONAL"), (b"\x42", "0x42")],

@@ -73,7 +73,11 @@ class Supervisor:
         self._controller_heartbeat = Cob.HEARTBEAT + bus.controller_node_id
         self._timeout_cycles = math.ceil(bus.heartbeat_timeout_ms * 1000 / bus.cycle_us)
         self._timeout_ms = bus.heartbeat_timeout_ms
+        self._silent_ms = min(limits.silent_card_ms or self._timeout_ms, self._timeout_ms)
+        self._silent_cycles = math.ceil(self._silent_ms * 1000 / bus.cycle_us)
         self._last_heartbeat = dict.fromkeys(self._cards, 0)
+        self._heartbeat_before = dict(self._last_heartbeat)
+        """The one before the last of each card."""
         self._heard = 0
         """No card's last heartbeat is older than this cycle."""
         self._started: set[int] = set()
@@ -120,6 +124,7 @@ class Supervisor:
                 detail = f"card {name!r} (node 0x{node_id:02X}) is in {state}, not OPERATIONAL"
                 return Verdict("card-state", detail, name)
             self._started.add(node_id)
+            self._heartbeat_before[node_id] = self._last_heartbeat[node_id]
             self._last_heartbeat[node_id] = tick
         elif can_id == _EMERGENCY + node_id:
             try:
@@ -176,8 +181,11 @@ class Supervisor:
         return Verdict("deadline-missed", f"SYNC late in {self._late_cycles} cycles in a row")
 
     def begin_cycle(self, tick: int) -> Verdict | None:
-        """Judge missing heartbeats of the cards."""
-        if tick - self._heard <= self._timeout_cycles:
+        """Judge missing heartbeats of the cards.
+
+        A card that is silent while another has been heard twice is missed sooner: a busy machine silences all.
+        """
+        if tick - self._heard <= self._silent_cycles:
             return None
         self._heard = min(self._last_heartbeat.values(), default=tick)
         for node_id, last in self._last_heartbeat.items():
@@ -186,6 +194,17 @@ class Supervisor:
                 return Verdict(
                     "heartbeat-lost",
                     f"card {self._cards[node_id]!r} (node 0x{node_id:02X}) {what} for {self._timeout_ms} ms",
+                    self._cards[node_id],
+                )
+        if self._silent_cycles == self._timeout_cycles:
+            return None
+        heard_twice = max(self._heartbeat_before.values())
+        for node_id, last in self._last_heartbeat.items():
+            if node_id in self._started and tick - last > self._silent_cycles and heard_twice > last:
+                return Verdict(
+                    "heartbeat-lost",
+                    f"card {self._cards[node_id]!r} (node 0x{node_id:02X}) silent for {self._silent_ms} ms, "
+                    "while other cards are heard",
                     self._cards[node_id],
                 )
         return None

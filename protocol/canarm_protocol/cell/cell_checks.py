@@ -50,6 +50,7 @@ def problems(cell: Cell) -> Iterator[str]:
     if cell.object is not None:
         yield from carried_problems(cell.object, cell.robot)
     yield from _card_problems(cell)
+    yield from _silence_problems(cell)
     robots = {robot.name for robot in cell.robot}
     wiring = list(_wiring_problems(cell))
     yield from wiring
@@ -77,6 +78,15 @@ def _bus_problems(bus: Bus) -> Iterator[str]:
         yield f"bus.bench_node_id = 0x{bus.bench_node_id:02X}: must be 0x{first:02X} to 0x{last:02X}"
     if bus.controller_node_id == bus.bench_node_id:
         yield f"bus.controller_node_id = 0x{bus.controller_node_id:02X}: is bench_node_id; on the bench bus they meet"
+
+
+def _silence_problems(cell: Cell) -> Iterator[str]:
+    silent_ms, heartbeat_ms = cell.supervision.silent_card_ms, cell.bus.heartbeat_ms
+    if silent_ms is not None and silent_ms < 2 * heartbeat_ms:
+        yield (
+            f"supervision.silent_card_ms = {silent_ms}: must be at least twice bus.heartbeat_ms = {heartbeat_ms}, "
+            "or one late heartbeat stops the robot"
+        )
 
 
 def _card_problems(cell: Cell) -> Iterator[str]:

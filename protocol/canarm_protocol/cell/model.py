@@ -165,6 +165,7 @@ class Supervision(Table):
     """
 
     missing_cycles: Annotated[int, Field(ge=1, le=1000)] | None = None
+    silent_card_ms: Annotated[int, Field(ge=1, le=10_000)] | None = None
     range_margin_deg: NonNegative | None = None
     max_position_step_deg: Positive | None = None
     position_jump_lsb: Positive | None = None
