@@ -6,11 +6,13 @@ Draws moment, seed, law, motion and truth; every fault of a draw continues from 
 import argparse
 import math
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from canarm import Rig, State
 from canarm.workers.forking import in_copy
+from canarm_emulator.bench.bench import Bench
+from canarm_emulator.robot.carried import ObjectState
 from canarm_protocol.cell import Cell, load_cell
 from canarm_protocol.cell.sensing import position_steps_rad
 
@@ -19,8 +21,8 @@ MOTIONS = (
     "circle", "circle:seconds=2.5", "circle:radius_mm=20,plane=xy", "line:y_mm=40,seconds=4",
     "arc:radius_mm=15,angle_deg=180,plane=xz",
 )  # fmt: skip
-FIRST_S, LAST_S = 1.0, 5.0
-"""Between these the fault begins."""
+FIRST_S, LAST_S = 4.0, 9.0
+"""Between these the fault begins: within a lap of 5 s, once the joints are homed and on their path."""
 WATCHED_S, AFTER_S = 2.0, 2.0
 """How long the controller has, and how long the cards are then left alone."""
 TOGETHER_MS = 20.0
@@ -40,6 +42,8 @@ class Outcome:
     grip_n: float
     is_lost: bool
     draw: str
+    due: float = math.nan
+    """Share of a count that the joint is to turn within `TOGETHER_MS`: what any detector could know by then."""
 
 
 def faults(cell: Cell, kind: str) -> Iterator[tuple[str, str, list[Fault]]]:
@@ -88,6 +92,7 @@ def drawn_rig(cell: Cell, seed: str) -> tuple[Rig, float, str]:
 def outcome(rig: Rig, group: str, name: str, injected: list[Fault], draw: str) -> Outcome:
     """Go on with the faults: two seconds of the controller, then two of the cards alone."""
     begin_s, before, tick = rig.time_s, len(rig.detections), rig.controller.tick
+    due = due_counts(rig, name) if name in rig.cell.joint_names else math.nan
     for tap, fault, parameters in injected:
         rig.inject(tap, fault, **parameters)
     if injected:
@@ -96,13 +101,31 @@ def outcome(rig: Rig, group: str, name: str, injected: list[Fault], draw: str) -
     while rig.time_s < begin_s + WATCHED_S + AFTER_S:
         bench.advance(bench.time_ns + 10_000_000)
         bench.catch_up()
-        carried = bench.world.object
-        assert carried is not None
-        grip_n = max(grip_n, math.hypot(*carried.master_force_n), math.hypot(*carried.slave_force_n))
+        grip_n = max(grip_n, *map(_length, (object_of(bench).master_force_n, object_of(bench).slave_force_n)))
     stops = [each for each in rig.detections[before:] if each.reaction.stops]
     stop_ms = (stops[0].tick - tick) * rig.cell.bus.cycle_us / 1000 if stops else None
     detector = stops[0].detector if stops else ""
-    return Outcome(group, name, stop_ms, detector, grip_n, bool(carried.lost), draw)
+    return Outcome(group, name, stop_ms, detector, grip_n, bool(object_of(bench).lost), draw, due)
+
+
+def object_of(bench: Bench) -> ObjectState:
+    """The object as it is now."""
+    carried = bench.world.object
+    assert carried is not None
+    return carried
+
+
+def _length(force_n: Sequence[float]) -> float:
+    return math.hypot(*force_n)
+
+
+def due_counts(rig: Rig, joint: str) -> float:
+    """The share of a count that the reference of a joint goes within `TOGETHER_MS`, at most 1."""
+    index, cycle_s = rig.cell.joint_names.index(joint), rig.cell.bus.cycle_s
+    cycles = round(TOGETHER_MS / 1000 / cycle_s)
+    reference = rig.controller.loop.trajectory.sample(rig.controller.tick, cycles + 1, cycle_s)
+    gone_rad = reference.position_rad[-1][index] - reference.position_rad[0][index]
+    return min(abs(float(gone_rad)) / position_steps_rad(rig.cell)[index], 1.0)
 
 
 def _since(rig: Rig, begin_s: float) -> Iterator[float]:
@@ -142,8 +165,9 @@ def free(rig: Rig, draw: str) -> Outcome:
 
 def table(found: list[Outcome]) -> Iterator[str]:
     """The groups in Markdown."""
-    yield "| fault | runs | stopped | within 20 ms | median, worst | grip: median, worst | object lost |"
-    yield "|---|---|---|---|---|---|---|"
+    heads = "fault", "runs", "stopped", "within 20 ms", "a count is due", "median, worst", "grip: median, worst", "lost"
+    yield f"| {' | '.join(heads)} |"
+    yield "|---|---|---|---|---|---|---|---|"
     for group in dict.fromkeys(each.group for each in found):
         rows = [each for each in found if each.group == group]
         stops = sorted(each.stop_ms for each in rows if each.stop_ms is not None)
@@ -151,10 +175,21 @@ def table(found: list[Outcome]) -> Iterator[str]:
         soon = sum(stop <= TOGETHER_MS for stop in stops)
         times = f"{stops[len(stops) // 2]:g}, {stops[-1]:g} ms" if stops else ""
         lost = sum(each.is_lost for each in rows)
+        due = [each.due for each in rows if not math.isnan(each.due)]
+        can = f"{100 * sum(due) / len(due):.0f} %" if due else ""
+        low, high = likely(soon, len(rows))
+        share = f"{soon}, {100 * low:.0f} to {100 * high:.0f} %"
         yield (
-            f"| {group} | {len(rows)} | {len(stops)} | {soon} | {times} | "
+            f"| {group} | {len(rows)} | {len(stops)} | {share} | {can} | {times} | "
             f"{grips[len(grips) // 2]:.1f}, {grips[-1]:.1f} N | {lost} |"
         )
+
+
+def likely(hits: int, of: int) -> tuple[float, float]:
+    """The share behind `hits` of so many, with 95 % confidence (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
+    z, share = 1.96, hits / of
+    middle, half = share + z * z / (2 * of), z * math.sqrt(share * (1 - share) / of + (z / (2 * of)) ** 2)
+    return max((middle - half) / (1 + z * z / of), 0.0), min((middle + half) / (1 + z * z / of), 1.0)
 
 
 def main() -> None:

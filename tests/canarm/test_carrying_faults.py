@@ -15,8 +15,11 @@ from canarm.matrix.rig_run import AtOnset
 from canarm.open_cell import open_cell
 from canarm.soundness import unsound
 from canarm_protocol.cell import load_cell
+from canarm_protocol.cell.cell_file import shipped_cells
+from canarm_protocol.cell.model import Cell
 
 CELL = load_cell("rhino-pair")
+SLAVE = CELL.robot[1]
 sys.path.append(str(Path(__file__).parent.parent.parent / "scripts"))
 script = importlib.import_module("carrying_faults")
 
@@ -42,6 +45,73 @@ def test_when_the_controller_dies_the_cards_carry_the_arms(seed: str) -> None:
     found = script.outcome(rig, "", "", [], draw)
     assert not found.is_lost
     assert found.grip_n < rig.object.slip_force_n / 2
+
+
+def shoulder_a(rig: Rig) -> float:
+    """The current of the slave's shoulder."""
+    return abs(rig._bench.world.state()[CELL.joint_names.index("slave_shoulder")].current_a)
+
+
+def lost_as(policy: str) -> Cell:
+    """The pair, with another policy of its slave; one that holds, and one that is switched off, has no error values."""
+    slave = SLAVE.model_copy(update={"when_lost": policy})
+    cards = tuple(
+        card.model_copy(update={"channel": tuple(each.model_copy(update={"error_value": 0}) for each in card.channel)})
+        if card.robot == "slave" and policy != "carry"
+        else card
+        for card in CELL.card
+    )
+    return CELL.model_copy(update={"robot": (CELL.robot[0], slave), "card": cards})
+
+
+@pytest.mark.parametrize("policy", ["off", "carry", "hold"])
+def test_each_robot_has_its_own_policy_for_cards_that_have_lost_the_controller(policy: str) -> None:
+    """The shoulder that bears most: no current, what carries it at home (136 of 255 steps), or what it had."""
+    with Rig(lost_as(policy)) as rig:
+        rig.run(seconds=0.5)
+        before_a = shoulder_a(rig)
+        bench = rig._bench
+        goal_ns = bench.time_ns + 1_000_000 * (CELL.bus.heartbeat_timeout_ms + 20)
+        while bench.time_ns < goal_ns:
+            bench.advance(bench.time_ns + 2_500_000)
+            bench.catch_up()
+        after_a = shoulder_a(rig)
+    carried_a = 136 / 255 * 1.5
+    assert before_a != pytest.approx(carried_a, abs=0.01)
+    assert after_a == pytest.approx({"off": 0.0, "carry": carried_a, "hold": before_a}[policy], abs=0.01)
+
+
+def test_the_page_says_what_each_cell_with_an_object_decides() -> None:
+    page = (Path(__file__).parent.parent.parent / "docs" / "carrying.md").read_text()
+    for name in shipped_cells():
+        cell = load_cell(name)
+        if cell.object is not None:
+            assert {robot.when_lost for robot in cell.robot} == {"carry"}
+            assert f'| `"carry"`, `{name}` |' in page
+
+
+@pytest.mark.parametrize(
+    ("tap", "fault", "parameters", "detector", "within_ms"),
+    [
+        ("slave_elbow.encoder", "offset", {"value": -4}, "encoder-jump", 20.0),
+        pytest.param("master_shoulder.encoder", "offset", {"value": -2}, "encoder-jump", 20.0, marks=pytest.mark.slow),
+        ("slave_elbow.link", "joint-jam", {}, "encoder-stuck", 45.0),
+        pytest.param("slave_elbow.encoder", "stuck", {}, "encoder-stuck", 45.0, marks=pytest.mark.slow),
+        ("node.0x21", "line-broken", {}, "heartbeat-lost", 20.0),
+        pytest.param("node.0x14", "hang", {}, "heartbeat-lost", 20.0, marks=pytest.mark.slow),
+    ],
+)
+def test_what_shows_within_20_ms_stops_both_robots_by_then(
+    tap: str, fault: str, parameters: dict[str, float], detector: str, within_ms: float
+) -> None:
+    """Of a jam only the next count can tell, here within 25 ms (the elbow makes 41 a second), and that it is late."""
+    with Rig(CELL, seed=3) as rig:
+        rig.run(seconds=5.0)
+        found = script.outcome(rig, "", "", [(tap, fault, parameters)], "")
+        assert found.detector == detector
+        assert found.stop_ms <= within_ms
+        assert not found.is_lost
+        assert found.grip_n < rig.object.slip_force_n / 2
 
 
 @pytest.mark.slow

@@ -76,6 +76,8 @@ class HeldMotion:
         self._rows: Rows = ()
         self._answer: Rows = ()
         self._drift: Numbers = ()
+        self.borne: Floats = np.zeros((0, 0))
+        """What the grips bear of M⁻¹: a torque τ makes M⁻¹·τ less this times τ."""
 
     def refresh(self, q: Numbers, qd: Numbers, mobilities: Sequence[Rows]) -> None:
         """Look up what changes slowly. `mobilities` are the M⁻¹ of the cell's robots, rotors included."""
@@ -87,6 +89,7 @@ class HeldMotion:
             across[own] = np.array(block) @ rows[:, own].T
             first = own.stop
         answer = np.linalg.solve(rows @ across, across.T).T
+        self.borne = answer @ across.T
         self._rows, self._answer, self._drift = rows.tolist(), answer.tolist(), drift.tolist()
 
     def accelerations(self, free_rad_s2: Numbers) -> Numbers:

@@ -21,6 +21,7 @@ from .hold import SafeHold
 from .joint_state import Mode
 from .limits import Report
 from .nominal import joint_nominals
+from .overdue import CountWatch
 from .start_pose import StartPose
 from .stops import Stops, held
 from .supply import Supply
@@ -68,6 +69,7 @@ class ArmWatch:
             self.joints.append(kind(nominal, limit, timing, tell))
             sense = nominal.current
             self.currents.append(None if sense is None else CurrentWatch(nominal, sense, limit, timing, tell))
+        self._counts = CountWatch(self.joints, self._nominals, timing, self._accuse_count)
         self._pair = (self.joints[0], self.joints[1]) if len(self.joints) == 2 else None
         self._senses = [(index, current) for index, current in enumerate(self.currents) if current is not None]
         self._robots: list[_RobotWatch] = []
@@ -113,6 +115,7 @@ class ArmWatch:
         self._settled_rad_s2.clear()
         self._unseen = ()
         self._pose.start()
+        self._counts.start()
         if self.grips is not None:
             self.grips.start()
         self._refresh(position_rad, (0.0,) * len(self.joints))
@@ -133,6 +136,7 @@ class ArmWatch:
             accelerations = self._from_rest(accelerations, cycle, last_nm)
         if self._stops.near:
             accelerations = self._at_stops(accelerations, cycle.position_rad)
+        self._counts.take(cycle.position_rad, accelerations)
         if self._pair is not None and not self._unseen:  # two joints without a loop: a fifth of the time of `step`
             first, second = self._pair
             (x1, x2), (v1, v2), (a1, a2) = cycle.position_rad, measured_rad_s, accelerations
@@ -179,6 +183,7 @@ class ArmWatch:
     def follow(self, cycle: Cycle) -> None:
         """Judge the following error of one cycle, once its reference is known."""
         self._following.step(self._cycle, cycle)
+        self._counts.follow(cycle.reference_rad)
 
     def coast(self, cycle: Cycle) -> None:
         """A cycle without measurements: the law gets the model's prediction."""
@@ -286,6 +291,7 @@ class ArmWatch:
             robot.surprise.cancel()
         self._is_surprised = False
         self._following.gap(self._cycle)
+        self._counts.forget()
 
     def _act(self, applied_nm: Sequence[float]) -> None:
         """Commands that act from this SYNC on."""
@@ -321,8 +327,10 @@ class ArmWatch:
             speeds = speed_rad_s[robot.joints]
             robot.expected.refresh(position_rad[robot.joints], speeds)
             robot.twist(speeds, self._last_nm[robot.joints])
+        mobilities = [robot.expected.mobility for robot in self._robots]
         if self._held is not None:
-            self._held.refresh(position_rad, speed_rad_s, [robot.expected.mobility for robot in self._robots])
+            self._held.refresh(position_rad, speed_rad_s, mobilities)
+        self._counts.look(mobilities, None if self._held is None else self._held.borne)
 
     def _own_mobility(self, index: int) -> float:
         robot = self._robot_of[index]
@@ -333,6 +341,11 @@ class ArmWatch:
         """Whether an amplifier at its limit is an excuse: not if sensors or current are suspect too."""
         current = self.currents[index]
         return self.joints[index].mode is Mode.SOUND and not (current is not None and current.is_given_up)
+
+    def _accuse_count(self, index: int, detail: str) -> None:
+        joint = self.joints[index]
+        if index not in self._unseen and isinstance(joint, TachlessWitness):
+            joint.accuse_standing(detail)
 
     def _teller(self, index: int) -> Report:
         doubt = self._timing.doubt

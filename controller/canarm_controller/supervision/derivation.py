@@ -17,9 +17,10 @@ from .detection import DETECTORS, named_for
 from .following import NORMAL_FACTOR
 from .grip_watch import FIRST_S, OBJECT_LOST, SURE, TAKEN_UP_S, TIMES, UNSURE, grip_limits
 from .nominal import JointNominal, joint_nominals, sensor_nominal
+from .overdue import HELD_SHARE, SURE_SHARE, is_counted
 from .reach import Reach
 from .sensor_less import BLIND_FACTOR, PERSISTENT_CYCLES
-from .tachless import STUCK_FACTOR, UNLEARNED_SHARE, least_travel_rad
+from .tachless import STUCK_FACTOR, UNLEARNED_SHARE, least_travel_rad, sudden_rad
 from .thresholds import Thresholds, cell_thresholds
 from .timing import Timing
 
@@ -102,7 +103,7 @@ def joint_rows(
 ) -> list[Row]:
     """The detectors of one joint that have a limit."""
     rows = [
-        *_position_rows(nominal, derived, limits, reach),
+        *_position_rows(nominal, derived, limits, timing, reach),
         *_speed_rows(nominal, derived, limits, reach),
         *_current_rows(nominal, derived, limits, reach),
         *_arm_rows(nominal, derived, limits, timing, reach),
@@ -142,11 +143,15 @@ def _range_rows(margin: float, step: float, limits: Supervision, reach: Reach) -
     )
 
 
-def _position_rows(nominal: JointNominal, derived: Thresholds, limits: Supervision, reach: Reach) -> Iterator[Row]:
+def _position_rows(
+    nominal: JointNominal, derived: Thresholds, limits: Supervision, timing: Timing, reach: Reach
+) -> Iterator[Row]:
     has_tachometer = nominal.speed is not None
     factor = 1.0 if has_tachometer else BLIND_FACTOR
     against = "the integrated tachometer" if has_tachometer else f"the model, {factor:g} times the limit"
     jump = _source("position_jump_lsb", limits.position_jump_lsb, f"{limit.POSITION_JUMP:g} grains, from {against}")
+    if not has_tachometer:
+        jump += f"; or {_deg(sudden_rad(nominal, timing.period_s))} in a cycle, that stay for as many"
     shown = f"{_deg(factor * derived.jump)}, {PERSISTENT_CYCLES} cycles"
     too_far = reach.beyond_travel(factor * derived.jump)
     yield Row("potentiometer-jump", shown, jump + too_far)
@@ -159,6 +164,12 @@ def _position_rows(nominal: JointNominal, derived: Thresholds, limits: Supervisi
         stuck = f"{STUCK_FACTOR:g} x {limit.STUCK_TRAVEL:g} grains that the model turns while the code stands, and "
         stuck += f"{UNLEARNED_SHARE * limit.unmodelled_rad_s2(nominal):.3g} rad/s2 that it may lack; down to "
         stuck += f"{_deg(least)} at low speeds, after readings that the model has foreseen"
+        if is_counted(nominal):
+            friction_rad_s2 = nominal.coulomb_nm * nominal.mobility_per_kg_m2[1]
+            stuck += f"; or a count so late that {SURE_SHARE * friction_rad_s2:.3g} rad/s2 would have to be lacking, "
+            stuck += (
+                f"or not there while {HELD_SHARE * friction_rad_s2:.3g} are (less in poses and grips of less mobility)"
+            )
     travel = derived.stuck_travel if has_tachometer else STUCK_FACTOR * derived.stuck_travel
     yield Row("potentiometer-stuck", _deg(travel), stuck + reach.beyond_travel(travel))
     drift = f"{limit.POSITION_DRIFT:g} grains, filtered over 16 readings"

@@ -9,7 +9,7 @@ from ..estimation.blind import blind_pole_rad_s
 from .detection import Reaction
 from .joint_state import Mode
 from .limits import Report
-from .nominal import JointNominal
+from .nominal import ROUNDING_LSB, JointNominal
 from .read_speed import ReadSpeed
 from .sensor_less import BLIND_FACTOR, PERSISTENT_CYCLES, SensorLess
 from .thresholds import REFERENCE_NOISE, STUCK_TRAVEL, TIMING_SHARE, Thresholds, unmodelled_rad_s2
@@ -30,6 +30,12 @@ SPEED_SHARE = 0.84
 error is δ·(t + ω·t²)·exp(-ω·t), greatest at ω·t = (1 + √5)/2."""
 
 
+SUDDEN_SHARE, SUDDEN_SIGMAS = 0.5, 6.0
+"""Share of a joint's fastest speed by which none changes within a cycle, and deviations of its analogue noise."""
+STAYED = 0.5, 2.0
+"""Between these shares of a sudden change it has stayed: a struck joint goes on, and is four times as far by then."""
+
+
 class TachlessWitness(SensorLess):
     """Residual of one joint: the angle off the observer's, which follows it at 12 rad/s.
 
@@ -43,8 +49,8 @@ class TachlessWitness(SensorLess):
     __slots__ = (
         "_doubt_rad_s", "_gone_bias", "_gone_rad", "_gone_rad_s", "_has_moved", "_last_off_rad", "_last_rad",
         "_lasting_cycles", "_learning", "_least_rad", "_read", "_rubbed_rad_s", "_rubs_rad_s2", "_shaken_until",
-        "_slow_at", "_slow_rad_s", "_stood_cycles", "_struck_cycles", "_travel_rad", "_turned_rad_s", "_unmodelled",
-        "_way", "_x_code",
+        "_slow_at", "_slow_rad_s", "_stood_cycles", "_struck_cycles", "_sudden_cycles", "_sudden_limit", "_sudden_rad",
+        "_travel_rad", "_turned_rad_s", "_unmodelled", "_way", "_x_code",
     )  # fmt: skip
 
     def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
@@ -59,6 +65,7 @@ class TachlessWitness(SensorLess):
         self._read = ReadSpeed(nominal.position.noise, self._rubs_rad_s2, self._period_s)
         self._least_rad = least_travel_rad(nominal)
         self._turned_rad_s = 2.0 * self._rubs_rad_s2 * self._period_s
+        self._sudden_limit = sudden_rad(nominal, self._period_s)
         self.start(0.0)
 
     def start(self, position_rad: float) -> None:
@@ -71,6 +78,7 @@ class TachlessWitness(SensorLess):
         self._travel_rad = self._thresholds.stuck_travel
         self._x_code, self._stood_cycles, self._lasting_cycles = -1, 0, 0
         self._slow_at = 0
+        self._sudden_rad, self._sudden_cycles = 0.0, 0
         self._has_moved, self._last_rad, self._last_off_rad, self._shaken_until = False, position_rad, 0.0, 0
 
     def strikes(self, position_rad: float, side: int) -> bool:
@@ -102,6 +110,16 @@ class TachlessWitness(SensorLess):
         self._judge_code(x_code, acceleration)
         self._judge_bias()
         return is_astray and self._substitute(blind.position_rad, self.speed)
+
+    @property
+    def is_shaken(self) -> bool:
+        """Whether it has just begun, or been struck, so that it may go on in any way."""
+        return self.cycles < max(self._calm_at, self._shaken_until)
+
+    def accuse_standing(self, detail: str) -> None:
+        """The joint turns by all that is known, and its code stands."""
+        if self.mode is not Mode.BLIND and self._report("potentiometer-stuck", detail, Reaction.OFF):
+            self.mode = Mode.BLIND
 
     def accuse_code(self) -> bool:
         """There is no tachometer whose code could stand."""
@@ -146,6 +164,8 @@ class TachlessWitness(SensorLess):
 
     def _is_astray(self, x: float, x_code: int) -> bool:
         off = x - self._blind.position_rad
+        if self._is_sudden(x, off, x_code):
+            return True
         factor = BLIND_FACTOR if self.cycles >= self._calm_at else 2.0 * BLIND_FACTOR
         if abs(off) <= factor * self._limits.jump:
             if self._astray_cycles:
@@ -160,6 +180,31 @@ class TachlessWitness(SensorLess):
             if self._report(name, detail, Reaction.OFF):
                 self.mode = Mode.BLIND
         return True
+
+    def _is_sudden(self, x: float, off: float, x_code: int) -> bool:
+        """Whether the angle has just changed as no joint can in a cycle, and what comes of that is not known yet.
+
+        A joint that was struck goes on; a reading that was wrong comes back; counts that were lost stay so.
+        """
+        if not self._sudden_cycles:
+            sudden = x - self._last_rad - self._period_s * self.speed
+            if -self._sudden_limit <= sudden <= self._sudden_limit or self.is_shaken:
+                return False
+            self._sudden_rad = sudden
+        self._sudden_cycles += 1
+        if self._sudden_cycles < PERSISTENT_CYCLES:
+            return True
+        gone, self._sudden_cycles = off / self._sudden_rad, 0
+        if gone < STAYED[0]:
+            self._report("potentiometer-spike", "readings rejected", None)
+        elif gone < STAYED[1]:
+            at_end = x_code in self._angle_ends
+            name = "potentiometer-range" if at_end else "potentiometer-jump"
+            detail = f"{self._sudden_rad / self._position_lsb:+.1f} LSB in one cycle, and no tachometer"
+            if self._report(name, detail, Reaction.OFF):
+                self.mode = Mode.BLIND
+                return True
+        return False
 
     def _judge_code(self, x_code: int, acceleration: float) -> None:
         """Whether the model moves while the code does not."""
@@ -190,8 +235,7 @@ class TachlessWitness(SensorLess):
         limit = STUCK_FACTOR * max(self._travel_rad, timing_rad) + 0.5 * self._unmodelled * stood_s**2
         if abs(self._gone_rad) > limit:
             detail = f"code {x_code} while the model turned {self._gone_rad / self._position_lsb:.1f} LSB"
-            if self._report("potentiometer-stuck", detail, Reaction.OFF):
-                self.mode = Mode.BLIND
+            self.accuse_standing(detail)
 
     def _judge_bias(self) -> None:
         """Whether the acceleration is beyond any payload: a jam, a braking drive."""
@@ -205,6 +249,13 @@ class TachlessWitness(SensorLess):
 def least_travel_rad(joint: JointNominal) -> float:
     """How far a joint goes at least while its code stands: a step, and what noise hides of it."""
     return STUCK_TRAVEL * joint.position.noise / REFERENCE_NOISE
+
+
+def sudden_rad(joint: JointNominal, period_s: float) -> float:
+    """The most that two readings, a cycle apart, differ by beyond what the joint has turned by its speed."""
+    position = joint.position
+    analogue = math.sqrt(max(position.noise**2 - (ROUNDING_LSB * position.step) ** 2, 0.0))
+    return position.step + SUDDEN_SIGMAS * math.sqrt(2.0) * analogue + SUDDEN_SHARE * joint.fastest_rad_s * period_s
 
 
 def _surely(speed: float, doubt: float) -> float:

@@ -1,0 +1,223 @@
+"""Whether the next count of an encoder is overdue: a joint that jams, and an encoder that stands, show first in that.
+
+Between two counts nothing is measured of a joint without a tachometer, but each tells to a cycle when the joint was
+where. Owns the time of the next count, and how late it may be; what follows from a late one is elsewhere.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .joint_state import Mode
+from .nominal import ROUNDING_LSB, JointNominal
+from .tachless import TachlessWitness
+from .thresholds import COULOMB_TURN
+from .timing import Timing
+from .uncertainty import COULOMB
+
+SURE_SHARE, AGREED_SHARE = 0.5, 0.3
+"""Shares of Coulomb friction that have to stop a joint unforeseen: to be sure of a late count, and where it is late by
+the reference too. In runs without a fault 0.45 occurs (22 drawn robots of the pair, 182 s)."""
+AGREED_COUNTS, ASKED_COUNTS = 0.8, 0.1
+"""So far the reference has gone beyond the next count where it agrees, and at least: its joint is meant to turn."""
+SEEN_FACTOR, SEEN_S = 1.5, 10.0
+"""A joint that sticks may stick again: the limit is so many times what was seen, for about this long."""
+LEAST_CYCLES = 4
+"""How long a code stands before anything is made of it."""
+LOOK_S = 0.1
+"""How often it is looked up what friction makes of the joints: poses change it slowly."""
+HELD_S, HELD_COUNTS = 0.05, 0.5
+"""How long a joint has stood, and how far its reference has gone, when it may be held by more than friction."""
+DRIVE_S, HELD_SHARE, HELD_FACTOR = 0.06, 2.1, 1.5
+"""What the model then has drive it, averaged over that time, as a share of Coulomb friction, and of the most that was
+seen before other counts: 1.7 occurs in the same runs."""
+
+
+Rows = Sequence[Sequence[float]]
+
+
+class OverdueCount:
+    """The next count of one joint, in rad, rad/s and rad/s².
+
+    A count ends a step of δ that took Δt, to a cycle T: the joint then moves at v = δ/(Δt + T) and half of what the
+    model gained meanwhile. Unless the model lacks an acceleration, it has gone ∫v dt a time t later. To be a step short
+    of that, c = 2·(∫v dt - δ)/(t·(t + Δt)) has to be lacking, as v is off by ½·c·Δt. At constant speed c is 0.34·v²/δ
+    at most, after 2.4 such steps: what is slower may as well have been stopped by friction. But then the law presses,
+    and what drives the joint by its model grows beyond what friction has ever held.
+    """
+
+    __slots__ = (
+        "_bias", "_cycles", "_cycles_before", "_drive_gain", "_drive_rad_s2", "_gone_rad", "_held", "_held_cycles",
+        "_held_now", "_is_known", "_last_rad", "_model_rad_s", "_model_sum", "_period_s", "_reference_rad", "_seen",
+        "_seen_now", "_since", "_speed", "_step_rad", "_timing", "_way", "friction_rad_s2", "said",
+    )  # fmt: skip
+
+    def __init__(self, nominal: JointNominal, timing: Timing) -> None:
+        self._step_rad, self._period_s, self._timing = nominal.position.step, timing.period_s, timing
+        self.friction_rad_s2 = nominal.coulomb_nm * nominal.mobility_per_kg_m2[1]
+        """What Coulomb friction makes of the joint: its own, and that of others through links and grips."""
+        self._held_cycles = max(round(HELD_S / timing.period_s), LEAST_CYCLES)
+        self._drive_gain = min(timing.period_s / DRIVE_S, 1.0)
+        self.said = ""
+        """What is said of a count that is overdue."""
+        self.start()
+
+    def start(self) -> None:
+        """Nothing is known of the joint, and nothing was seen of how it sticks."""
+        self._seen, self._held, self._since = 0.0, 0.0, 0
+        self.forget()
+
+    def forget(self) -> None:
+        """When the last count came is not known."""
+        self._is_known, self._way, self._cycles, self._cycles_before = False, 0.0, 0, 0
+        self._last_rad, self._speed, self._bias, self._gone_rad, self._reference_rad = math.nan, 0.0, 0.0, 0.0, 0.0
+        self._model_rad_s = self._model_sum = self._seen_now = self._held_now = self._drive_rad_s2 = 0.0
+
+    def step(self, position_rad: float, acceleration: float, bias: float, reference_rad: float) -> bool:
+        """Whether a count is overdue. `acceleration` is the model's since the last cycle, `bias` what it lacks."""
+        moved = position_rad - self._last_rad
+        self._last_rad = position_rad
+        self._since += 1
+        if moved != moved:  # the first reading
+            self._reference_rad = reference_rad
+            return False
+        period_s = self._period_s
+        lacking = self._bias if self._way else bias
+        self._drive_rad_s2 += (acceleration + lacking - self._drive_rad_s2) * self._drive_gain
+        self._cycles += 1
+        self._model_rad_s += period_s * acceleration
+        self._model_sum += self._model_rad_s
+        if moved:
+            self._count(moved, bias, reference_rad)
+            return False
+        if self._cycles >= self._held_cycles and self._is_held(abs(reference_rad - self._reference_rad)):
+            return True
+        return self._is_known and self._is_late(acceleration, reference_rad)
+
+    def _is_held(self, asked_rad: float) -> bool:
+        """Whether more than friction holds a joint that stands while its reference goes on."""
+        drive = abs(self._drive_rad_s2)
+        share = HELD_SHARE if self._since >= self._timing.early else COULOMB_TURN
+        limit = max(share * self.friction_rad_s2, HELD_FACTOR * self._held)
+        if drive > limit and asked_rad > HELD_COUNTS * self._step_rad:
+            times = drive / self.friction_rad_s2
+            self.said = f"no count for {self._stood_ms:g} ms, although {times:.1f} times its friction drive it"
+            return True
+        self._held_now = max(self._held_now, drive)
+        return False
+
+    def _is_late(self, acceleration: float, reference_rad: float) -> bool:
+        """Whether the count is later than friction may make it."""
+        period_s = self._period_s
+        self._speed += period_s * self._way * (acceleration + self._bias)
+        self._gone_rad += period_s * self._speed
+        asked_rad = self._way * (reference_rad - self._reference_rad) - self._step_rad
+        if asked_rad <= 0.0 or self._cycles < LEAST_CYCLES:
+            return False
+        stood_s = self._cycles * period_s
+        before_s = self._cycles_before * period_s
+        lacking = 2.0 * (self._gone_rad - self._step_rad) / (stood_s * (stood_s + before_s))
+        if lacking > self._limit(asked_rad) and asked_rad > ASKED_COUNTS * self._step_rad:
+            gone = self._gone_rad / self._step_rad
+            self.said = f"no count for {self._stood_ms:g} ms, in which it went {gone:.1f} LSB by its last ones"
+            return True
+        self._seen_now = max(self._seen_now, lacking)
+        return False
+
+    @property
+    def _stood_ms(self) -> float:
+        return 1e3 * self._cycles * self._period_s
+
+    def _limit(self, asked_rad: float) -> float:
+        if self._since < self._timing.early:
+            return (COULOMB[1] - 1.0) * self.friction_rad_s2
+        share = AGREED_SHARE if asked_rad > AGREED_COUNTS * self._step_rad else SURE_SHARE
+        return max(share * self.friction_rad_s2, SEEN_FACTOR * self._seen)
+
+    def _count(self, moved: float, bias: float, reference_rad: float) -> None:
+        cycles, way = self._cycles, math.copysign(1.0, moved)
+        if way == self._way:
+            before_s = cycles * self._period_s
+            gained = self._model_rad_s - self._model_sum / cycles + 0.5 * bias * before_s
+            self._speed = abs(moved) / (before_s + self._period_s) + way * gained
+            self._is_known = self._speed > 0.0
+        else:
+            self._is_known = False
+        self._seen = max(self._seen_now, self._seen * math.exp(-cycles * self._period_s / SEEN_S))
+        self._held, self._held_now = max(self._held, self._held_now), 0.0
+        self._way, self._bias, self._reference_rad, self._cycles_before = way, bias, reference_rad, cycles
+        self._gone_rad = self._seen_now = self._model_rad_s = self._model_sum = 0.0
+        self._cycles = 0
+
+
+class CountWatch:
+    """The counts of all joints that have an encoder alone. `report` is told a joint's index and what is said of it."""
+
+    def __init__(
+        self,
+        joints: Iterable[object],
+        nominals: Sequence[JointNominal],
+        timing: Timing,
+        report: Callable[[int, str], None],
+    ) -> None:
+        self._report = report
+        self._coulomb_nm = np.array([nominal.coulomb_nm for nominal in nominals])
+        self._looks, self._looks_between = 0, max(round(LOOK_S / timing.refresh / timing.period_s), 1)
+        self._joints = [
+            (index, joint, OverdueCount(nominal, timing))
+            for index, (joint, nominal) in enumerate(zip(joints, nominals, strict=True))
+            if isinstance(joint, TachlessWitness) and is_counted(nominal)
+        ]
+        self._taken: tuple[Sequence[float], Sequence[float]] | None = None
+
+    def start(self) -> None:
+        """A run begins, or angles are other ones."""
+        self._taken = None
+        for _, _, count in self._joints:
+            count.start()
+
+    def forget(self) -> None:
+        """Measurements are missing, or their time is."""
+        self._taken = None
+        for _, _, count in self._joints:
+            count.forget()
+
+    def look(self, mobilities: Sequence[Rows], borne: NDArray[np.float64] | None) -> None:
+        """Called every `Timing.refresh` cycles: M⁻¹ of each robot, and what grips bear of it, change with the pose."""
+        self._looks += 1
+        if not self._joints or self._looks % self._looks_between != 1 % self._looks_between:
+            return
+        mobility = np.zeros((len(self._coulomb_nm),) * 2)
+        first = 0
+        for block in mobilities:
+            own = slice(first, first + len(block))
+            mobility[own, own] = block
+            first = own.stop
+        if borne is not None:
+            mobility -= borne
+        made = np.linalg.norm(mobility * self._coulomb_nm, axis=1).tolist()
+        for index, _, count in self._joints:
+            count.friction_rad_s2 = made[index]
+
+    def take(self, position_rad: Sequence[float], accelerations: Sequence[float]) -> None:
+        """The readings of a cycle, and the model's accelerations since the last one."""
+        self._taken = position_rad, accelerations
+
+    def follow(self, reference_rad: Sequence[float]) -> None:
+        """Judge the cycle, once its reference is known."""
+        if self._taken is None:
+            return
+        (position_rad, accelerations), self._taken = self._taken, None
+        for index, joint, count in self._joints:
+            if joint.mode is not Mode.NO_TACHOMETER or joint.is_shaken:
+                count.forget()
+            elif count.step(position_rad[index], accelerations[index], joint.bias, reference_rad[index]):
+                self._report(index, count.said)
+                count.forget()
+
+
+def is_counted(joint: JointNominal) -> bool:
+    """Whether nothing but rounding makes its position sensor wrong, and nothing else tells its speed."""
+    return joint.speed is None and joint.position.noise_lsb <= 1.01 * ROUNDING_LSB
