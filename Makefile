@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 .PHONY: help setup demo test soak compiled plain fresh check-compiled check check-format check-lint check-types check-imports check-lock check-wheels \
 	check-docs check-install check-mf4 \
-	check-socketcan bench ablation alarms matrix pair-matrix identification paper rhino robots fuzz docs notice format lock clean
+	check-socketcan bench ablation alarms matrix pair-matrix identification paper pictures rhino robots fuzz docs notice format lock clean
 
 help: ## List the targets
 	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12] [NO_UV=1] [JOBS=2]'
@@ -98,6 +98,10 @@ ablation: setup ## Write docs/ablation.md anew: what each term of the laws is wo
 
 paper: setup ## Write docs/papers.md anew: what the first paper shows, measured on this bench; takes half a minute
 	$(BIN)/python scripts/paper.py $(ARGS)
+
+pictures: setup ## Draw the pictures of README and docs anew, from runs with a fault
+	$(BIN)/python scripts/dashboard_picture.py
+	$(BIN)/python scripts/run_pictures.py
 
 identification: setup ## Identify 100 drawn robots and count how often the intervals hold; takes minutes (ARGS="--cases 20")
 	$(BIN)/python scripts/identification.py $(ARGS)
