@@ -29,6 +29,8 @@ PROJECTIONS = 200
 CORRECTIONS = 4
 LONGEST = 20.0
 """Where robots carry an object, no joint goes more than so many times as far as the nearest pulse asks for."""
+ALIKE = 9
+"""Decimals, rad, to which moves are compared: what the rounding of a processor's own arithmetic does not reach."""
 
 
 class IndexSearch:
@@ -128,7 +130,7 @@ def _together(cell: Cell, marks: Sequence[IndexMark], within_rad: float) -> tupl
     """The joints go in directions in which the object stays in both hands: C·Δq = 0, and far enough each.
 
     For every pattern of directions, projections in turn on what the grips allow and on what the pulses ask for; of the
-    patterns for which that ends well, the one in which no joint goes far.
+    patterns for which that ends well, the one in which no joint goes far; of those alike, that in which all go least.
     """
     chain = ClosedChain(cell)
     home = [math.radians(joint.home_deg) for joint in cell.joints]
@@ -146,8 +148,9 @@ def _together(cell: Cell, marks: Sequence[IndexMark], within_rad: float) -> tupl
     travel = travel @ allowed
     with np.errstate(divide="ignore"):
         short = np.where(signs * travel[:, searching] > 0.0, least / np.abs(travel[:, searching]), np.inf).max(axis=1)
-    longest = np.abs(travel).max(axis=1) * np.maximum(short, 1.0)
-    best = int(np.argmin(np.where(np.isfinite(longest), longest, np.inf)))
+    factor = np.where(np.isfinite(short), np.maximum(short, 1.0), np.inf)
+    longest, together = np.abs(travel).max(axis=1) * factor, np.abs(travel).sum(axis=1) * factor
+    best = int(np.lexsort((together.round(ALIKE), longest.round(ALIKE)))[0])
     if not longest[best] <= LONGEST * least.max():
         raise TrajectoryError(
             "homing: no motion that leaves the object in both hands brings every joint past a pulse of its encoder's "
