@@ -55,7 +55,10 @@ def test_no_drive_holds_more_than_half_of_its_current_along_the_circle() -> None
 
 
 def test_what_ten_joints_say_every_cycle_fits_the_bus() -> None:
-    """SYNC with its counter; TPDOs of 2 + 2 + 1 counts, RPDOs of 4 + 1 currents and of 4 + 1 directions, each robot."""
+    """SYNC with its counter; TPDOs of 2 + 2 + 1 counts, RPDOs of 4 + 1 currents and of 4 + 1 directions, each robot.
+
+    And heartbeats, by which a card that only listens is missed within 20 ms.
+    """
 
     def frame(data_bytes: int) -> int:
         """Standard frame with worst-case stuffing and intermission."""
@@ -67,7 +70,9 @@ def test_what_ten_joints_say_every_cycle_fits_the_bus() -> None:
     assert sum(message.bits for message in messages) == every_cycle == 1475
     verdict = cell_verdict(CELL)
     assert verdict.fits
-    assert verdict.load < 0.65
+    beats = 13 * frame(1) / 7000  # of twelve cards and a controller, in bits a microsecond
+    assert verdict.load == pytest.approx(every_cycle / 2500 + beats)
+    assert verdict.load < 0.75
 
 
 def on_the_path(rig: Rig) -> int:

@@ -71,7 +71,7 @@ def test_canarm_bus_carries_frames_both_ways(serve):
     number = connection.getsockname()[1]
     assert port.description == f"--bus-kwargs host=127.0.0.1 port={number} -i canarm -c bench"
     port.send([Frame(0x123, b"\x0a"), Frame(0x124)])
-    assert connection.recv(256) == b"< send 123 1 a >< send 124 0 >"
+    assert connection.recv(256) == b"< send 123 1 0a >< send 124 0 >"
     connection.sendall(b"< error 004 1.0 >< frame 123 23.424242 1A220344 >")
     assert port.receive(DEADLINE_S) == [(23_424_242_000, Frame(0x123, b"\x1a\x22\x03\x44"))]
     assert port.discarded == Discarded(error_frames=1)
