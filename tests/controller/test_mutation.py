@@ -100,7 +100,7 @@ SCENES: dict[str, Scene] = {
     "saturation": Scene("joint2", 0, rig={"truth": {"joint3.mass": 2.1}}),
     "drive-broken": Scene("joint3", 40, fault("joint3.wire", "wire-broken")),
     "overspeed": Scene("joint3", 40, LIGHTER, BLOW, 16 * CYCLE_S),
-    "object-lost": Scene(None, 80, fault("object.slave", "grip-opens"), rig={"cell": "rhino-pair"}),
+    "object-lost": Scene(None, 100, fault("object.slave", "grip-opens"), rig={"cell": "rhino-pair"}),
     "both-sensors": Scene(
         "joint2", 60, fault("joint2.tachometer", "dropout"),
         fault("joint2.potentiometer", "drift", rate=16.0), 10 * CYCLE_S,
@@ -130,7 +130,8 @@ def test_with_the_detector_the_scene_is_called_by_its_name_in_time_and_not_too_s
     scene = SCENES[detector]
     found = [each for each in detections(scene, set()) if each.detector == detector]
     assert found, "not detected"
-    assert found[0].where == scene.where
+    at_once = [each.where for each in found if each.tick == found[0].tick]
+    assert scene.where in at_once, "a payload that changes is felt by several joints in the same cycle"
     assert found[0].tick - AT <= scene.within
     begins = 0 if scene.rig.get("truth") else AT
     assert found[0].tick - begins + 1 >= DETECTORS[detector].debounce_cycles
