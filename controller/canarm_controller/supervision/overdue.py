@@ -19,8 +19,8 @@ from .uncertainty import COULOMB
 
 SURE_SHARE, AGREED_SHARE = 1.0, 0.5
 """Shares of Coulomb friction that have to stop a joint unforeseen: to be sure of a late count, and where it is late by
-the reference too: friction may be twice what the cell says. In runs without a fault 0.53 and 0.15 occur (22 drawn robots
-of the pair, 182 s, and those with all errors at once)."""
+the reference too: friction may be twice what the cell says. In runs without a fault 0.53 and 0.15 occur (22 drawn
+robots of the pair, 182 s, and those with all errors at once)."""
 AGREED_COUNTS, ASKED_COUNTS = 0.8, 0.1
 """So far the reference has gone beyond the next count where it agrees, and at least: its joint is meant to turn."""
 SEEN_FACTOR, SEEN_S = 1.5, 10.0
