@@ -19,6 +19,7 @@ from canarm_protocol.canopen.sdo import download
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.faults.script import FaultSpec, parse_faults
+from tests.emulator.bench_sdo import Client
 from tests.emulator.lone_node import Node
 
 
@@ -34,6 +35,21 @@ def begin() -> Callable[..., SignalFault | JointFault]:
         return fault
 
     return of
+
+
+@pytest.fixture
+def bench() -> FaultBench:
+    """A bench of konkuk1 that has just started, in lockstep."""
+    cell = load_cell("konkuk1")
+    bench = FaultBench(cell, Truth.from_settings(cell, {}), Clock.SYNC, seed=0)
+    bench.start()
+    return bench
+
+
+@pytest.fixture
+def client(bench: FaultBench) -> Client:
+    """A client of it on the first SDO channel."""
+    return Client(bench, 0, "client")
 
 
 class Driven:

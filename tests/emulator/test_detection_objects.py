@@ -6,11 +6,9 @@ import zlib
 import pytest
 
 from canarm_emulator.faults.fault_bench import FaultBench
-from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell import bench_objects as objects
 from canarm_protocol.cell.cell_file import load_cell
-from canarm_protocol.clock import Clock
 from canarm_protocol.faults.detection_events import (
     DetectionEvent,
     Pieces,
@@ -26,18 +24,6 @@ STUCK = DetectionEvent(
     1207, "tachometer-stuck", "joint2", "joint2: 0.4 rad/s of motion, no change – 10 cycles", "substitute"
 )
 LATE = DetectionEvent(1300, "deadline-missed", None, "a busy machine: 12 of 400 cycles", "safe-stop-hold")
-
-
-@pytest.fixture
-def bench() -> FaultBench:
-    bench = FaultBench(CELL, Truth.from_settings(CELL, {}), Clock.SYNC, seed=0)
-    bench.start()
-    return bench
-
-
-@pytest.fixture
-def client(bench: FaultBench) -> Client:
-    return Client(bench, 0, "client")
 
 
 def frames_of(event: DetectionEvent) -> list[Frame]:

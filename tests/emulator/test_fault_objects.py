@@ -10,7 +10,6 @@ import canopen
 import pytest
 
 from canarm_emulator.faults.fault_bench import FaultBench
-from canarm_emulator.robot.truth import Truth
 from canarm_emulator.serving.recording import Recorder
 from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame, sync_frame
 from canarm_protocol.canopen.sdo import AbortCode, SdoAborted, download, upload
@@ -18,7 +17,6 @@ from canarm_protocol.cell import bench_objects as objects
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.export import export_eds
 from canarm_protocol.cell.wiring import OutputFrames, card_nodes
-from canarm_protocol.clock import Clock
 from canarm_protocol.runs.run_folder import create_run_folder
 from tests.emulator.bench_sdo import NODE, Client
 
@@ -34,18 +32,6 @@ tap = "joint2.tachometer"
 fault = "stuck"
 value = 5.0
 """
-
-
-@pytest.fixture
-def bench() -> FaultBench:
-    bench = FaultBench(CELL, Truth.from_settings(CELL, {}), Clock.SYNC, seed=0)
-    bench.start()
-    return bench
-
-
-@pytest.fixture
-def client(bench: FaultBench) -> Client:
-    return Client(bench, 0, "client")
 
 
 def run_cycles(bench: FaultBench, count: int, codes: tuple[int, int] = (0, 0)) -> None:

@@ -6,29 +6,15 @@ import pytest
 
 from canarm_emulator.bench_node.run_objects import RunObjects
 from canarm_emulator.faults.fault_bench import FaultBench
-from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.canopen.sdo import SdoAborted, download
 from canarm_protocol.cell import bench_objects as objects
 from canarm_protocol.cell.cell_file import load_cell
-from canarm_protocol.clock import Clock
 from tests.emulator.bench_sdo import Client
 
 CELL = load_cell("konkuk1")
 STATE = objects.bench_pdos(CELL).controller
 DEVICE_STATE, TOO_LONG, TOO_HIGH = 0x0800_0022, 0x0607_0012, 0x0609_0031
-
-
-@pytest.fixture
-def bench() -> FaultBench:
-    bench = FaultBench(CELL, Truth.from_settings(CELL, {}), Clock.SYNC, seed=0)
-    bench.start()
-    return bench
-
-
-@pytest.fixture
-def client(bench: FaultBench) -> Client:
-    return Client(bench, 0, "client")
 
 
 def report(bench: FaultBench, state: int) -> None:

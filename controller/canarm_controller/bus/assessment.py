@@ -10,9 +10,6 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import ProtocolError
 from canarm_protocol.transport.sdo_session import SdoSession
 
-LONGEST_OUTCOME = 4000
-"""Bytes that a bench takes as the outcome of a run."""
-
 
 @dataclass(frozen=True, slots=True)
 class JointFigures:
@@ -67,7 +64,7 @@ def tell_outcome(session: SdoSession, lines: Sequence[str]) -> None:
     text = ""
     for line in lines:
         longer = f"{text}\n{line}" if text else line
-        if len(longer.encode()) > LONGEST_OUTCOME:
+        if len(longer.encode()) > objects.LONGEST_OUTCOME:
             break
         text = longer
     session.download(objects.OUTCOME, 0, text.encode())

@@ -174,11 +174,7 @@ class TachlessWitness(SensorLess):
             return False
         self._astray_cycles += 1
         if self._astray_cycles >= PERSISTENT_CYCLES:
-            at_end = x_code in self._angle_ends
-            name = "potentiometer-range" if at_end else "potentiometer-jump"
-            detail = f"{off / self._position_lsb:+.1f} LSB from the model, and no tachometer"
-            if self._report(name, detail, Reaction.OFF):
-                self.mode = Mode.BLIND
+            self._accuse_jump(x_code, f"{off / self._position_lsb:+.1f} LSB from the model, and no tachometer")
         return True
 
     def _is_sudden(self, x: float, off: float, x_code: int) -> bool:
@@ -198,13 +194,17 @@ class TachlessWitness(SensorLess):
         if gone < STAYED[0]:
             self._report("potentiometer-spike", "readings rejected", None)
         elif gone < STAYED[1]:
-            at_end = x_code in self._angle_ends
-            name = "potentiometer-range" if at_end else "potentiometer-jump"
             detail = f"{self._sudden_rad / self._position_lsb:+.1f} LSB in one cycle, and no tachometer"
-            if self._report(name, detail, Reaction.OFF):
-                self.mode = Mode.BLIND
-                return True
+            return self._accuse_jump(x_code, detail)
         return False
+
+    def _accuse_jump(self, x_code: int, detail: str) -> bool:
+        """The angle is where the joint is not; whether it is not followed any more."""
+        at_end = x_code in self._angle_ends
+        accused = self._report("potentiometer-range" if at_end else "potentiometer-jump", detail, Reaction.OFF)
+        if accused:
+            self.mode = Mode.BLIND
+        return accused
 
     def _judge_code(self, x_code: int, acceleration: float) -> None:
         """Whether the model moves while the code does not."""

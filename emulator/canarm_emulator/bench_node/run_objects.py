@@ -7,12 +7,12 @@ from collections.abc import Callable
 from typing import Protocol
 
 from canarm_protocol.canopen.sdo import AbortCode
+from canarm_protocol.cell.bench_objects import LONGEST_OUTCOME
 
 from ..node.store import SdoRefused
 
 NOTHING_YET = b"\n"
 """Stands for no text: an empty object cannot be read by SDO."""
-LONGEST_OUTCOME = 4000
 NO_RECORDER = "not recorded: the emulator was started without --out DIR"
 
 

@@ -49,6 +49,8 @@ CONTROLLER_STATES: dict[int, str] = {
 }
 """The values of CONTROLLER_STATE in words."""
 ENDED = ("done", "failed")
+LONGEST_OUTCOME = 4000
+"""Bytes that OUTCOME takes."""
 INTERNALS = 4
 """Internal quantities of a law per joint: 0x2131 to 0x2134, named in 0x2130."""
 SDO_CHANNELS = 9
