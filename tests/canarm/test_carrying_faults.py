@@ -93,11 +93,11 @@ def test_the_page_says_what_each_cell_with_an_object_decides() -> None:
 @pytest.mark.parametrize(
     ("tap", "fault", "parameters", "detector", "within_ms"),
     [
-        ("slave_elbow.encoder", "offset", {"value": -4}, "encoder-jump", 20.0),
+        pytest.param("slave_elbow.encoder", "offset", {"value": -4}, "encoder-jump", 20.0, marks=pytest.mark.slow),
         pytest.param("master_shoulder.encoder", "offset", {"value": -2}, "encoder-jump", 20.0, marks=pytest.mark.slow),
         ("slave_elbow.link", "joint-jam", {}, "encoder-stuck", 45.0),
         pytest.param("slave_elbow.encoder", "stuck", {}, "encoder-stuck", 45.0, marks=pytest.mark.slow),
-        ("node.0x21", "line-broken", {}, "heartbeat-lost", 20.0),
+        pytest.param("node.0x21", "line-broken", {}, "heartbeat-lost", 20.0, marks=pytest.mark.slow),
         pytest.param("node.0x14", "hang", {}, "heartbeat-lost", 20.0, marks=pytest.mark.slow),
     ],
 )

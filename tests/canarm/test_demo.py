@@ -225,6 +225,7 @@ def test_a_law_that_loops_for_ever_ends_the_demo_with_a_hint(canarm):
     assert canarm.remaining() == []
 
 
+@pytest.mark.slow
 def test_a_controller_whose_law_loops_ends_at_the_second_ctrl_c(canarm, until):
     (canarm.folder / "laws.py").write_text(LOOPING_LAW)
     emulator = canarm.emulator("sync")

@@ -125,6 +125,7 @@ def test_ticks_are_counted_from_the_beginning_of_the_trajectory() -> None:
     assert f"the trajectory begins at {approach_s:g} s" in summary.as_text()
 
 
+@pytest.mark.slow
 def test_the_way_from_there_to_the_path_is_slow_as_well() -> None:
     with Rig("rhino-pair") as rig:
         rig.run(5.0)

@@ -30,8 +30,25 @@ def child_of(canarm, demo, command: str, until) -> int:
     return int(until(found, f"start of the {command}")[0])
 
 
-@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM, signal.SIGINT])
-@pytest.mark.parametrize("phase", ["the emulator starts", "the controller starts", "the robot moves"])
+@pytest.mark.parametrize(
+    ("phase", "number"),
+    [
+        ("the emulator starts", signal.SIGHUP),
+        ("the controller starts", signal.SIGTERM),
+        ("the robot moves", signal.SIGINT),
+        *(
+            pytest.param(phase, number, marks=pytest.mark.slow)
+            for phase, number in (
+                ("the emulator starts", signal.SIGTERM),
+                ("the emulator starts", signal.SIGINT),
+                ("the controller starts", signal.SIGHUP),
+                ("the controller starts", signal.SIGINT),
+                ("the robot moves", signal.SIGHUP),
+                ("the robot moves", signal.SIGTERM),
+            )
+        ),
+    ],
+)
 def test_a_demo_that_a_signal_ends_says_so_and_leaves_a_summary(canarm, run_folder, until, phase, number):
     demo = canarm(*DEMO)
     match phase:
@@ -68,7 +85,9 @@ def test_ctrl_c_several_times_at_once_is_one(canarm, run_folder, until, phase):
     assert run_folder(canarm.folder / "run").run["summary"]["state"] == "interrupted"
 
 
-@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize(
+    "number", [signal.SIGTERM, *(pytest.param(each, marks=pytest.mark.slow) for each in (signal.SIGHUP, signal.SIGINT))]
+)
 def test_a_controller_that_a_signal_ends_while_it_opens_the_bus_says_so_and_leaves_a_summary(
     canarm, run_folder, number
 ):

@@ -127,6 +127,7 @@ def test_what_is_written_is_what_is_loaded_again(tmp_path: Path) -> None:
     assert text.count("assumed") > 50
 
 
+@pytest.mark.slow
 def test_a_file_is_found_from_where_the_cell_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "arms").mkdir()
     (tmp_path / "cells").mkdir()
@@ -164,7 +165,7 @@ def test_a_slower_bus_gets_a_longer_cycle() -> None:
     assert cell_of(2, Request(bitrate=125_000)).bus.cycle_us > 2500
 
 
-@pytest.mark.parametrize("words", [[], ["--force"]])
+@pytest.mark.parametrize("words", [[], pytest.param(["--force"], marks=pytest.mark.slow)])
 def test_a_full_disk_leaves_no_half_of_a_cell(
     words: list[str], tmp_path: Path, full_at, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -200,7 +201,7 @@ def test_help_shows_defaults_as_they_are_written(capsys: pytest.CaptureFixture[s
     assert "[default: potentiometer tachometer current_sense]" in shown
 
 
-@pytest.mark.parametrize("mass_kg", ["1e-300", "1e-13", "1e-5", "1e-4"])
+@pytest.mark.parametrize("mass_kg", ["1e-300", "1e-13", pytest.param("1e-5", marks=pytest.mark.slow), "1e-4"])
 def test_an_arm_without_weight_worth_the_name_is_no_ready_cell(
     mass_kg: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -27,6 +27,8 @@ FRAMES_A_CYCLE = 6
 LAST_FRAME = (0x000, bytes((0x80, 0x14)))
 """Of a run: the last card is sent back to PRE-OPERATIONAL."""
 CLOCKS = pytest.mark.parametrize("clock", ["sync", "wall"])
+EITHER_CLOCK = pytest.mark.parametrize("clock", ["sync", pytest.param("wall", marks=pytest.mark.slow)])
+"""Where what is asked hardly depends on the clock."""
 
 
 def identify(message: can.Message) -> tuple[int, bytes]:
@@ -104,7 +106,7 @@ def test_a_silent_controller_is_given_up_and_stops_safely_when_it_comes_back(can
     assert codes[:3] == [(0x8130).to_bytes(2, "little")] * 3
 
 
-@CLOCKS
+@EITHER_CLOCK
 def test_a_controller_whose_emulator_is_killed_says_so(canarm, run_folder, clock):
     emulator = canarm.emulator(clock, "--out", "run")
     controller = canarm.controller(emulator, clock, "--out", "run")
@@ -135,7 +137,11 @@ def test_an_emulator_that_is_asked_to_end_does_so_in_order(canarm, run_folder, c
 
 
 @pytest.mark.parametrize(
-    ("clock", "number"), [("sync", signal.SIGTERM), ("wall", signal.SIGINT), ("sync", signal.SIGHUP)]
+    ("clock", "number"),
+    [
+        ("wall", signal.SIGINT),
+        *(pytest.param("sync", each, marks=pytest.mark.slow) for each in (signal.SIGTERM, signal.SIGHUP)),
+    ],
 )
 def test_a_controller_of_limited_length_that_is_asked_to_end_stops_safely(canarm, run_folder, clock, number):
     emulator = canarm.emulator(clock)
@@ -148,7 +154,7 @@ def test_a_controller_of_limited_length_that_is_asked_to_end_stops_safely(canarm
     run_folder(canarm.folder / "run").check()
 
 
-@CLOCKS
+@EITHER_CLOCK
 def test_a_controller_without_a_length_ends_as_planned_on_ctrl_c(canarm, clock):
     emulator = canarm.emulator(clock)
     controller = canarm.controller(emulator, clock)
@@ -159,7 +165,7 @@ def test_a_controller_without_a_length_ends_as_planned_on_ctrl_c(canarm, clock):
     assert controller.json["reason"] is None
 
 
-@CLOCKS
+@EITHER_CLOCK
 def test_a_second_controller_is_refused_and_the_first_goes_on(canarm, clock):
     emulator = canarm.emulator(clock)
     first = canarm.controller(emulator, clock)
@@ -249,7 +255,7 @@ def test_a_run_is_recorded_by_can_logger(canarm, run_folder):
     assert len(recorded) > 40 * FRAMES_A_CYCLE
 
 
-@CLOCKS
+@EITHER_CLOCK
 def test_the_stock_canopen_master_reads_a_card_of_an_idle_emulator(canarm, clock):
     emulator = canarm.emulator(clock)
     with adc_of(emulator) as adc:

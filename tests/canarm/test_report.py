@@ -158,6 +158,7 @@ def test_the_tip_is_where_two_links_of_180_mm_put_it(recorded: Path) -> None:
     assert distance["y"][last] == pytest.approx(1e3 * np.linalg.norm(off), abs=2e-3)
 
 
+@pytest.mark.slow
 def test_every_chart_becomes_an_svg_and_a_png_and_the_same_ones_each_time(recorded: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     page = charts_in(report_page([open_run(recorded / "mras")]))

@@ -98,7 +98,9 @@ def open_terminal(canarm) -> Iterator[object]:
         terminal.close()
 
 
-@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize(
+    "number", [signal.SIGHUP, *(pytest.param(each, marks=pytest.mark.slow) for each in (signal.SIGTERM, signal.SIGINT))]
+)
 def test_a_signal_leaves_the_terminal_as_it_was(open_terminal, number: signal.Signals) -> None:
     terminal = open_terminal("tui", "--connect", "127.0.0.1:9")
     terminal.wait_for(SHOWN)
@@ -110,7 +112,7 @@ def test_a_signal_leaves_the_terminal_as_it_was(open_terminal, number: signal.Si
 
 
 @pytest.mark.parametrize(
-    "how", ["Q", "window closed", *(pytest.param(each, marks=pytest.mark.slow) for each in ("Ctrl-C", "SIGHUP"))]
+    "how", ["Q", *(pytest.param(each, marks=pytest.mark.slow) for each in ("window closed", "Ctrl-C", "SIGHUP"))]
 )
 def test_who_ends_a_demo_from_its_dashboard_stops_the_robot(canarm, run_folder, open_terminal, how: str) -> None:
     """With paced lockstep, as on every terminal. Torque off: the last commands are zero, and the cards are stopped."""
@@ -142,6 +144,7 @@ def test_who_ends_a_demo_from_its_dashboard_stops_the_robot(canarm, run_folder, 
         assert b"INTERRUPTED: konkuk1" in demo.said
 
 
+@pytest.mark.slow
 def test_who_leaves_the_dashboard_of_a_demo_lets_it_go_on_to_its_end(canarm, run_folder, open_terminal) -> None:
     demo = open_terminal("demo", "--seconds", "4", "--law", "pd", "--out", "run")
     demo.wait_for(SHOWN)

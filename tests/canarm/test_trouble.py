@@ -79,7 +79,7 @@ def test_without_a_server_the_controller_says_how_to_start_one(canarm, run_folde
     run_folder(canarm.folder / "run").check()
 
 
-@pytest.mark.parametrize("clock", ["sync", "wall"])
+@pytest.mark.parametrize("clock", ["sync", pytest.param("wall", marks=pytest.mark.slow)])
 def test_without_an_emulator_on_the_bus_the_controller_names_the_card_it_waited_for(canarm, run_folder, clock):
     hub = Hub("127.0.0.1", 0)
     try:
@@ -128,7 +128,7 @@ def test_a_card_of_another_identity_is_named_with_what_was_found_and_expected(ca
     assert "the cell says dac0808" in controller.complaint
 
 
-@pytest.mark.parametrize("clock", ["sync", "wall"])
+@pytest.mark.parametrize("clock", [pytest.param("sync", marks=pytest.mark.slow), "wall"])
 def test_a_law_that_raises_ends_in_a_safe_stop(canarm, run_folder, clock):
     (canarm.folder / "laws.py").write_text(FAILING_LAW)
     emulator = canarm.emulator(clock, "--out", "run")

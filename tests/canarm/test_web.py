@@ -140,7 +140,7 @@ def test_a_fault_is_injected_and_the_robot_stopped_from_a_browser(url: str, emul
     asyncio.run(drive())
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGKILL])
 def test_no_dashboard_outlives_its_page_or_the_server(canarm: Commands, number: signal.Signals) -> None:
     """A page goes away at once; the dashboard of another one does not react any more; a third stays to the end."""
     server = canarm("tui", "--web", "--web-port", "0", "--connect", "127.0.0.1:9")
@@ -245,6 +245,7 @@ def test_a_page_that_is_opened_after_a_demo_shows_how_it_has_ended(canarm: Comma
     assert demo.stdout[0] == verdict
 
 
+@pytest.mark.slow
 def test_a_run_of_a_demo_is_run_again_from_a_page_and_other_pages_follow(canarm: Commands, tmp_path: Path) -> None:
     demo = canarm("demo", "--web", "--web-port", "0", "--seconds", "0.5", "--pace", "max", "--out", "runs")
     address = demo.wait_for(r"the dashboard is at (http://\S+);")[1]

@@ -113,6 +113,7 @@ def test_a_wrong_payload_costs_half_of_what_it_cost_the_prototype(trajectory: st
     assert worst_lsb(trajectory, 0.9) < 0.6 * prototype_lsb
 
 
+@pytest.mark.slow
 def test_the_gain_at_a_wrong_payload_is_the_bias_alone() -> None:
     """As the docstring says: a weight is what is wrong, and no gain can carry it."""
     all_of_it = worst_lsb("sine", 0.9)

@@ -113,6 +113,7 @@ def test_a_machine_that_slept_for_minutes_goes_on_where_it_was() -> None:
     assert setup.controller.tick == 402  # ticks are cycles, not time: the trajectory goes on where it was
 
 
+@pytest.mark.slow
 def test_a_controller_alone_that_slept_for_minutes_finds_its_cards_safe_and_stops() -> None:
     setup = Setup(Clock.WALL, ticks=None)
     suspend(setup, at_tick=100, span_ns=180_000_000_000, with_emulator=False)

@@ -439,6 +439,7 @@ def test_a_client_may_come_back_as_often_as_it_likes(hub):
     assert hub.dropped == {}
 
 
+@pytest.mark.slow
 def test_a_client_that_asks_much_and_reads_nothing_is_not_answered_for_ever(hub, connect):
     client = connect()
     asked = 0

@@ -150,7 +150,9 @@ async def test_ctrl_c_leaves_the_dashboard_from_wherever_one_is(app, before):
     assert not app.is_running
 
 
-@pytest.mark.parametrize("size", [(1, 1), (1, 24), (80, 1), (5, 5)])
+@pytest.mark.parametrize(
+    "size", [(1, 1), *(pytest.param(each, marks=pytest.mark.slow) for each in ((1, 24), (80, 1), (5, 5)))]
+)
 async def test_a_terminal_of_one_column_or_line_is_borne(app, port, wire, size):
     async with running(app, size) as pilot:
         for key in (

@@ -66,33 +66,35 @@ class Plot:
 
 
 def plot_rows(plot: Plot, rows: int, cells: int) -> list[list[Run]]:
-    """`rows` rows of labels and `cells` cells."""
+    """`rows` rows of labels and `cells` cells. Blanks belong to the run before them: fewer runs are drawn faster."""
     middle, half = 0.5 * (plot.low + plot.high), 0.5 * (plot.high - plot.low)
-    drawn = [trace_cells(stroke.low - middle, stroke.high - middle, half, rows) for stroke in plot.strokes]
-    for second in drawn[1:]:
-        second &= 0x47  # only its left dots, so that it is told from the first without a colour
     inside = [each for each in plot.limits if plot.low <= each <= plot.high]
-    limit = limit_cells(np.array(inside) - middle, half, rows, cells)
+    kinds = np.full((rows, cells), Part.BLANK, dtype=np.int8)
+    bits = np.zeros((rows, cells), dtype=np.uint8)
+    layers = [(Part.LIMIT, limit_cells(np.array(inside) - middle, half, rows, cells))] if inside else []
+    for part, stroke in reversed([*zip((Part.FIRST, Part.SECOND), plot.strokes, strict=False)]):
+        layer = trace_cells(stroke.low - middle, stroke.high - middle, half, rows)
+        if part is Part.SECOND:
+            layer &= 0x47  # only its left dots, so that it is told from the first without a colour
+        layers.append((part, layer))
+    for part, layer in layers:
+        kinds[layer != 0] = part
+        bits |= layer
+    filled = np.where(kinds != Part.BLANK, np.arange(cells), 0)
+    kinds = np.take_along_axis(kinds, np.maximum.accumulate(filled, axis=1), axis=1)
+    codes = np.where(bits != 0, BLANK + bits.astype(np.uint32), ord(" ")).astype("<u4")
+    if plot.cursor is not None and 0 <= plot.cursor < cells:
+        kinds[:, plot.cursor] = Part.CURSOR
+        codes[bits[:, plot.cursor] == 0, plot.cursor] = ord("│")
+    for cell, sign in plot.signs.items():
+        kinds[0, cell], codes[0, cell] = Part.SIGN + MARKED.index(sign.tone), ord(sign.text)
     labels = scale_labels(plot.low, plot.high, rows, inside)
     found = []
-    for row in range(rows):
-        first = drawn[0][row] if drawn else np.zeros(cells, dtype=np.uint8)
-        second = drawn[1][row] if len(drawn) > 1 else np.zeros(cells, dtype=np.uint8)
-        kinds = np.where(
-            first != 0,
-            Part.FIRST,
-            np.where(second != 0, Part.SECOND, np.where(limit[row] != 0, Part.LIMIT, Part.BLANK)),
-        )
-        shown = (BLANK + (first | second | limit[row]).astype(np.int32)).tolist()
-        if plot.cursor is not None and 0 <= plot.cursor < cells:
-            kinds[plot.cursor] = Part.CURSOR
-            shown[plot.cursor] = ord("│") if shown[plot.cursor] == BLANK else shown[plot.cursor]
-        for cell, sign in plot.signs.items() if row == 0 else ():
-            kinds[cell], shown[cell] = Part.SIGN + MARKED.index(sign.tone), ord(sign.text)
-        text = "".join(map(chr, shown)).replace(chr(BLANK), " ")
-        cuts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(text)]
-        label = Run(labels[row].rjust(LABEL_WIDTH - 1) + "│", Part.SCALE)
-        found.append([label, *(Run(text[start:end], int(kinds[start])) for start, end in itertools.pairwise(cuts))])
+    for label, row, row_codes in zip(labels, kinds, codes, strict=True):
+        text = row_codes.tobytes().decode("utf-32-le")
+        cuts = [0, *(np.flatnonzero(row[1:] != row[:-1]) + 1).tolist(), cells]
+        runs = [Run(text[start:end], int(row[start])) for start, end in itertools.pairwise(cuts)]
+        found.append([Run(label.rjust(LABEL_WIDTH - 1) + "│", Part.SCALE), *runs])
     return found
 
 

@@ -3,6 +3,7 @@
 What is on its screens is not known here.
 """
 
+import gc
 from collections.abc import Coroutine
 from typing import Any
 
@@ -13,6 +14,10 @@ from textual.theme import ThemeProvider
 from textual.worker import Worker, WorkerFailed
 
 from .dialog import EndsOnce
+
+GARBAGE = (20_000, 10, 10)
+"""Thresholds of collections. Drawing leaves thousands of objects a second, most of them garbage with the next frame:
+few are older by the time they are looked through, and need not be again with all that is old."""
 
 
 class Palette(CommandPalette, EndsOnce[None]):
@@ -53,6 +58,15 @@ class SteadyApp(App[None]):
 
     escaped: BaseException | None = None
     """What has ended it, if that was an error."""
+    has_process: bool = False
+    """Whether it is all that its process does."""
+
+    def on_ready(self) -> None:
+        """What stands now stands to the end: to look through it for garbage would hold up keys for 0.2 s each time."""
+        if self.has_process:
+            gc.collect()
+            gc.freeze()
+            gc.set_threshold(*GARBAGE)
 
     async def on_event(self, event: Event) -> None:
         """Keys may still come when the last screen has gone."""

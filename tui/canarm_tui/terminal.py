@@ -1,6 +1,7 @@
 """Running an application on a terminal: there has to be one, and signals end it and leave the terminal as it was."""
 
 import contextlib
+import gc
 import os
 import select
 import signal
@@ -32,12 +33,16 @@ def run_app(app: SteadyApp) -> int:
     Raises `BrokenError` if an error has ended it that nobody has foreseen.
     """
     before = {number: signal.getsignal(number) for number in ending_signals()}
+    app.has_process, thresholds = True, gc.get_threshold()
     try:
         with terminal_as_before(), _outliving_its_terminal(), _ending_with_its_page():
             app.run()
             if app.escaped is not None:
                 raise broken(app.TITLE or "the screen", app.escaped)
-    finally:  # the event loop puts its own in the place of ours
+    finally:
+        gc.unfreeze()
+        gc.set_threshold(*thresholds)
+        # The event loop has put its own in the place of ours.
         for number, handler in before.items():
             signal.signal(number, handler)
     return app.return_code or 0

@@ -3,7 +3,7 @@
 Only here do plots become styled text. It keeps nothing but the scene it draws.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,6 +107,20 @@ class TraceScene:
             and self.words() == other.words()
         )
 
+    def goes_on_within_a_dot(self, before: "TraceScene", cells: int) -> bool:
+        """Whether it shows what `before` did and a little more, but not a dot column more."""
+        a_column = columns_of(cells, self.last - self.first + 1)
+        return (
+            self.history is before.history
+            and self.last > before.last
+            and self.last // a_column == before.last // a_column
+            and self.last - self.first == before.last - before.first
+            and all(
+                getattr(self, name) == getattr(before, name)
+                for name in ("cursor", "signal", "shown", "limits", "marks", "has_axis")
+            )
+        )
+
 
 class Trace(Drawn):
     """A title, a scale, the lines, dotted limits, signs of events, a cursor, and the times below.
@@ -126,12 +140,29 @@ class Trace(Drawn):
     def __init__(self, name: str, place: int) -> None:
         super().__init__(id=f"trace-{name}-{place}")
         self._scene: TraceScene | None = None
+        self._plotted: TraceScene | None = None
+        self._plot: list[Strip] = []
+        self._plot_size = (0, 0)
+        self._is_whole = False
 
     def show(self, scene: TraceScene) -> None:
-        """Show `scene`, unless it looks like what is shown."""
-        if not scene.is_as(self._scene):
-            self._scene = scene
-            self.redraw()
+        """Show `scene`, unless it looks like what is shown.
+
+        While it moves on, the lines are drawn with each dot column, and once it stands, to the end.
+        """
+        before, self._scene = self._scene, scene
+        stands = before is not None and scene.last == before.last
+        if stands and self._is_whole and scene.is_as(before):
+            return
+        if stands:
+            self._plotted = None
+        self._is_whole = stands
+        self.redraw()
+
+    def notify_style_update(self) -> None:
+        """The colours have changed."""
+        super().notify_style_update()
+        self._plotted = None
 
     def on_click(self, event: Click) -> None:
         """Say which cycle was pointed at."""
@@ -161,14 +192,20 @@ class Trace(Drawn):
         rows, cells = height - 1 - scene.has_axis, width - LABEL_WIDTH
         if rows < 1 or cells < 1:
             return strips
+        before, size = self._plotted, (height - 1, width)
+        if before is None or size != self._plot_size or not scene.goes_on_within_a_dot(before, cells):
+            self._plotted, self._plot_size = scene, size
+            self._plot = list(self._draw_plot(scene, rows, cells))
+        return [*strips, *self._plot]
+
+    def _draw_plot(self, scene: TraceScene, rows: int, cells: int) -> Iterator[Strip]:
+        width = LABEL_WIDTH + cells
         styles = [self.style_of(f"trace--{name}") for name in PARTS]
         plot, times = plot_of(scene, cells)
         for row in plot_rows(plot, rows, cells):
-            segments = [Segment(run.text, styles[run.part]) for run in row]
-            strips.append(Strip(segments, width))
+            yield Strip([Segment(run.text, styles[run.part]) for run in row], width)
         if scene.has_axis:
-            strips.append(Strip([Segment(" " * LABEL_WIDTH + times, styles[Part.SCALE])], width))
-        return strips
+            yield Strip([Segment(" " * LABEL_WIDTH + times, styles[Part.SCALE])], width)
 
 
 def plot_of(scene: TraceScene, cells: int) -> tuple[Plot, str]:
