@@ -10,6 +10,7 @@ import pytest
 from canarm.rig.rig import Rig
 from canarm_protocol.transport import realtime
 from canarm_protocol.transport.realtime import COLLECT_CYCLES, PATIENCE, Collector, ask_for_realtime, undisturbed
+from canarm_protocol.transport.time_slice import LEAST_NS, set_time_slice
 
 PR_GET_TIMERSLACK = 30
 PERIOD_NS = 2_500_000
@@ -94,6 +95,29 @@ def test_timers_fire_on_time_during_a_run_and_as_before_after_it() -> None:
     with undisturbed():
         assert prctl(PR_GET_TIMERSLACK, 0, 0, 0, 0) == min(before_ns, 1)
     assert prctl(PR_GET_TIMERSLACK, 0, 0, 0, 0) == before_ns
+
+
+def slice_ns() -> int:
+    now_ns = set_time_slice(LEAST_NS)
+    if now_ns:
+        set_time_slice(now_ns)
+    return now_ns
+
+
+@pytest.mark.skipif(slice_ns() == 0, reason="this kernel gives threads no slices of their own")
+def test_a_loop_has_the_shortest_slice_of_time_and_afterwards_that_of_before() -> None:
+    """So that it runs when it wakes, whoever else runs."""
+    before_ns, nice = slice_ns(), os.nice(0)
+    assert before_ns > LEAST_NS
+    with undisturbed():
+        assert slice_ns() == LEAST_NS
+    assert slice_ns() == before_ns
+    assert os.nice(0) == nice
+
+
+def test_in_a_real_time_class_and_on_other_systems_there_are_no_slices(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert set_time_slice(LEAST_NS) == 0
 
 
 @pytest.mark.parametrize("law", ["pd", "computed-torque", "mras", "mras-lyapunov", "slotine-li"])

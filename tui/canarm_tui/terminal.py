@@ -10,6 +10,8 @@ import threading
 from collections.abc import Iterator
 from typing import Any, TextIO
 
+from canarm_protocol.transport.time_slice import PATIENT_NS, set_time_slice
+
 from .crash import broken, terminal_as_before
 from .errors import TerminalError
 from .steady import SteadyApp
@@ -28,12 +30,15 @@ def check_terminal(what: str = "the dashboard") -> None:
 
 
 def run_app(app: SteadyApp) -> int:
-    """Run `app` to its end; return its exit status. The handlers of `ending_signals` are as before then.
+    """Run `app` to its end, giving way to the loop that it watches; return its exit status.
+
+    The handlers of `ending_signals` are as before then.
 
     Raises `BrokenError` if an error has ended it that nobody has foreseen.
     """
     before = {number: signal.getsignal(number) for number in ending_signals()}
     app.has_process, thresholds = True, gc.get_threshold()
+    slice_ns = set_time_slice(PATIENT_NS)
     try:
         with terminal_as_before(), _outliving_its_terminal(), _ending_with_its_page():
             app.run()
@@ -42,6 +47,8 @@ def run_app(app: SteadyApp) -> int:
     finally:
         gc.unfreeze()
         gc.set_threshold(*thresholds)
+        if slice_ns:
+            set_time_slice(slice_ns)
         # The event loop has put its own in the place of ours.
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -12,6 +12,8 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
+from .time_slice import PROMPT_NS, set_time_slice
+
 PRIORITY = 49
 """Priority in SCHED_FIFO: just below the 50 of Linux's interrupt threads, without which no frame would arrive."""
 COLLECT_CYCLES = 400
@@ -57,7 +59,7 @@ class Collector:
 
 @contextlib.contextmanager
 def undisturbed(clock: Callable[[], int] = time.perf_counter_ns) -> Iterator[Collector]:
-    """Within this context only the `Collector` collects garbage, and timers fire on time.
+    """Within this context only the `Collector` collects garbage, timers fire on time, and others give way.
 
     No collection looks at the objects that exist by now. Begins with a full collection, which can take longer than the
     cards wait for a heartbeat: do not enter it while they run. Needs no permission.
@@ -66,12 +68,14 @@ def undisturbed(clock: Callable[[], int] = time.perf_counter_ns) -> Iterator[Col
     gc.collect()
     gc.disable()
     gc.freeze()
-    slack_ns = _timer_slack_ns(_LEAST_SLACK_NS)
+    slack_ns, slice_ns = _timer_slack_ns(_LEAST_SLACK_NS), set_time_slice(PROMPT_NS)
     try:
         yield Collector(clock)
     finally:
         if slack_ns:
             _timer_slack_ns(slack_ns)
+        if slice_ns:
+            set_time_slice(slice_ns)
         gc.unfreeze()
         if was_enabled:
             gc.enable()
