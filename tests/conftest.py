@@ -1,6 +1,7 @@
 """Settings that hold for every test: Hypothesis without deadlines, the same examples in CI, compiled modules kept."""
 
 import contextlib
+import gc
 import os
 import resource
 import signal
@@ -26,6 +27,12 @@ sys.dont_write_bytecode = False
 
 settings.register_profile("canarm", deadline=None, derandomize="CI" in os.environ, print_blob=True)
 settings.load_profile("canarm")
+
+
+def pytest_collection_finish() -> None:
+    """Thousands of tests are no garbage: to look through them again and again takes a sixth of the time of all."""
+    gc.collect()
+    gc.freeze()
 
 
 @contextlib.contextmanager

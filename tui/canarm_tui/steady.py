@@ -60,6 +60,8 @@ class SteadyApp(App[None]):
     """What has ended it, if that was an error."""
     has_process: bool = False
     """Whether it is all that its process does."""
+    has_settled: bool = False
+    """Whether it has set aside what stands."""
 
     def on_ready(self) -> None:
         """What stands now stands to the end: to look through it for garbage would hold up keys for 0.2 s each time."""
@@ -67,6 +69,7 @@ class SteadyApp(App[None]):
             gc.collect()
             gc.freeze()
             gc.set_threshold(*GARBAGE)
+            self.has_settled = True
 
     async def on_event(self, event: Event) -> None:
         """Keys may still come when the last screen has gone."""

@@ -45,8 +45,9 @@ def run_app(app: SteadyApp) -> int:
             if app.escaped is not None:
                 raise broken(app.TITLE or "the screen", app.escaped)
     finally:
-        gc.unfreeze()
-        gc.set_threshold(*thresholds)
+        if app.has_settled:
+            gc.unfreeze()
+            gc.set_threshold(*thresholds)
         if slice_ns:
             set_time_slice(slice_ns)
         # The event loop has put its own in the place of ours.

@@ -61,10 +61,11 @@ class Collector:
 def undisturbed(clock: Callable[[], int] = time.perf_counter_ns) -> Iterator[Collector]:
     """Within this context only the `Collector` collects garbage, timers fire on time, and others give way.
 
-    No collection looks at the objects that exist by now. Begins with a full collection, which can take longer than the
-    cards wait for a heartbeat: do not enter it while they run. Needs no permission.
+    No collection looks at the objects that exist by now, nor afterwards, where some had been set aside before. Begins
+    with a full collection, which can take longer than the cards wait for a heartbeat: do not enter it while they run.
+    Needs no permission.
     """
-    was_enabled = gc.isenabled()
+    was_enabled, had_frozen = gc.isenabled(), gc.get_freeze_count() > 0
     gc.collect()
     gc.disable()
     gc.freeze()
@@ -76,7 +77,8 @@ def undisturbed(clock: Callable[[], int] = time.perf_counter_ns) -> Iterator[Col
             _timer_slack_ns(slack_ns)
         if slice_ns:
             set_time_slice(slice_ns)
-        gc.unfreeze()
+        if not had_frozen:
+            gc.unfreeze()
         if was_enabled:
             gc.enable()
 
