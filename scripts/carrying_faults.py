@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from canarm import Rig, State
 from canarm.workers.forking import in_copy
 from canarm_emulator.bench.bench import Bench
-from canarm_emulator.robot.carried import ObjectState
+from canarm_emulator.robot.carried import GRIP_LOST, PAD_S, ObjectState
 from canarm_protocol.cell import Cell, load_cell
 from canarm_protocol.cell.sensing import position_steps_rad
 
@@ -26,6 +26,8 @@ FIRST_S, LAST_S = 4.0, 9.0
 WATCHED_S, AFTER_S = 2.0, 2.0
 """How long the controller has, and how long the cards are then left alone."""
 TOGETHER_MS = 20.0
+BLOW_MS = 1e3 * PAD_S
+"""In which what a joint that jams had of momentum has gone through the hands."""
 KINDS = ("jam", "encoder", "silent", "card", "grip", "controller", "none")
 
 Fault = tuple[str, str, dict[str, float]]
@@ -44,6 +46,8 @@ class Outcome:
     draw: str
     due: float = math.nan
     """Share of a count that the joint is to turn within `TOGETHER_MS`: what any detector could know by then."""
+    lost_ms: float | None = None
+    """When a hand lost the object; `BLOW_MS` at most is by the blow of a joint that jams, before anybody can act."""
 
 
 def faults(cell: Cell, kind: str) -> Iterator[tuple[str, str, list[Fault]]]:
@@ -105,7 +109,9 @@ def outcome(rig: Rig, group: str, name: str, injected: list[Fault], draw: str) -
     stops = [each for each in rig.detections[before:] if each.reaction.stops]
     stop_ms = (stops[0].tick - tick) * rig.cell.bus.cycle_us / 1000 if stops else None
     detector = stops[0].detector if stops else ""
-    return Outcome(group, name, stop_ms, detector, grip_n, bool(object_of(bench).lost), draw, due)
+    lost_s = [each.time_s for each in rig.events if each.event == GRIP_LOST and each.time_s >= begin_s]
+    lost_ms = 1e3 * (lost_s[0] - begin_s) if lost_s else None
+    return Outcome(group, name, stop_ms, detector, grip_n, bool(object_of(bench).lost), draw, due, lost_ms)
 
 
 def object_of(bench: Bench) -> ObjectState:
@@ -175,13 +181,14 @@ def table(found: list[Outcome]) -> Iterator[str]:
         soon = sum(stop <= TOGETHER_MS for stop in stops)
         times = f"{stops[len(stops) // 2]:g}, {stops[-1]:g} ms" if stops else ""
         lost = sum(each.is_lost for each in rows)
+        blown = sum(each.lost_ms is not None and each.lost_ms <= BLOW_MS for each in rows)
         due = [each.due for each in rows if not math.isnan(each.due)]
         can = f"{100 * sum(due) / len(due):.0f} %" if due else ""
         low, high = likely(soon, len(rows))
         share = f"{soon}, {100 * low:.0f} to {100 * high:.0f} %"
         yield (
             f"| {group} | {len(rows)} | {len(stops)} | {share} | {can} | {times} | "
-            f"{grips[len(grips) // 2]:.1f}, {grips[-1]:.1f} N | {lost} |"
+            f"{grips[len(grips) // 2]:.1f}, {grips[-1]:.1f} N | {lost}{f', {blown} by the blow' * bool(blown)} |"
         )
 
 
