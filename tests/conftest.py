@@ -21,6 +21,9 @@ for ignored, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SI
         with contextlib.suppress(ValueError):  # not in the main thread
             signal.signal(ignored, handler)
 
+# Nothing that is collected is garbage.
+gc.disable()
+
 # The tests start hundreds of processes. With this set, each would compile all that it imports: twice the time.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
@@ -31,8 +34,8 @@ settings.load_profile("canarm")
 
 def pytest_collection_finish() -> None:
     """Thousands of tests are no garbage: to look through them again and again takes a sixth of the time of all."""
-    gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @contextlib.contextmanager

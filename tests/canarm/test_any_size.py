@@ -86,6 +86,7 @@ def two_konkuks() -> str:
     return "".join(parts)
 
 
+@pytest.mark.slow
 def test_two_robots_of_one_kind_run_in_one_cell_from_the_command_line(canarm: Commands) -> None:
     (canarm.folder / "two.toml").write_text(two_konkuks())
     demo = canarm("demo", "--cell", "two.toml", "--seconds", "0.3", "--no-tui", "--json", "--out", "run")

@@ -38,7 +38,7 @@ def test_when_a_robots_cards_fall_silent_both_stop_within_20_ms_and_hold_the_obj
     assert found.grip_n < rig.object.slip_force_n
 
 
-@pytest.mark.parametrize("seed", ["test/2", pytest.param("test/3", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [pytest.param(each, marks=pytest.mark.slow) for each in ("test/2", "test/3")])
 def test_when_the_controller_dies_the_cards_carry_the_arms(seed: str) -> None:
     rig, at_s, draw = script.drawn_rig(CELL, seed)
     rig.run(seconds=at_s)

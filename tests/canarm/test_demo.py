@@ -214,6 +214,7 @@ def test_what_a_law_prints_and_starts_stays_out_of_the_summary(canarm):
     assert (demo.json["law"], demo.json["ticks"]) == ("laws.py:Printing", 400)
 
 
+@pytest.mark.slow
 def test_a_law_that_loops_for_ever_ends_the_demo_with_a_hint(canarm):
     # Six seconds of it: asleep, they cost no processor.
     (canarm.folder / "laws.py").write_text(f"import time\n{LOOPING_LAW.replace('pass', 'time.sleep(0.01)')}")

@@ -558,6 +558,7 @@ def test_an_interrupt_ends_all_and_keeps_what_there_is(canarm) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_a_strange_controller_too(canarm, until) -> None:
     command = "sh -c 'touch begun; exec sleep 1000'"
     matrix = canarm("fault", "matrix", "--only", "node.0x14 hang", "--controller", command, "--out", "m")

@@ -191,6 +191,7 @@ def test_different_clocks_are_refused_with_status_2(canarm, theirs, ours):
     assert controller.json["state"] == "failed"
 
 
+@pytest.mark.slow
 def test_controllers_come_one_after_the_other_while_the_arm_falls_in_between(canarm, until):
     emulator = canarm.emulator("wall")
     first = canarm.controller(emulator, "wall", "--seconds", "1")

@@ -26,7 +26,7 @@ def half_a_second(rig: PlainRig) -> Future:
     return list(rig.frames), angles, repr(sorted((name, list(row)) for name, row in internals.items())).encode()
 
 
-@pytest.mark.parametrize("cell", ["konkuk1", "rhino-pair"])
+@pytest.mark.parametrize("cell", ["konkuk1", pytest.param("rhino-pair", marks=pytest.mark.slow)])
 def test_a_branch_goes_on_to_the_bit_as_the_run_itself(cell: str) -> None:
     with Rig(cell, seed=4) as rig:
         rig.run(0.3)

@@ -20,6 +20,7 @@ rhino_page = importlib.import_module("rhino_page")
 rhino_pictures = importlib.import_module("rhino_pictures")
 skeleton = importlib.import_module("ablation_page").skeleton
 
+pytestmark = pytest.mark.slow
 SVG = "{http://www.w3.org/2000/svg}"
 
 

@@ -121,6 +121,7 @@ async def test_what_the_bench_refuses_stands_in_the_dialog_and_can_be_mended(app
         assert loop.bench.device.faults.active == 1
 
 
+@pytest.mark.slow
 async def test_a_duration_is_typed_behind_the_parameters(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         await to_the_form(pilot)
@@ -134,6 +135,7 @@ async def test_a_duration_is_typed_behind_the_parameters(app, loop, clock):
         assert loop.bench.device.faults.active == 0
 
 
+@pytest.mark.slow
 async def test_defaults_stand_in_the_fields_and_other_faults_have_other_fields(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         await to_the_form(pilot)
@@ -204,6 +206,7 @@ async def test_escape_goes_back_step_by_step(app, loop, clock):
         assert len(app.screen_stack) == 1
 
 
+@pytest.mark.slow
 async def test_the_arrows_choose_from_the_list_while_one_types(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         await pilot.keys("f")
