@@ -96,10 +96,7 @@ class Summary:
             and self.ticks <= SETTLING_CYCLES
             and all(joint.rms_lsb is None for joint in self.joints.values())
         ):
-            lines.append(
-                f"errors count after the first {SETTLING_CYCLES} cycles, in which the motion blends in: "
-                "take more of them (--seconds)"
-            )
+            lines.append(errors_count_later("--seconds"))
         if self.object is not None:
             lines.append(_grips(self.object))
         if self.faults:
@@ -112,6 +109,14 @@ class Summary:
         if self.out:
             lines.append(f"recorded in {printable(self.out)}")
         return "\n".join(lines)
+
+
+def errors_count_later(setting: str) -> str:
+    """Why a run of `SETTLING_CYCLES` or fewer has no figure of its errors; `setting` is what makes it longer."""
+    return (
+        f"errors count after the first {SETTLING_CYCLES} cycles, in which the motion blends in: "
+        f"take more of them ({setting})"
+    )
 
 
 def detections_as_plain(detections: Iterable[Detection]) -> tuple[dict[str, Any], ...]:

@@ -12,6 +12,7 @@ from canarm_protocol.shown import printable
 
 from ..options import Flag, named_file
 from ..stdout import keep_stdout
+from ..usage import UsageError
 from ..workers.jobs import Jobs, cores
 
 if TYPE_CHECKING:
@@ -60,13 +61,18 @@ def study(
     What is done stays: started again after a kill, it goes on with what is left. Exit status 1 if a run could not be
     carried out, or the study was interrupted; a run that ends in a safe stop is a result like any other.
     """
-    from ..study.checking import check_study
+    from ..study.checking import check_study, without_errors
     from ..study.cluster import on_cluster
     from ..study.running import on_this_machine
     from ..study.study_file import read_study
+    from ..workers.progress import Progress
 
     planned, objective = read_study(file)
     check_study(planned, printable(str(file)))
+    if short := without_errors(planned):
+        if tune and objective.is_of_errors:
+            raise UsageError(f"{printable(str(file))}: --tune would compare nothing: {short}")
+        Progress().note(f"{printable(str(file))}: {short}")
     folder = STUDIES / file.stem if out is None else out
     processes = jobs or cores()
     runner = on_this_machine(processes) if scheduler is None else on_cluster(scheduler)

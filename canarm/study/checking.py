@@ -7,13 +7,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from canarm_emulator.robot.truth import Truth
+from canarm_protocol.cell.bench_objects import SETTLING_CYCLES
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import CanarmError
+from canarm_protocol.shown import printable
 
 from ..draws import Choice, Value, Whole
 from ..fault_file import load_faults
 from ..open_cell import open_cell
 from ..session import make_bench, make_controller, tick_count
+from ..summary import errors_count_later
 from ..usage import UsageError
 from .plan import Axis, Settings, Study
 
@@ -38,6 +41,23 @@ def _culprit(study: Study, said: str) -> tuple[Axis | None, Value | None]:
         if str(_wrong(study.base.changed({axis.name: value}))) == said:
             return axis, value
     return None, None
+
+
+def without_errors(study: Study) -> str | None:
+    """What to say where runs end before their errors count, so that they have no figure of them; None if none does."""
+    axis = next((axis for axis in study.axes if axis.name == "cell" and isinstance(axis, Choice)), None)
+    names = (study.base.cell,) if axis is None else tuple(map(str, axis.values))
+    short = []
+    for name in names:
+        cell = open_cell(name, dict(study.base.settings) if axis is None else {})
+        if tick_count(cell, study.base.seconds, "seconds") <= SETTLING_CYCLES:
+            short.append(f"{SETTLING_CYCLES * cell.bus.cycle_s:g} s of {printable(name, 60)}")
+    if not short:
+        return None
+    return (
+        f"runs of {study.base.seconds:g} s have no figure of their errors: {errors_count_later('seconds in [run]')}, "
+        f"that is more than {', '.join(short)}"
+    )
 
 
 def named_files(study: Study) -> set[Path]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from canarm_protocol.shown import printable
 
 from ..draws import Choice, Value
+from ..summary import errors_count_later
 from .journal import Journal
 from .one_run import DONE
 from .plan import Axis, Study
@@ -36,16 +37,14 @@ class Case:
     state: str
     reason: str | None
     figure: float
-    """NaN where a run that ended as planned has none, infinite of one that did not."""
+    """Infinite where a run did not end as planned."""
     values: dict[str, Value]
     command: str
 
     @property
     def said(self) -> str:
         """The figure, or why there is none."""
-        if math.isfinite(self.figure):
-            return f"{self.figure:.3g}"
-        return printable(self.state, 40) if self.state != DONE else "no figure"
+        return f"{self.figure:.3g}" if math.isfinite(self.figure) else printable(self.state, 40)
 
     def as_plain(self) -> dict[str, Any]:
         """For JSON."""
@@ -57,7 +56,8 @@ class Case:
 class Findings:
     """`columns` has a number for each run: the `METRICS`, NaN where a run has none, and each axis.
 
-    Of an axis of names the number is the place of the name. `is_done` tells the runs that ended as planned.
+    Of an axis of names the number is the place of the name. `is_done` tells the runs that ended as planned, `worst`
+    are those that did not, and then those with the largest errors: a run without a figure is none of them.
     """
 
     runs: int
@@ -68,16 +68,25 @@ class Findings:
 
     def lines(self) -> Iterable[str]:
         """In words, for a terminal."""
+        yield from self.outcome()
+        for case in self.worst[:3]:
+            yield f"run {case.number}, {case.said}: {printable(case.command, 600)}"
+
+    def known(self, metric: str) -> NDArray[np.bool_]:
+        """Which runs ended as planned and have that figure."""
+        return self.is_done & np.isfinite(self.columns[metric])
+
+    def outcome(self) -> Iterable[str]:
+        """Counts and figures in words."""
         ends = ", ".join(f"{count} {printable(state, 40)}" for state, count in self.states.items())
         yield f"{self.runs} runs: {ends}"
         for name, title in METRICS.items():
-            values = self.columns[name][self.is_done]
-            values = values[np.isfinite(values)]
+            values = self.columns[name][self.known(name)]
             if len(values):
                 middle, high = np.percentile(values, [50, 90])
                 yield f"{title}, worst joint: median {middle:.3g}, 90 % below {high:.3g}, most {values.max():.3g}"
-        for case in self.worst[:3]:
-            yield f"run {case.number}, {case.said}: {printable(case.command, 600)}"
+        if missing := int(np.count_nonzero(self.is_done & ~self.known(JUDGED))):
+            yield f"{missing} run{'s' * (missing != 1)} without a figure of errors: {errors_count_later('seconds')}"
 
 
 def findings_of(study: Study, journal: Journal) -> Findings:
@@ -96,12 +105,11 @@ def findings_of(study: Study, journal: Journal) -> Findings:
         for axis in study.axes:
             columns[axis.name][place] = axis_number(axis, row.get(axis.name))
         figure = columns[JUDGED][place] if state == DONE else math.inf
-        entry = (figure if math.isfinite(figure) else (math.inf if state != DONE else -1.0), -row["run"], row)
+        if math.isnan(figure):
+            continue
+        entry = (figure, -row["run"], row)
         (heapq.heappush if len(worst) < WORST_SHOWN else heapq.heappushpop)(worst, entry)
-    cases = tuple(
-        _case(study, row, figure if figure >= 0.0 else math.nan)
-        for figure, _, row in sorted(worst, key=lambda each: (-each[0], -each[1]))
-    )
+    cases = tuple(_case(study, row, figure) for figure, _, row in sorted(worst, key=lambda each: (-each[0], -each[1])))
     return Findings(count, dict(states), columns, is_done, cases)
 
 

@@ -13,6 +13,8 @@ from .one_run import DONE
 
 OVER = ("mean", "worst")
 KEYS = ("minimise", "over", "evaluations", "within", "seed")
+OF_ERRORS = ("rms_lsb", "max_lsb", "speed_ripple")
+"""Figures that count only after the first cycles of a run."""
 LOST = 1e3
 """What a run counts that has no figure, as one that was stopped: more than any run that has one."""
 
@@ -40,6 +42,11 @@ class Objective:
         value = row.get(key)
         is_whole = row.get("state") == DONE and isinstance(value, int | float) and math.isfinite(value)
         return min(float(value), LOST) if is_whole and value is not None else LOST
+
+    @property
+    def is_of_errors(self) -> bool:
+        """Whether a run must be long enough for errors to count to have what is made small."""
+        return self.minimise.rpartition(".")[2] in OF_ERRORS
 
     def __str__(self) -> str:
         joint = "" if "." in self.minimise else " of the worst joint"

@@ -43,8 +43,7 @@ def study_page(study: Study, found: Findings) -> str:
 def _head(study: Study, found: Findings) -> str:
     is_good = set(found.states) == {DONE}
     axes = "; ".join(printable(str(axis), 120) for axis in study.axes)
-    lines = [*found.lines()][: 1 + len(METRICS)]
-    said = "".join(f"<p>{escaped(line)}</p>" for line in lines)
+    said = "".join(f"<p>{escaped(line)}</p>" for line in found.outcome())
     missing = len(study) - found.runs
     part = f"<p>{missing} runs are still to be done.</p>" if missing else ""
     how = f"{study.sample.value} of {len(study)} runs of {study.base.seconds:g} s each: {axes}"
@@ -56,13 +55,14 @@ def _maps(study: Study, found: Findings) -> Iterable[str]:
     pairs = list(combinations(axes, 2)) or [(axis, axis) for axis in axes]
     if not pairs:
         return
+    shown = next((metric for metric in METRICS if found.known(metric).any()), JUDGED)
     yield "<h2>Heat maps</h2>"
     yield (
-        f'<p class="soft">Mean of the {escaped(METRICS[JUDGED])}, of the worst joint, over all runs of a field that '
-        "ended as planned; in brackets the share that did not, where there is any.</p>"
+        f'<p class="soft">Mean of the {escaped(METRICS[shown])}, of the worst joint, over all runs of a field that '
+        "ended as planned and have it; in brackets the share that did not end so, where there is any.</p>"
     )
     for across, down in pairs[:MOST_MAPS]:
-        yield _map(across, heat_map(across, down, found))
+        yield _map(across, heat_map(across, down, found, shown))
     if len(pairs) > MOST_MAPS:
         yield f"<p>And {len(pairs) - MOST_MAPS} pairs of settings more, in the table.</p>"
 
@@ -89,6 +89,8 @@ def _field(mean: float, lost: float, count: int, low: float, high: float) -> str
     if not count:
         return '<td class="n">–</td>'
     share = f" ({lost:.0%})" if lost else ""
+    if not math.isfinite(mean) and lost < 1.0:
+        return f'<td class="n">–{share}</td>'
     if not math.isfinite(mean):
         return f'<td class="n" style="background:{_HUES[-1]};color:#111">–{share}</td>'
     place = 0.0 if high <= low else (mean - low) / (high - low)
