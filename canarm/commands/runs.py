@@ -12,7 +12,7 @@ from canarm_protocol.shown import printable, printable_values
 
 from ..options import Flag, named_file, not_negative, whole_number
 from ..runs.converting import FORMATS, convert
-from ..runs.listing import Listed, list_lines, remove_run, runs_below, size_text, to_prune
+from ..runs.listing import Listed, list_lines, remove_run, runs_below, size_text, to_prune, why_not_removed
 from ..runs.run import Run
 from ..runs.showing import show_lines
 from ..usage import UsageError
@@ -93,16 +93,27 @@ def prune(
     ] = None,
     yes: Annotated[Flag, Parameter(name="--yes", help="Remove them; else it is only said which.")] = False,
 ) -> int:
-    """Remove old runs. Only files that a run leaves are removed; a folder with others in it stays."""
+    """Remove old runs. Only files that a run leaves are removed; a folder with others in it stays.
+
+    A run that goes on, and what no run of canarm has left, are left alone.
+    """
     if keep is None and older_than is None:
         raise UsageError("runs prune: which? give --keep NUMBER, --older-than DAYS, or both")
     limit = None if older_than is None else datetime.now(UTC) - timedelta(days=min(older_than, 1_000_000))
     chosen = to_prune(runs_below(base), keep, limit)
+    freed, removed, failed = 0, 0, False
     for each in reversed(chosen):  # later runs of a session before the folder that they are in
-        print(_pruned(each) if yes else f"would remove {printable(str(each.path))}")
-    freed = size_text(sum(each.size_bytes for each in chosen))
-    print(f"{len(chosen)} runs, {freed}{'' if yes or not chosen else '; --yes removes them'}")
-    return ExitStatus.DONE
+        try:
+            said = why_not_removed(each.path)
+            if not said:
+                print(_pruned(each) if yes else f"would remove {printable(str(each.path))}")
+                freed, removed = freed + each.size_bytes, removed + 1
+        except OSError as error:
+            said, failed = error.strerror or "cannot be read", True
+        if said:
+            print(f"left {printable(str(each.path))}: {said}")
+    print(f"{removed} runs, {size_text(freed)}{'' if yes or not removed else '; --yes removes them'}")
+    return ExitStatus.FAILED if failed else ExitStatus.DONE
 
 
 def _pruned(each: Listed) -> str:

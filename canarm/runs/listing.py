@@ -10,19 +10,16 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from canarm_protocol.runs.own_file import is_held
 from canarm_protocol.runs.run_events import runs_of
-from canarm_protocol.runs.run_folder import RUN_FILE, RunFolderError
+from canarm_protocol.runs.run_folder import RUN_FILE, SIGNALS_FOLDER, SUMMARY, RunFolderError
 from canarm_protocol.shown import printable
 
-from .run import PARTS, Run
+from .run import MAKERS, PARTS, Run
 
 LEFT_BY_RUNS = (
     "run.json",
     ".run.json.lock",
-    "can0*.log",
-    "can0*.blf",
-    "bench*.log",
-    "bench*.blf",
     "events.jsonl",
     "memory.bin",
     "signals.mf4",
@@ -31,10 +28,20 @@ LEFT_BY_RUNS = (
     "report.html",
     "joints.svg",
     "controller-*.txt",
-    "signals/*.csv",
-    "signals/*.parquet",
+    *(
+        f"{name}{part}{suffix}"
+        for name, suffixes in {
+            "can0": (".log", ".blf"),
+            "bench": (".log", ".blf"),
+            "signals/robot": (".csv", ".parquet"),
+            "signals/controller": (".csv", ".parquet"),
+        }.items()
+        for suffix in suffixes
+        for part in ("", "-[0-9][0-9][0-9][0-9]")
+    ),
 )
-"""Files of a run folder, as patterns."""
+"""Files of a run folder, as patterns; of a recording that broke off, also drafts of them."""
+_DRAFTS = (".draft-{}", ".{}.mf4", ".{}.[0-9]*")
 DEEPEST = 3
 """Levels of folders below the base in which runs are looked for."""
 
@@ -88,20 +95,33 @@ def to_prune(runs: Sequence[Listed], keep: int | None, older_than: datetime | No
     return [each for each in chosen if older_than is None or each.written < older_than]
 
 
+def why_not_removed(path: Path) -> str:
+    """Why a folder that looks like a run's is left alone: somebody writes to it, or no run of ours did; or nothing.
+
+    Raises `OSError`.
+    """
+    if is_held(path):
+        return "a run goes on in it"
+    run = Run(path)
+    is_ours = any(run.configuration.get(name) for name in (SUMMARY, "cell", *MAKERS))
+    if not is_ours and not run.robot and not run.controller:
+        return f"neither {RUN_FILE} nor signals say that a run has left it"
+    return ""
+
+
 def remove_run(path: Path) -> list[str]:
     """Remove the files of a run and its folder; returns the names of what is not a run's and stays.
 
     A link is removed, not followed. Raises `OSError`.
     """
-    files = [each for each in _tree(path) if each.is_symlink() or not each.is_dir()]
-    others = [name for file in files if not _is_ours(name := file.relative_to(path).as_posix())]
-    for file in files:
-        if file.relative_to(path).as_posix() not in others:
+    for file in _tree(path):
+        if (file.is_symlink() or not file.is_dir()) and _is_ours(file.relative_to(path).as_posix()):
             file.unlink()
-    for folder in (path / "signals", path):
+    for folder in (path / SIGNALS_FOLDER, path):
         if folder.is_dir() and not folder.is_symlink() and not any(folder.iterdir()):
             folder.rmdir()
-    return others
+    left = [each.relative_to(path).as_posix() for each in _tree(path)] if path.is_dir() else []
+    return [name for name in left if name != SIGNALS_FOLDER and not fnmatch.fnmatchcase(name, "run-[0-9]*")]
 
 
 def _listed(path: Path) -> Listed:
@@ -125,9 +145,14 @@ def _tree(path: Path) -> Iterable[Path]:
     """What is in a run folder, without the later runs below it."""
     for each in sorted(path.iterdir()):
         yield each
-        if each.name == "signals" and each.is_dir() and not each.is_symlink():
+        if each.name == SIGNALS_FOLDER and each.is_dir() and not each.is_symlink():
             yield from sorted(each.iterdir())
 
 
 def _is_ours(name: str) -> bool:
-    return any(fnmatch.fnmatchcase(name, pattern) for pattern in LEFT_BY_RUNS)
+    folder, _, file = name.rpartition("/")
+    for pattern in LEFT_BY_RUNS:
+        of, _, wanted = pattern.rpartition("/")
+        if of == folder and any(fnmatch.fnmatchcase(file, each.format(wanted)) for each in ("{}", *_DRAFTS)):
+            return True
+    return False

@@ -271,6 +271,42 @@ def test_old_runs_are_pruned_and_nothing_else(
     assert [Path(each["path"]).name for each in json.loads(capsys.readouterr().out)] == ["run3", "run-2"]
 
 
+def test_what_is_somebodys_own_is_not_pruned(
+    recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    base = tmp_path / "runs"
+    mine = {
+        "of-a-run/signals/notes.csv": "by hand",
+        "of-a-run/signals/sub/notes.txt": "mine",
+        "of-a-run/can0-by-me.log": "mine",
+        "no-record/run.json": '{"mine": 1}',
+        "another-robots/can0.log": "my log",
+        "measured/signals/by-hand.csv": "a,b",
+    }
+    shutil.copytree(recorded, base / "of-a-run")
+    for name, text in mine.items():
+        (base / name).parent.mkdir(parents=True, exist_ok=True)
+        (base / name).write_text(text)
+    (base / "of-a-run" / ".draft-can0.blf").write_bytes(b"")
+    assert canarm(["runs", "prune", str(base), "--keep", "0", "--yes"]) == 0
+    said = capsys.readouterr().out
+    assert {path.relative_to(base).as_posix() for path in base.rglob("*") if path.is_file()} == set(mine)
+    assert "of-a-run; left: can0-by-me.log, signals/notes.csv, signals/sub" in said
+    for name in ("no-record", "another-robots", "measured"):
+        assert f"left {base / name}: neither run.json nor signals say that a run has left it" in said
+    assert "\n1 runs, " in said
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks of folders there")
+def test_a_run_that_goes_on_is_not_pruned(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with Rig(out=tmp_path / "runs" / "live") as rig:
+        rig.run(0.05)
+        assert canarm(["runs", "prune", str(tmp_path / "runs"), "--keep", "0", "--yes"]) == 0
+        assert f"left {tmp_path / 'runs' / 'live'}: a run goes on in it" in capsys.readouterr().out
+    assert canarm(["runs", "prune", str(tmp_path / "runs"), "--keep", "0", "--yes"]) == 0
+    assert list((tmp_path / "runs").iterdir()) == []
+
+
 def test_a_list_of_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert canarm(["runs", "list", str(tmp_path)]) == 0
     assert "no runs" in capsys.readouterr().out

@@ -102,6 +102,40 @@ def replace_files(texts: Mapping[Path, bytes]) -> None:
         raise OSError(error.errno, error.strerror, str(path)) from None
 
 
+def hold_folder(path: Path) -> int | None:
+    """Say that this process writes into the folder `path`, until the descriptor that it returns is closed.
+
+    None where the system or the file system knows no locks. The hold ends with the process, however that ends.
+    """
+    if fcntl is None:
+        return None
+    descriptor = None
+    try:
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        if descriptor is not None:
+            os.close(descriptor)
+        return None
+    return descriptor
+
+
+def is_held(path: Path) -> bool:
+    """Whether a process says that it writes into the folder `path` (`hold_folder`). Raises `OSError`."""
+    if fcntl is None:
+        return False
+    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:  # a file system without locks
+        return False
+    finally:
+        os.close(descriptor)
+    return False
+
+
 def append_lines(descriptor: int, data: bytes) -> None:
     """Write `data`, which ends with a line end, at the end of an open file, in whole lines however full the disk is.
 

@@ -17,7 +17,7 @@ from typing import Any, Self
 from ..canopen.frames import Frame
 from ..errors import ProtocolError
 from ..text_file import parse_json, read_text
-from .own_file import append_lines, open_own, replace_file
+from .own_file import append_lines, hold_folder, open_own, replace_file
 from .tentative import Tentative
 
 RUN_FILE, EVENTS_FILE, CAN_LOG_FILE, SIGNALS_FOLDER = "run.json", "events.jsonl", "can0.log", "signals"
@@ -354,6 +354,8 @@ class SignalLog(_LineFile):
 class EventLog(_LineFile):
     """Events as JSON lines, appended whole, so that several processes can share the file.
 
+    While one is open, its folder counts as being written to (`hold_folder`).
+
     Times are handed in on any clock, and written from cycle 0 on: `begin` says when that is. The time of an event
     before it is null until then, and negative afterwards.
     """
@@ -361,9 +363,17 @@ class EventLog(_LineFile):
     def __init__(self, path: Path, source: str) -> None:
         super().__init__(path, append=True)
         self._path, self._source = path, source
+        self._hold = hold_folder(path.parent)
         self._begin_ns: int | None = None
         self._timeless: list[tuple[int, int]] = []
         """Place in the file, and time, of events that came before cycle 0."""
+
+    def close(self) -> None:
+        """Let go of file and folder. May be called again."""
+        super().close()
+        if self._hold is not None:
+            os.close(self._hold)
+            self._hold = None
 
     def begin(self, time_ns: int) -> None:
         """Cycle 0 is at `time_ns`. Raises `OSError`."""
