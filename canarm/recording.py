@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 NEEDED = {"bench": None, "blf": None, "mcap": "mcap.writer", "mf4": "asammdf", "parquet": "pyarrow"}
 """What can be asked for: the frames of the bench's own bus, and formats, with the library of each that canarm does not
 bring along."""
+FAILED_RECORDING = "recording failed: "
+"""What the reason of a record that broke off begins with."""
 BENCH, PARQUET = "bench", "parquet"
 MEGABYTE = 1_000_000
 
@@ -88,7 +90,7 @@ def recording_failure(folder: Path, write: Callable[[], None]) -> str | None:
     try:
         write()
     except RunFolderError as error:
-        return f"recording failed: {error}"
+        return f"{FAILED_RECORDING}{error}"
     except OSError as error:
-        return f"{error.filename or folder}: recording failed: {error.strerror or error}"
+        return f"{error.filename or folder}: {FAILED_RECORDING}{error.strerror or error}"
     return None

@@ -26,6 +26,8 @@ Columns = dict[str, Floats]
 
 LARGEST_TABLE = 4 << 30
 """Bytes; an hour of two joints has one."""
+MOST_NUMBERS = 200_000_000
+"""In a table that is packed: as many as there are in the largest text."""
 LONGEST_HEADER = 1 << 20
 LAST_CYCLE = 2**53
 """Up to there a column of numbers tells one cycle from the next."""
@@ -80,7 +82,11 @@ def _placed(name: str, found: Columns, complain: Callable[[str], None]) -> Colum
 
 def _read_parquet(path: Path, complain: Callable[[str], None]) -> Columns:
     try:
-        table = load_library("pyarrow.parquet", path.name).read_table(path)
+        parquet = load_library("pyarrow.parquet", path.name)
+        size = parquet.read_metadata(path)
+        if size.num_rows * size.num_columns > MOST_NUMBERS:
+            raise ValueError(f"{size.num_rows} rows of {size.num_columns} columns are more than {MOST_NUMBERS} numbers")
+        table = parquet.read_table(path)
         columns = {name: np.asarray(table[name], dtype=np.float64) for name in table.column_names}
     except CanarmError as error:
         complain(str(error))
@@ -88,7 +94,10 @@ def _read_parquet(path: Path, complain: Callable[[str], None]) -> Columns:
     except Exception as error:  # whatever a damaged file makes of the library
         complain(f"{path.name}: cannot be read: {first_line(error)}")
         return {}
-    return _placed(path.name, columns, complain) if {JOINED_BY, "time_s"} <= columns.keys() else {}
+    if not {JOINED_BY, "time_s"} <= columns.keys():
+        complain(f"{path.name}: cannot be read: has no columns {JOINED_BY} and time_s")
+        return {}
+    return _placed(path.name, columns, complain)
 
 
 def joined(robot: Columns, controller: Columns) -> Columns:

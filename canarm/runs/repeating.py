@@ -19,7 +19,7 @@ from canarm_protocol.errors import FaultError
 from canarm_protocol.faults.script import FaultScript, script_of
 from canarm_protocol.runs.can_log import log_frames
 from canarm_protocol.runs.run_folder import CAN_LOG_FILE, EVENTS_FILE, candump_line
-from canarm_protocol.shown import first_line, quoted
+from canarm_protocol.shown import first_line, printable, quoted
 from canarm_protocol.text_file import parse_toml
 
 from ..rig.arguments import checked_seed, checked_switch
@@ -27,7 +27,7 @@ from ..rig.rig import Rig
 from ..session import make_bench
 from ..usage import UsageError
 from .decoding import Decoder
-from .run import Run
+from .run import Run, broke_off
 
 AFTERWARDS_S = 5.0
 """A run that has stopped itself is repeated for so much longer: it has to stop by itself again."""
@@ -218,6 +218,9 @@ def _compared(run: Run, again: Iterator[tuple[int, Frame]], is_planned: bool, en
                 f"the same: every byte of can0 up to the end of its controller ({count} frames); not "
                 f"compared: {len(rest)} frames after it",
             )
+    if before is None and count and (why := broke_off(run.configuration)):
+        text = f"the same: every byte of can0 up to where its recording broke off ({count} frames): {printable(why)}"
+        return Comparison(True, text)
     more = "the recorded run" if now is None else "the repetition"
     extra = before or now
     assert extra is not None

@@ -36,14 +36,16 @@ from canarm_protocol.runs.run_folder import (
 from canarm_protocol.shown import printable, quoted
 
 from ..libraries import check_library, data_frame
+from ..recording import FAILED_RECORDING
 from ..rig.findings import Noticed, begun_of
 from ..rig.recorded import DETECTION, RecordedHistory, fault_events, noticed, recorded_joints
 from ..rig.run_plot import Picture, plot_run
-from ..signal_table import Columns, joined, read_table
+from ..signal_table import JOINED_BY, Columns, joined, read_table
 from ..usage import UsageError
 
 PARTS = (RUN_FILE, CAN_LOG_FILE, EVENTS_FILE, SIGNALS_FOLDER)
 """A folder without any of these is no run folder."""
+EMULATOR_SUMMARY = "emulator_summary"
 MAKERS = ("controller", "rig", "emulator")
 """Sections of `run.json` that say how a run was made."""
 
@@ -73,9 +75,12 @@ class Run:
 
     @cached_property
     def configuration(self) -> dict[str, Any]:
-        """`run.json`; empty if it cannot be read."""
+        """`run.json`; empty if it cannot be read. A recording that broke off is a complaint."""
         try:
-            return read_run_file(self.path)
+            read = read_run_file(self.path)
+            if broke_off(read):
+                self._complain(f"the recording broke off: {broke_off(read)}")
+            return read
         except RunFolderError as error:
             self._complain(str(error).removeprefix(f"{self.path}/"))
             return {}
@@ -106,12 +111,20 @@ class Run:
     @cached_property
     def robot(self) -> Columns:
         """The emulator's table of signals, as numpy columns; empty without one."""
-        return read_table(self.path / SIGNALS_FOLDER / ROBOT_FILE, self._complain)
+        return self._table(ROBOT_FILE)
 
     @cached_property
     def controller(self) -> Columns:
         """The controller's table of signals, as numpy columns; empty without one."""
-        return read_table(self.path / SIGNALS_FOLDER / CONTROLLER_FILE, self._complain)
+        return self._table(CONTROLLER_FILE)
+
+    def _table(self, name: str) -> Columns:
+        found, cycles = read_table(self.path / SIGNALS_FOLDER / name, self._complain), self.summary.get("ticks")
+        if found and not len(found[JOINED_BY]) and isinstance(cycles, int) and cycles > 0:
+            self._complain(
+                f"{name}: has no row of the run's {printable(str(cycles), 20)} cycles; a part may be missing"
+            )
+        return found
 
     @cached_property
     def columns(self) -> Columns:
@@ -159,6 +172,8 @@ class Run:
 
     def _frames_in(self, log: str) -> Any:
         begin_s = self.begin_s
+        if log == CAN_LOG_FILE and not (self.path / log).exists():
+            self._complain(f"{log}: is missing")
         found = list(log_frames(self.path / log, self._complain))
         is_error = [frame.can_id >= ERROR_FLAG for _, frame in found]
         columns: dict[str, Any] = {
@@ -230,6 +245,16 @@ class Run:
         text = printable(text, 400)
         if text not in self.complaints:
             self.complaints.append(text)
+
+
+def broke_off(configuration: Mapping[str, Any]) -> str:
+    """Why a recording broke off, as `run.json` tells; empty if it did not."""
+    for name in (SUMMARY, EMULATOR_SUMMARY):
+        section = configuration.get(name)
+        reason = section.get("reason") if isinstance(section, Mapping) else None
+        if isinstance(reason, str) and FAILED_RECORDING in reason:
+            return reason.partition(FAILED_RECORDING)[2]
+    return ""
 
 
 def _noticed_in_time(events: list[dict[str, Any]]) -> list[Noticed]:

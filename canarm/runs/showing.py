@@ -1,5 +1,6 @@
 """A run as text for a terminal. Foreign texts are made safe to show here."""
 
+import math
 from collections.abc import Iterator
 
 from canarm_protocol.shown import printable, printable_values
@@ -31,12 +32,13 @@ def show_lines(run: Run) -> Iterator[str]:
     yield from _files(run)
     events = run.event_list
     for event in events[:MOST_EVENTS]:
-        yield f"{event['time_s']:10.4f} s  {printable(event['event'], 40)}: {details_of(event, _PLAIN)}"
+        when = f"{event['time_s']:10.4f} s" if math.isfinite(event["time_s"]) else " at first  "
+        yield f"{when}  {printable(event['event'], 40)}: {details_of(event, _PLAIN)}"
     if len(events) > MOST_EVENTS:
         yield f"and {len(events) - MOST_EVENTS} events more"
     for text in run.complaints:
         yield f"cannot be read: {text}"
-    if run.made_by.get("law"):
+    if run.made_by.get("law") and run.made_by.get("clock", "sync") == "sync":
         yield f"again, byte for byte (lockstep): canarm replay {printable(str(run.path))} --check"
 
 

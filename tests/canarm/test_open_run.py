@@ -12,7 +12,7 @@ import can
 import numpy as np
 import pytest
 
-from canarm import Rig, Run, open_run
+from canarm import Rig, Run, open_run, signal_table
 from canarm.cli import run as canarm
 from canarm.libraries import MissingLibraryError
 from canarm.runs.record_of import record_of
@@ -235,6 +235,59 @@ def test_what_is_whole_of_a_run_that_was_cut_off_is_there(copy: Path) -> None:
     assert 350 < len(left) < 450
     assert left == whole[: len(left)]
     assert "robot.csv: its last row is cut off and left out" in run.complaints
+
+
+def test_a_recording_that_broke_off_is_said_wherever_the_run_is_looked_at(
+    copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A disk that was full: the run went on, and its record did not (`canarm demo` under `ulimit -f 300`)."""
+    record = json.loads((copy / "run.json").read_text())
+    record["emulator_summary"] = {"state": "failed", "reason": f"{copy}: recording failed: File too large"}
+    (copy / "run.json").write_text(json.dumps(record))
+    for log in (copy / "can0.log", copy / "signals" / "robot.csv"):
+        lines = log.read_text().splitlines(keepends=True)
+        log.write_text("".join(lines[: len(lines) // 2]))
+    said = "the recording broke off: File too large"
+    run = open_run(copy)
+    assert run.summary["state"] == "done"
+    assert said in run.complaints
+    assert canarm(["runs", "show", str(copy)]) == 1
+    assert said in capsys.readouterr().out
+    assert said in report_page([open_run(copy)])
+    assert canarm(["replay", str(copy), "--check"]) == 0
+    assert "up to where its recording broke off" in capsys.readouterr().out
+
+
+def test_what_is_missing_of_a_run_is_said(copy: Path) -> None:
+    """Parts that were lost, and files of others in their place."""
+    robot = copy / "signals" / "robot.csv"
+    robot.write_text(robot.read_text().partition("\n")[0] + "\n")
+    (copy / "can0.log").unlink()
+    run = open_run(copy)
+    assert len(run.frames) == 0
+    assert len(run.columns["cycle"]) == 800
+    assert "robot.csv: has no row of the run's 800 cycles; a part may be missing" in run.complaints
+    assert "can0.log: is missing" in run.complaints
+    (copy / "signals" / "controller.csv").write_text("cycle,time_s,joint2.measured_a\n")
+    assert report_page([open_run(copy)])
+
+
+def test_a_packed_table_is_refused_by_what_it_says_of_its_size(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Zeros pack a thousandfold: 3e7 rows of 12 columns are 1.5 MB, and 3 GB in memory."""
+    pa, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    monkeypatch.setattr(signal_table, "MOST_NUMBERS", 1199)
+    rows, packed = len(open_run(copy).robot["cycle"]), copy / "signals" / "robot-0001.parquet"
+    for table, said in (
+        (
+            dict.fromkeys(("cycle", "time_s", "x", "y"), np.zeros(300)),
+            "300 rows of 4 columns are more than 1199 numbers",
+        ),
+        ({"x": [1, 2, 3]}, "has no columns cycle and time_s"),
+    ):
+        parquet.write_table(pa.table(table), packed)
+        run = open_run(copy)
+        assert len(run.robot["cycle"]) == rows
+        assert run.complaints == [f"robot-0001.parquet: cannot be read: {said}"]
 
 
 def test_what_is_no_run_is_said(tmp_path: Path) -> None:

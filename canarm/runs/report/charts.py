@@ -205,8 +205,9 @@ def _chart(
         scale = next(scale for _, column, scale, _ in wanted if column == reference)
         values = runs[0].columns[str(reference)] * scale
         series.append(series_of(named("reference", names, 0), runs[0].columns["time_s"], values, GREY, True))
-    if limit is not None and series:
-        ends = [min(each.x[0] for each in series if each.x), max(each.x[-1] for each in series if each.x)]
+    drawn = [each for each in series if each.x]
+    if limit is not None and drawn:
+        ends = [min(each.x[0] for each in drawn), max(each.x[-1] for each in drawn)]
         series += [Series(f"limit {sign * limit:+g} A", ends, [sign * limit] * 2, GREY, True) for sign in (1, -1)]
     return annotated(title, series, runs, joint)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from canarm_protocol.shown import printable, printable_values
 
-from ..run import Run, details_of
+from ..run import EMULATOR_SUMMARY, Run, details_of
 from .charts import Chart, charts_of
 from .figures import Figure, above, figures_of
 from .html_parts import cell_of, chart_place, escaped, number_cell, page_of, table_of
@@ -131,7 +131,7 @@ def _histograms(charts: Sequence[Chart]) -> Iterable[str]:
 
 
 def _origin(run: Run, name: str) -> str:
-    bus = run.configuration.get("emulator_summary")
+    bus = run.configuration.get(EMULATOR_SUMMARY)
     wire = bus.get("wire") if isinstance(bus, Mapping) else None
     load = ""
     if isinstance(wire, Mapping) and isinstance(wire.get("load"), float):
