@@ -24,6 +24,8 @@ _NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
 _NO_WAIT = getattr(os, "O_NONBLOCK", 0)
 """A pipe that nobody reads would hold up whoever opens it."""
 PAGE = mmap.PAGESIZE
+LOCK_S = 5.0
+"""After so long a lock is taken for that of a process that was killed."""
 LONGEST_TURN_S = 0.1
 """How long one that appends is waited for: a line takes microseconds."""
 
@@ -134,6 +136,24 @@ def is_held(path: Path) -> bool:
     finally:
         os.close(descriptor)
     return False
+
+
+@contextlib.contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """A lock between processes, by an exclusively created file; that of a killed process is taken over."""
+    limit = time.monotonic() + LOCK_S
+    while True:
+        try:
+            os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
+            break
+        except FileExistsError:
+            if time.monotonic() > limit:
+                break
+            time.sleep(0.01)
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)
 
 
 def append_lines(descriptor: int, data: bytes) -> None:

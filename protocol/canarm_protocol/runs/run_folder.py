@@ -8,7 +8,7 @@ import contextlib
 import json
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -17,7 +17,7 @@ from typing import Any, Self
 from ..canopen.frames import Frame
 from ..errors import ProtocolError
 from ..text_file import parse_json, read_text
-from .own_file import append_lines, hold_folder, open_own, replace_file
+from .own_file import append_lines, hold_folder, locked, open_own, replace_file
 from .tentative import Tentative
 
 RUN_FILE, EVENTS_FILE, CAN_LOG_FILE, SIGNALS_FOLDER = "run.json", "events.jsonl", "can0.log", "signals"
@@ -34,7 +34,6 @@ SUMMARY = "summary"
 """The section that `run.json` begins with."""
 TIME_WIDTH = 15
 """Characters of the time of an event: one that is not known yet is put in its place later."""
-LOCK_S = 5.0
 LARGEST_RUN_FILE = 16 << 20
 """Bytes; a cell with seven joints has thirty thousand."""
 LOG_START_S = 1
@@ -126,7 +125,7 @@ def update_run_file(folder: Path, section: str, content: Any) -> None:
     The file begins with the summary. With `None` the section goes.
     Raises `RunFolderError` for a file that cannot be read, `OSError` with its name for one that cannot be written.
     """
-    with _locked(folder / f".{RUN_FILE}.lock"):
+    with locked(folder / f".{RUN_FILE}.lock"):
         path = folder / RUN_FILE
         document = read_run_file(folder) if path.exists() else {}
         if content is None:
@@ -149,24 +148,6 @@ def read_run_file(folder: Path) -> dict[str, Any]:
     if not isinstance(document, dict):
         raise RunFolderError(f"{path}: cannot be read: is no JSON object")
     return document
-
-
-@contextlib.contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """A lock between processes, by an exclusively created file; that of a killed process is taken over."""
-    limit = time.monotonic() + LOCK_S
-    while True:
-        try:
-            os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
-            break
-        except FileExistsError:
-            if time.monotonic() > limit:
-                break
-            time.sleep(0.01)
-    try:
-        yield
-    finally:
-        path.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)
