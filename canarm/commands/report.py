@@ -1,5 +1,6 @@
 """`canarm report`: runs as one HTML file; several are compared."""
 
+import math
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -11,7 +12,7 @@ from canarm_protocol.runs.own_file import replace_file
 from canarm_protocol.shown import printable
 
 from ..options import named_file
-from ..runs.report.figures import above, figures_of, parse_limits
+from ..runs.report.figures import above, figures_of, parse_limits, unlike
 from ..runs.report.figures_drawn import draw_figures
 from ..runs.report.page import charts_in_page, report_page, run_names
 from ..runs.run import Run
@@ -75,9 +76,13 @@ def report(
         for text in run.complaints:
             print(f"canarm: {printable(str(run.path))}: {text}", file=sys.stderr)
     names = run_names(opened)
+    if caution := unlike(opened, names):
+        print(f"canarm: {caution}", file=sys.stderr)
     found = above(figures_of(opened), limits)
     for figure, place, limit in found:
         ratio = figure.ratio(place)
         shown = "no figure" if ratio is None else f"{ratio:.4g} times that of {names[0]}"
+        if ratio is not None and math.isinf(ratio):
+            shown = f"{figure.values[place]:.4g} where {names[0]} has none"
         print(f"{figure.key} of {names[place]}: {shown}, above {limit:g}")
     return ExitStatus.FAILED if found else ExitStatus.DONE

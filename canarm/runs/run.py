@@ -5,6 +5,7 @@ Nothing is written here, and nothing that a folder names is loaded or run.
 
 import html
 import math
+import re
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 
 from canarm_controller.bus.assessment import JointFigures
 from canarm_controller.run.recording import SIGNALS_FILE as CONTROLLER_FILE
-from canarm_emulator.serving.recording import POWER_ON_S
+from canarm_emulator.serving.recording import POWER_ON_S, SCRIPT
 from canarm_emulator.serving.recording import SIGNALS_FILE as ROBOT_FILE
 from canarm_protocol.canopen.frames import ERROR_FLAG
 from canarm_protocol.cell.cell_file import recorded_cell
@@ -33,7 +34,7 @@ from canarm_protocol.runs.run_folder import (
     RunFolderError,
     read_run_file,
 )
-from canarm_protocol.shown import printable, quoted
+from canarm_protocol.shown import printable, printable_lines, quoted
 
 from ..libraries import check_library, data_frame
 from ..recording import FAILED_RECORDING
@@ -46,6 +47,11 @@ from ..usage import UsageError
 PARTS = (RUN_FILE, CAN_LOG_FILE, EVENTS_FILE, SIGNALS_FOLDER)
 """A folder without any of these is no run folder."""
 EMULATOR_SUMMARY = "emulator_summary"
+SCRIPT_TEXT = "toml"
+"""The key of an event that has the text of a fault file."""
+_QUOTED_KEY = re.compile(r'^"([a-z_]+)"(?= = )', re.MULTILINE)
+TOLD = ("time_s", "cycle", "source", "event", POWER_ON_S)
+"""What every event says."""
 MAKERS = ("controller", "rig", "emulator")
 """Sections of `run.json` that say how a run was made."""
 
@@ -144,13 +150,13 @@ class Run:
     @property
     def events(self) -> Any:
         """The events as a DataFrame: time_s, cycle, source, event, and their details as one text."""
-        rows, plain = self.event_list, ("time_s", "cycle", "source", "event", POWER_ON_S)
+        rows = self.event_list
         columns: dict[str, Any] = {
             "time_s": [each["time_s"] for each in rows],
             "cycle": [each["cycle"] for each in rows],
             "source": [str(each.get("source", "")) for each in rows],
             "event": [each["event"] for each in rows],
-            "details": [details_of(each, plain) for each in rows],
+            "details": [details_of(each, TOLD) for each in rows],
         }
         return data_frame(columns, self._library)
 
@@ -263,6 +269,20 @@ def _noticed_in_time(events: list[dict[str, Any]]) -> list[Noticed]:
     if not all(math.isfinite(each.time_s) for each in found):
         raise ValueError(f"a {DETECTION} before cycle 0")
     return found
+
+
+def script_lines(event: Mapping[str, Any]) -> list[str]:
+    """The fault script that an event holds, as lines that are safe to show; none of any other event."""
+    text = event.get(SCRIPT_TEXT)
+    if event.get("event") != SCRIPT or not isinstance(text, str):
+        return []
+    return printable_lines(_QUOTED_KEY.sub(r"\1", text.rstrip("\n"))).split("\n")
+
+
+def shown_details(event: Mapping[str, Any]) -> tuple[str, list[str]]:
+    """What else an event says beside time and name, safe to show: on one line, and a fault script line by line."""
+    lines = script_lines(event)
+    return details_of(event, (*TOLD, SCRIPT_TEXT) if lines else TOLD), lines
 
 
 def details_of(event: Mapping[str, Any], plain: tuple[str, ...]) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from canarm_protocol.shown import printable, printable_values
 
 from .listing import size_text
-from .run import Run, details_of
+from .run import Run, shown_details
 
 MOST_EVENTS = 40
 LARGEST = 1e12
@@ -17,7 +17,6 @@ FIGURES = {
     "peak_current_a": "peak current {:.3f} A",
     "saturated_cycles": "{} cycles saturated",
 }
-_PLAIN = ("time_s", "cycle", "source", "event", "power_on_s")
 
 
 def show_lines(run: Run) -> Iterator[str]:
@@ -33,7 +32,9 @@ def show_lines(run: Run) -> Iterator[str]:
     events = run.event_list
     for event in events[:MOST_EVENTS]:
         when = f"{event['time_s']:10.4f} s" if math.isfinite(event["time_s"]) else " at first  "
-        yield f"{when}  {printable(event['event'], 40)}: {details_of(event, _PLAIN)}"
+        details, script = shown_details(event)
+        yield f"{when}  {printable(event['event'], 40)}{': ' if details else ''}{details}"
+        yield from (f"{'':14}{line}" for line in script)
     if len(events) > MOST_EVENTS:
         yield f"and {len(events) - MOST_EVENTS} events more"
     for text in run.complaints:

@@ -11,18 +11,20 @@ from typing import Any
 import numpy as np
 
 from canarm_controller.run.recording import JOINT_COLUMNS
-from canarm_protocol.cell.sensing import position_steps_rad
 from canarm_protocol.errors import CanarmError
 from canarm_protocol.shown import printable
 
 from ...signal_table import Floats
 from ..run import Run
+from .errors import DEGREES, error_of
 from .story import Span, spans_of
 
 MOST_POINTS = 4000
 """A longer curve is drawn as minimum and maximum of half as many stretches: no spike is lost."""
 COLOURS = 8
-DEGREES = 180.0 / math.pi
+MOST_BANDS = 200
+SAME_RAD = 1e-6
+"""Set-points, rad or rad/s, that differ by less are those of one motion: files have 9 digits."""
 MOST_INTERNALS = 8
 BLUE, ORANGE, GREEN, VIOLET, GREY = range(5)
 HISTOGRAMS = {
@@ -70,15 +72,6 @@ def charts_of(runs: Sequence[Run], names: Sequence[str]) -> list[Chart]:
     return [*over_time, *_object(runs, names), *_histograms(runs, names)]
 
 
-def step_rad(run: Run, joint: str) -> float | None:
-    """The step of the joint's position sensor; None without a cell."""
-    try:
-        cell = run.cell
-        return position_steps_rad(cell)[cell.joint_names.index(joint)]
-    except (CanarmError, ValueError):
-        return None
-
-
 def _joints(runs: Sequence[Run]) -> list[str]:
     names = (name.rsplit(".", 2) for run in runs for name in run.columns if name.count(".") >= 1)
     return [each for each in dict.fromkeys(name[-2] for name in names) if each != "object"]
@@ -98,7 +91,7 @@ def _of_joint(runs: Sequence[Run], names: Sequence[str], joint: str) -> Iterable
         joint,
         most=1,
     )
-    errors = [_error(run, joint) for run in runs]
+    errors = [error_of(run, joint) for run in runs]
     if any(values is not None for values, _ in errors):
         unit = errors[0][1]
         series = [
@@ -106,7 +99,7 @@ def _of_joint(runs: Sequence[Run], names: Sequence[str], joint: str) -> Iterable
             for place, (run, (values, _)) in enumerate(zip(runs, errors, strict=True))
             if values is not None
         ]
-        yield annotated(f"{shown}: error, {unit}", series, runs, joint)
+        yield annotated(f"{shown}: error, {unit}", series, runs, names, joint)
     yield _chart(
         f"{shown}: current, A",
         runs,
@@ -158,16 +151,6 @@ def _object(runs: Sequence[Run], names: Sequence[str]) -> Iterable[Chart]:
         yield _chart("Squeeze of the object, N", runs, names, [("squeeze", "object.squeeze_n", 1.0, False)], None)
 
 
-def _error(run: Run, joint: str) -> tuple[Floats | None, str]:
-    true, reference = (run.columns.get(f"{joint}.{name}") for name in ("true_angle_rad", "reference_rad"))
-    if true is None or reference is None:
-        return None, ""
-    step = step_rad(run, joint)
-    if step is None:
-        return (true - reference) * DEGREES, "degrees"
-    return (true - reference) / step, f"steps of the sensor (1 step is {step * DEGREES:.3g} degrees)"
-
-
 def _limit_a(runs: Sequence[Run], joint: str) -> float | None:
     for run in runs:
         try:
@@ -200,22 +183,32 @@ def _chart(
                         named(name, names, place), run.columns["time_s"], run.columns[column] * scale, colour, dashed
                     )
                 )
-    reference = next((column for name, column, *_ in wanted if name == "reference"), None)
-    if len(runs) > 1 and reference in runs[0].columns:
-        scale = next(scale for _, column, scale, _ in wanted if column == reference)
-        values = runs[0].columns[str(reference)] * scale
-        series.append(series_of(named("reference", names, 0), runs[0].columns["time_s"], values, GREY, True))
+    for place, run in enumerate(runs if len(runs) > 1 else ()):
+        for name, column, scale, dashed in wanted:
+            if name == "reference" and column in run.columns and not (place and _is_same(column, run, runs[0])):
+                values, colour = run.columns[column] * scale, place if place else GREY
+                series.append(series_of(named(name, names, place), run.columns["time_s"], values, colour, dashed))
     drawn = [each for each in series if each.x]
     if limit is not None and drawn:
         ends = [min(each.x[0] for each in drawn), max(each.x[-1] for each in drawn)]
         series += [Series(f"limit {sign * limit:+g} A", ends, [sign * limit] * 2, GREY, True) for sign in (1, -1)]
-    return annotated(title, series, runs, joint)
+    return annotated(title, series, runs, names, joint)
 
 
-def annotated(title: str, series: list[Series], runs: Sequence[Run], joint: str | None) -> Chart:
-    """With fault spans and detections, of one run only: of several nobody could tell them apart."""
+def _is_same(column: str, run: Run, first: Run) -> bool:
+    """Whether the shorter of two runs has the same values there as the longer one, where both have any."""
+    one, other = first.columns.get(column, np.empty(0)), run.columns[column]
+    size = min(len(one), len(other))
+    off = np.abs(one[:size] - other[:size])
+    known = off[np.isfinite(off)]
+    return bool(len(known)) and float(known.max()) < SAME_RAD
+
+
+def annotated(title: str, series: list[Series], runs: Sequence[Run], names: Sequence[str], joint: str | None) -> Chart:
+    """With fault spans, and with the detections if it is one run: of several nobody could tell them apart."""
     if len(runs) > 1:
-        return Chart(title, series)
+        pairs = [(run, span, name) for run, name in zip(runs, names, strict=True) for span in spans_of(run)]
+        return Chart(title, series, bands=[_band(span, run, f"{name}: ") for run, span, name in pairs[:MOST_BANDS]])
     spans = spans_of(runs[0])
     seen = [(f"{each.time_s:.4f} s: {printable(each.detection.detector, 60)}", each) for each in runs[0].detections]
     marks = [
@@ -226,13 +219,13 @@ def annotated(title: str, series: list[Series], runs: Sequence[Run], joint: str 
     return Chart(title, series, bands=[_band(span, runs[0]) for span in spans], marks=marks[:200])
 
 
-def _band(span: Span, run: Run) -> tuple[float, float, str]:
+def _band(span: Span, run: Run, before: str = "") -> tuple[float, float, str]:
     times = run.columns.get("time_s", np.empty(0))
     last_s = float(times[-1]) if len(times) else span.begin_s
     return (
         span.begin_s,
         last_s if span.end_s is None else span.end_s,
-        f"{'' if span.is_stop else 'fault: '}{printable(span.what)}",
+        f"{before}{'' if span.is_stop else 'fault: '}{printable(span.what)}",
     )
 
 

@@ -3,12 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from canarm_protocol.shown import quoted
+from canarm_protocol.shown import printable, quoted
 
 from ...usage import UsageError
 from ..run import Run
 from .story import joint_figures
 
+MOST_CYCLES = 10**12
+"""No run is longer; a hostile number may have thousands of digits."""
 WHOLE_RUN = ("ticks", "missed", "late", "real_time_factor", "faults")
 
 
@@ -27,6 +29,26 @@ class Figure:
         if first == 0.0:
             return 1.0 if value == 0.0 else float("inf")
         return value / first
+
+
+def unlike(runs: Sequence[Run], names: Sequence[str]) -> str | None:
+    """A sentence that says in what the runs differ so that ratios of their figures compare unlike things; or None."""
+    found = []
+    for what, values in (
+        ("cells", [run.summary.get("cell") for run in runs]),
+        ("motions", [run.summary.get("trajectory") or run.made_by.get("trajectory") for run in runs]),
+        ("lengths", [_length(run) for run in runs]),
+    ):
+        known = [printable(str(value), 60) for value in values]
+        if len(set(known)) > 1 and None not in values:
+            each = (f"{value} of {printable(name, 60)}" for value, name in zip(known, names, strict=True))
+            found.append(f"{what} ({', '.join(each)})")
+    return f"These runs differ in their {' and '.join(found)}: ratios compare what is not alike." if found else None
+
+
+def _length(run: Run) -> str | None:
+    cycles = run.summary.get("ticks")
+    return f"{cycles} cycles" if isinstance(cycles, int) and 0 <= cycles <= MOST_CYCLES else None
 
 
 def figures_of(runs: Sequence[Run]) -> list[Figure]:

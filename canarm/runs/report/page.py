@@ -4,22 +4,23 @@ What is drawn and what is said is decided elsewhere.
 """
 
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from canarm_protocol.shown import printable, printable_values
 
-from ..run import EMULATOR_SUMMARY, Run, details_of
+from ..run import EMULATOR_SUMMARY, Run, shown_details
 from .charts import Chart, charts_of
-from .figures import Figure, above, figures_of
+from .figures import Figure, above, figures_of, unlike
 from .html_parts import cell_of, chart_place, escaped, number_cell, page_of, table_of
 from .pose import pose_charts
 from .story import Span, spans_of, verdict
 
 MOST_ROWS = 300
 """Longest table of events."""
-_PLAIN = ("time_s", "cycle", "source", "event", "power_on_s")
 _SHOWN = 20000
 """Characters of a configuration that are shown."""
 
@@ -36,10 +37,10 @@ def report_page(runs: Sequence[Run], limits: Mapping[str, float] | None = None) 
     body = [
         f"<h1>{escaped(title)}</h1>",
         *(_head(run, name) for run, name in zip(runs, names, strict=True)),
-        _figures(figures, names, limits or {}),
+        _figures(figures, names, limits or {}, unlike(runs, names)),
         '<h2>Over time <button id="whole" type="button">whole run</button></h2>',
-        '<p class="soft">Drag to zoom, double-click to see all again; names show and hide their curves. '
-        "Shaded: a fault acts; numbered lines: detections.</p>",
+        '<p class="soft">Drag to zoom, double-click to see all again; names show and hide their curves. Shaded: a '
+        f"fault acts; {'numbered lines: detections' if len(runs) == 1 else 'the pointer on it says of which run'}.</p>",
         *(chart_place(number, chart) for number, chart in enumerate(charts) if chart.over_time),
         *_tables(runs, names),
         *_histograms(charts),
@@ -72,7 +73,7 @@ def _head(run: Run, name: str) -> str:
     return f'<p class="soft">{escaped(name)}: {escaped(run.headline)}</p>\n<div class="{kind}">{said}</div>'
 
 
-def _figures(figures: Sequence[Figure], names: Sequence[str], limits: Mapping[str, float]) -> str:
+def _figures(figures: Sequence[Figure], names: Sequence[str], limits: Mapping[str, float], caution: str | None) -> str:
     over = {(figure.key, place): limit for figure, place, limit in above(figures, limits)}
     heads = ["figure", names[0]]
     for name in names[1:]:
@@ -85,10 +86,11 @@ def _figures(figures: Sequence[Figure], names: Sequence[str], limits: Mapping[st
             kind = "n" if limit is None else "n over"
             why = "" if limit is None else f" (above {limit:g})"
             ratio = each.ratio(place)
-            shown = "–" if ratio is None else f"{ratio:.4g}"
+            shown = "–" if ratio is None or not math.isfinite(ratio) else f"{ratio:.4g}"
             cells += [number_cell(each.values[place]), f'<td class="{kind}">{shown}{why}</td>']
         rows.append(cells)
-    return "<h2>Figures</h2>\n" + table_of(heads, rows) if rows else ""
+    said = "" if caution is None else f'<div class="verdict bad"><p>{escaped(caution)}</p></div>\n'
+    return f"<h2>Figures</h2>\n{said}{table_of(heads, rows)}" if rows else ""
 
 
 def _tables(runs: Sequence[Run], names: Sequence[str]) -> Iterable[str]:
@@ -114,7 +116,7 @@ def _tables(runs: Sequence[Run], names: Sequence[str]) -> Iterable[str]:
                 number_cell(each["time_s"]),
                 number_cell(each["cycle"]),
                 cell_of(each["event"]),
-                cell_of(details_of(each, _PLAIN)),
+                _details(each),
             ]
             for each in run.event_list[:MOST_ROWS]
         ]
@@ -123,6 +125,13 @@ def _tables(runs: Sequence[Run], names: Sequence[str]) -> Iterable[str]:
             yield f"<h2>Events{escaped(of)}</h2>\n" + table_of(["time, s", "cycle", "event", "details"], events)
         if more > 0:
             yield f"<p>And {more} more, in events.jsonl.</p>"
+
+
+def _details(event: Mapping[str, Any]) -> str:
+    """The cell with what else an event says; a fault script line by line."""
+    shown, lines = shown_details(event)
+    script = f"<pre>{escaped(chr(10).join(lines))}</pre>" if lines else ""
+    return f"<td>{escaped(shown)}{script}</td>"
 
 
 def _histograms(charts: Sequence[Chart]) -> Iterable[str]:

@@ -57,5 +57,5 @@ def _of_robot(robot: str, runs: Sequence[Run], names: Sequence[str], found: Sequ
                     places.append(series_of(name, times_s, true[:, axis], axis))
                     places.append(series_of(f"{name}, reference", times_s, reference[:, axis], axis, dashed=True))
     if places:
-        yield annotated(f"{shown}: place of its tip, m", places, runs, None)
-    yield annotated(f"{shown}: its tip from where it should be, mm", errors, runs, None)
+        yield annotated(f"{shown}: place of its tip, m", places, runs, names, None)
+    yield annotated(f"{shown}: its tip from where it should be, mm", errors, runs, names, None)

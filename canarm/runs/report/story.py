@@ -11,7 +11,9 @@ from canarm_protocol.faults.fault_events import EMERGENCY_STOP
 from canarm_protocol.shown import printable
 
 from ...rig.findings import Noticed
+from ...summary import errors_count_later
 from ..run import Run
+from .errors import largest_errors, settled_s
 
 MOST_NAMED = 6
 OVER = ("STOPPING", "DONE", "FAILED")
@@ -132,14 +134,36 @@ def _end(run: Run) -> tuple[bool, list[str]]:
 
 
 def _tracking(run: Run) -> Iterator[str]:
+    is_counted = False
     for name, figures in joint_figures(run).items():
         rms, most, peak = (figures.get(key) for key in ("rms_lsb", "max_lsb", "peak_current_a"))
         if rms is not None and most is not None:
             current = "" if peak is None else f", with {peak:.3g} A at most"
             error = f"{most:.3g} steps of its sensor, {rms:.3g} RMS"
             yield f"{name} followed its reference within {error}{current}{SETTLED}."
+            is_counted = True
         if figures.get("saturated_cycles"):
             yield f"{name}'s amplifier was at its limit in {figures['saturated_cycles']:.0f} cycles."
+    cycles = run.summary.get("ticks")
+    if not is_counted and isinstance(cycles, int) and 0 < cycles <= SETTLING_CYCLES:
+        yield f"No error counts: {errors_count_later('--seconds')}."
+    yield from _left_out(run)
+
+
+def _left_out(run: Run) -> Iterator[str]:
+    """What the figures do not tell of faults that have begun before errors count."""
+    counts_s = settled_s(run)
+    early = [each for each in spans_of(run) if not each.is_stop and not each.is_late and each.begin_s < counts_s]
+    if not early:
+        return
+    first = early[0]
+    errors = [
+        f"{printable(name, 40)} erred by {most:.3g} {unit}" for name, most, unit in largest_errors(run, first.begin_s)
+    ]
+    is_within = first.end_s is not None and first.end_s <= counts_s
+    others = f", and {len(early) - 1} more begin there" if len(early) > 1 else ""
+    where = f"{printable(first.what)} {'lies' if is_within else 'begins'} in the part that is left out{others}"
+    yield f"{where}{': from its begin on, ' if errors else ''}{', '.join(errors)}{' at most' if errors else ''}."
 
 
 def _cycles(run: Run) -> Iterator[str]:
