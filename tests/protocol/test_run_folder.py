@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from canarm_protocol.canopen.frames import Frame
-from canarm_protocol.runs import run_folder
+from canarm_protocol.runs import own_file
 from canarm_protocol.runs.run_folder import (
     CanLog,
     EventLog,
@@ -158,7 +158,7 @@ def test_two_processes_share_the_run_file_and_the_events_and_lose_nothing(tmp_pa
 
 
 def test_a_lock_left_behind_by_a_killed_process_is_taken_over(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(run_folder, "LOCK_S", 0.0)
+    monkeypatch.setattr(own_file, "LOCK_S", 0.0)
     (tmp_path / ".run.json.lock").touch()
     update_run_file(tmp_path, "seed", 1)
     assert read_run_file(tmp_path) == {"seed": 1}
