@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from canarm_protocol.canopen.frames import Frame
-from canarm_protocol.runs import own_file
+from canarm_protocol.runs import own_file, run_folder
 from canarm_protocol.runs.run_folder import (
     CanLog,
     EventLog,
