@@ -55,6 +55,7 @@ def decoder(cell):
          "service parameter does not match (0x06070010)"),
         ("592#6011640100000000", "SDO of dac: 0x6411:01 Analogue output 1 written"),
         ("612#2B11640100220000", "SDO to dac: write 0x6411:01 Analogue output 1 = 8704 (0x2200)"),
+        ("094#4102110000000000", "EMCY of adc: 0x0241 reserved code, error register 0x11 (generic, communication)"),
         ("094#3081110000000000", "EMCY of adc: 0x8130 life guard or heartbeat error, error register 0x11 (generic, "
          "communication)"),
         ("094#0000000000000000", "EMCY of adc: 0x0000 no error, or error reset"),
@@ -70,7 +71,7 @@ def test_a_frame_is_said_in_words(decoder, text, meaning):
     found = decoder.meaning(frame(text))
     if isinstance(meaning, str):
         assert str(found).strip() == meaning
-        assert found.is_wrong == any(word in text for word in ("592#80", "094#3081", "0FF#"))
+        assert found.is_wrong == any(word in text for word in ("592#80", "094#3081", "094#4102", "0FF#"))
     else:
         assert [float(field.text.split()[0]) for field in found.fields] == pytest.approx(meaning, abs=1e-3)
         assert [field.text.split()[1] for field in found.fields] == ["deg", "deg", "rad/s", "rad/s"]

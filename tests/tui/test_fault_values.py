@@ -174,6 +174,13 @@ def test_the_emergency_stop_is_an_event_and_the_cause_of_what_is_detected_after_
     assert stopped_by(happenings(faults_of(status(), [event("begins", 1.0, 400)], seen)), CYCLE_S) == ""
 
 
+def test_a_stop_after_the_end_of_a_run_has_not_ended_it():
+    """Nobody sends SYNC any more: the number of the last cycle stands still while the bench's time goes on."""
+    stops = [{"time_ns": 10_940_000_000, "event": "emergency-stop", "state": "on", "cycle": 332}]
+    faults = faults_of({**status(), "stops": stops}, (), [detection(0.909, 332, reaction="safe-stop-off")])
+    assert stopped_by(happenings(faults), CYCLE_S) == ""
+
+
 def test_a_detection_without_a_fault_answers_none():
     faults = faults_of(status(), [event("begins", 9.0, 3000)], [detection(1.5, 305), detection(9.5, 100)])
     assert [each.answers for each in happenings(faults)] == [None, None, None]

@@ -1,5 +1,6 @@
 """Everything that has happened on a bench, in one order, and what a detection may answer. Values only."""
 
+import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -68,9 +69,10 @@ class _Causes:
         """What began last before it, if that acts or has just ended."""
         recent = [begun for begun, end in self._over if detection.cycle - end <= MOMENT_CYCLES]
         known = [*(each for acting in self._acting.values() for each in acting), *recent]
-        return max(
-            (each for each in known if 0 <= each.cycle <= detection.cycle), key=lambda each: each.time_ns, default=None
-        )
+        heard_ns = detection.time_ns or math.inf
+        # Once nobody sends SYNC any more, cycles stand still, and only time tells what came afterwards.
+        earlier = (each for each in known if 0 <= each.cycle <= detection.cycle and each.time_ns <= heard_ns)
+        return max(earlier, key=lambda each: each.time_ns, default=None)
 
 
 def _all_of(faults: Faults) -> Iterable[Event]:

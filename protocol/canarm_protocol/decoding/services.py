@@ -46,6 +46,8 @@ EMERGENCY_TEXTS: dict[int, str] = {
     0xFF00: "device-specific",
 }
 """EMCY error codes (CiA 301, table 26)."""
+LARGEST_NO_ERROR = 0x00FF
+"""The class 0x00xx; what is between it and 0x1000 is reserved."""
 ERROR_REGISTER_BITS = (
     "generic",
     "current",
@@ -62,7 +64,7 @@ ERROR_REGISTER_BITS = (
 def emergency_text(code: int) -> str:
     """An EMCY error code in words: its own, or those of its class."""
     for mask in (0xFFFF, 0xFF00, 0xF000):
-        if code & mask in EMERGENCY_TEXTS:
+        if code & mask in EMERGENCY_TEXTS and (code & mask or code <= LARGEST_NO_ERROR):
             return EMERGENCY_TEXTS[code & mask]
     return "reserved code"
 
