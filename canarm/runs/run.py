@@ -74,7 +74,11 @@ class Run:
         self.path, self._library = path, library
         self.complaints: list[str] = []
         """What could not be read so far, a line each."""
-        if not path.is_dir():
+        try:
+            is_folder = path.is_dir()
+        except OSError as error:
+            raise RunFolderError(f"{printable(str(path), 80)}: cannot be read: {error.strerror}") from None
+        if not is_folder:
             raise RunFolderError(f"{path}: there is no such folder; a run is a folder with {RUN_FILE}")
         if not any((path / part).exists() for part in PARTS):
             raise RunFolderError(f"{path}: is no run folder: it has none of {', '.join(PARTS)}")

@@ -295,6 +295,8 @@ def test_what_is_no_run_is_said(tmp_path: Path) -> None:
         open_run(tmp_path / "nowhere")
     with pytest.raises(RunFolderError, match=r"is no run folder: it has none of run\.json, can0\.log, "):
         open_run(tmp_path)
+    with pytest.raises(RunFolderError, match=r"x…x+: cannot be read: File name too long$"):
+        open_run("x" * 5000)
 
 
 def test_old_runs_are_pruned_and_nothing_else(

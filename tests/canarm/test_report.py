@@ -200,6 +200,7 @@ def test_runs_are_compared_with_the_first(recorded: Path, tmp_path: Path, capsys
     assert "the runs have no such figure; there are joint2.rms_lsb" in capsys.readouterr().err
     assert canarm(["report", mras, "--fail-above", "rms_lsb=1"]) == 2
     assert canarm(["report", mras, pd, "--fail-above", "rms_lsb=nan"]) == 2
+    assert canarm(["report", mras, pd, "--fail-above", "rms_lsb=1e400"]) == 2
     assert canarm(["report"]) == 2
 
 

@@ -1,5 +1,6 @@
 """The figures of several runs side by side, with ratios to the first; and which of them are too large."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -67,7 +68,7 @@ def parse_limits(words: Sequence[str]) -> dict[str, float]:
             ratio = float(text)
         except ValueError:
             ratio = -1.0
-        if not equals or not key or not ratio > 0.0:
+        if not equals or not key or not 0.0 < ratio < math.inf:
             raise UsageError(f"--fail-above {quoted(word)}: write KEY=RATIO, such as rms_lsb=1.1")
         limits[key] = ratio
     return limits
