@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from cyclopts import Token
 
 from canarm_controller.laws import LAWS
-from canarm_controller.reference.trajectory import built_in_motions
+from canarm_controller.reference.trajectory import named_motions
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import CanarmError
 from canarm_protocol.runs.run_folder import create_run_folder, new_run_folder
@@ -77,7 +77,7 @@ class DemoRuns:
 
         return NextRun(
             law=f"{', '.join(LAWS)}, or FILE.py:CLASS",
-            trajectory=f"{', '.join(built_in_motions(self.run.plan.cell))}, or a file",
+            trajectory=f"{', '.join(named_motions(self.run.plan.cell))}, or a file",
             seed="of the sensor noise",
             pace="times real time, or max" if self.run.plan.clock == "sync" else "empty: the wall clock has one",
         )

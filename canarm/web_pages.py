@@ -15,6 +15,11 @@ from canarm_protocol.shown import named_error
 
 FONT = "fonts.googleapis.com"
 """The library's page asks for a font there; ours asks nobody outside."""
+ICON = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><rect width="16" height="16" rx="3" fill="#1e293b"/>'
+    '<path d="M3 13 6 6l6-2" fill="none" stroke="#38bdf8" stroke-width="2"/></svg>'
+)
+"""An arm of two links."""
 END_S = 5.0
 """How long the dashboard of a page may take to end once its page is gone; then it is killed."""
 USUAL_SIZE = 80, 24
@@ -69,6 +74,15 @@ def page_server(library: Any, command: str, url: str, title: str, pages: Path) -
             application, self.dashboards = self._make_app(), set[Any]()
             options: dict[str, Any] = {"handle_signals": False, "loop": loop, "print": None, "shutdown_timeout": END_S}
             web.run_app(application, sock=listening, **options)
+
+        async def _make_app(self) -> web.Application:
+            application = await super()._make_app()
+            application.router.add_get("/favicon.ico", self._icon)
+            return application
+
+        async def _icon(self, request: web.Request) -> web.Response:
+            """Browsers ask for one, and complain on their console where there is none."""
+            return web.Response(text=ICON, content_type="image/svg+xml")
 
         async def on_startup(self, app: web.Application) -> None:
             """Without the library's own banner."""

@@ -19,6 +19,8 @@ from ..demo_run import DemoPlan, tell
 from ..demo_runs import DemoRuns
 from ..fault_file import load_faults
 from ..handed_runs import handing_over
+from ..jogging.after_run import port_after_run
+from ..jogging.hand import HandInThread
 from ..options import (
     BENCH_BUS,
     DEFAULT_HOST,
@@ -177,17 +179,20 @@ def _watch(runs: DemoRuns) -> None:
         return None if found is None else Outcome(*found)
 
     left: list[str] = []
+    cell = runs.run.plan.cell
+    robot, bench = (BusAddress("canarm", bus, runs.where) for bus in (ROBOT_BUS, BENCH_BUS))
     try:
         run_dashboard(
-            runs.run.plan.cell,
+            cell,
             "canarm",
             BENCH_BUS,
             runs.where,
             until=lambda: runs.run.is_given_up,
             on_left=left.append,
             outcome_of=outcome,
-            robot_bus=BusAddress("canarm", ROBOT_BUS, runs.where),
+            robot_bus=robot,
             again=runs,
+            hand=HandInThread(cell, port_after_run(cell, lambda: runs.run.is_over, robot.open, bench.open)),
         )
     except BrokenError as error:
         tell(str(error))  # the robot needs no dashboard

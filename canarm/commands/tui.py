@@ -1,12 +1,13 @@
 """`canarm tui`: the dashboard."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import ExitStatus
 from canarm_protocol.runs.run_folder import RunFolderError
 from canarm_tui.bus.address import BusAddress
@@ -14,6 +15,7 @@ from canarm_tui.entry import run_dashboard, show_record
 from canarm_tui.record import Record
 
 from ..handed_runs import HandedRuns
+from ..jogging.after_run import port_after_run
 from ..jogging.hand import HandInThread
 from ..options import (
     BENCH_BUS,
@@ -57,9 +59,10 @@ def tui(
     --web serves the same to a browser on this machine.
     """
     if run is not None:
-        record = _record(run, connect, bus, bench)
+        record = _record(run, cell.load, connect, bus, bench)
+        named_cell = ["--cell", cell.cell, *(word for each in cell.settings for word in ("--set", each))]
         if web:
-            serve_web(["tui", str(run.absolute())], web_port, f"canarm tui {run.name}")
+            serve_web(["tui", str(run.absolute()), *named_cell], web_port, f"canarm tui {run.name}")
             return ExitStatus.DONE
         return show_record(record)
     nominal = cell.load()
@@ -75,7 +78,15 @@ def tui(
         robot_bus = NamedBus("canarm", ROBOT_BUS, here)
     named = bench_bus or NamedBus("canarm", BENCH_BUS, here)
     robot = None if robot_bus is None else BusAddress(robot_bus.interface, robot_bus.channel, robot_bus.options)
-    hand = None if robot is None else HandInThread(nominal, robot.open)
+    hand = None
+    if robot is not None:
+        bench_of_run = BusAddress(named.interface, named.channel, named.options)
+        hand = HandInThread(
+            nominal,
+            robot.open
+            if runs is None
+            else port_after_run(nominal, lambda: runs.outcome() is not None, robot.open, bench_of_run.open),
+        )
     return run_dashboard(
         *(nominal, named.interface, named.channel, named.options),
         outcome_of=None if runs is None else runs.outcome,
@@ -85,14 +96,14 @@ def tui(
     )
 
 
-def _record(path: Path, connect: str, *buses: BusOptions | BenchBusOptions) -> Record:
+def _record(path: Path, cell: Callable[[], Cell], connect: str, *buses: BusOptions | BenchBusOptions) -> Record:
     from ..runs.record_of import record_of
     from ..runs.run import Run
 
     if connect != DEFAULT_ADDRESS or any(each.named() is not None for each in buses):
         raise UsageError("tui RUN: a recorded run is played, and no bus is opened; leave the options of a bus out")
     run = Run(path)
-    record = record_of(run)
+    record = record_of(run, cell)
     if not len(record.history.cycles):
         raise RunFolderError(f"{path}: has no signals that could be played; canarm runs show {path} has the rest")
     return record

@@ -24,7 +24,7 @@ from canarm_tui.bus.hand import HandState
 from .cards import JogError
 from .driver import Driver
 from .jog import Jog
-from .parsing import DIRECTION_NAMES, Command, Parser, Quit
+from .parsing import DIRECTION_NAMES, Command, Parser, Quit, help_lines
 
 LINES = 100
 MOST_WAITING = 64
@@ -71,6 +71,11 @@ class HandInThread:
             return ()
         return tuple(DIRECTION_NAMES.get(each, "off") for each in jog.directions)
 
+    @property
+    def help(self) -> str:
+        """As the command `help` at the prompt."""
+        return "\n".join(help_lines())
+
     def take(self) -> None:
         """Begin, unless it has begun."""
         if self.state is HandState.OFF:
@@ -107,7 +112,7 @@ class HandInThread:
             self._thread.join(END_S)
 
     def _say(self, text: str, is_wrong: bool = False) -> None:
-        self._lines.append((is_wrong, text))
+        self._lines.extend((is_wrong, line) for line in text.splitlines())
 
     def _run(self, end: threading.Event) -> None:
         try:

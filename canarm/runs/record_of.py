@@ -1,7 +1,7 @@
 """A run folder as the dashboard is given it: rows of both tables, events, how it ended. Nothing is drawn here."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from canarm_protocol.cell.sensing import position_steps_rad
 from canarm_protocol.faults.detection_events import DetectionEvent
 from canarm_protocol.faults.fault_events import EMERGENCY_STOP, StopEvent
 from canarm_protocol.runs.can_log import log_frames
-from canarm_protocol.runs.run_folder import CAN_LOG_FILE, MEMORY_FILE
+from canarm_protocol.runs.run_folder import CAN_LOG_FILE, MEMORY_FILE, RUN_FILE, RunFolderError
 from canarm_tui.bus.memory_mirror import BANK_BYTES, BANK_JOINTS
 from canarm_tui.faults import Faults
 from canarm_tui.history import COLUMNS, Column, History
@@ -42,25 +42,48 @@ _REPORTED = (
 _OTHERS = {"reference_rad_s", "measured_a", *(name for _, name in _REPORTED)}
 
 
-def record_of(run: Run) -> Record:
-    """All that the dashboard shows of `run`. Raises `RunFolderError` if its record has no cell."""
-    cell = run.cell
+def record_of(run: Run, otherwise: Callable[[], Cell] | None = None) -> Record:
+    """All that the dashboard shows of `run`; what could not be read is complained of.
+
+    A run whose record has no cell is shown with the cell of `otherwise`, if its joints are those of the signals.
+    Raises `RunFolderError` if there is none.
+    """
+    cell = _cell(run, otherwise)
     names = inner_names(run.controller, cell.joint_names)
     said = run.summary
     log = run.path / CAN_LOG_FILE
-    verdict = Outcome(run.headline, said.get("state") == "done", [f"recorded in {run.path}", *run.complaints])
+    history, faults, noticed = _history(run, cell, names), _faults(run), _noticed(run)
+    how = run.headline if run.configuration else "how it went cannot be read"
+    verdict = Outcome(how, said.get("state") == "done", [f"recorded in {run.path}", *run.complaints])
     return Record(
         cell=cell,
         where=str(run.path),
-        history=_history(run, cell, names),
-        faults=_faults(run),
-        noticed=_noticed(run),
+        history=history,
+        faults=faults,
+        noticed=noticed,
         outcome=verdict,
         law=str(said.get("law") or run.made_by.get("law") or ""),
         internal_names=names,
         frames=(lambda: log_frames(log)) if log.is_file() else None,
         memory=_memory(run, cell),
+        complaints=tuple(run.complaints),
     )
+
+
+def _cell(run: Run, otherwise: Callable[[], Cell] | None) -> Cell:
+    try:
+        return run.cell
+    except RunFolderError as error:
+        if otherwise is None:
+            raise
+        cell = otherwise()
+        first = next(name for _, name in _TRUE)
+        joints = [name.removesuffix(f".{first}") for name in run.robot if name.endswith(f".{first}")]
+        if joints != list(cell.joint_names):
+            known = f"its signals are of {', '.join(joints)}" if joints else "it has no signals of the robot either"
+            raise RunFolderError(f"{error}; {known}; --cell names the cell that it was made with") from None
+        run.complaints.append(f"{RUN_FILE} has no cell; shown with that of --cell, {cell.name}, as it is now")
+        return cell
 
 
 def _memory(run: Run, cell: Cell) -> bytes | None:

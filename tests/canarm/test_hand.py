@@ -2,10 +2,12 @@
 
 import re
 import shutil
+import signal
 import sys
 
 import pytest
 
+from canarm.jogging.after_run import port_after_run
 from canarm.jogging.hand import HandInThread
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.transport.port import open_port
@@ -49,6 +51,29 @@ def test_outputs_are_set_steps_are_made_and_the_cards_are_left_safe(hand, until)
     hand.close()
     assert hand.state is HandState.OFF
     assert said(hand).endswith("the cards are not in hand")
+
+
+def test_after_a_run_the_cards_are_driven_by_hand_and_its_record_has_ended(canarm, until, tmp_path):
+    """Not before the end of the run; what is done by hand is not in can0.log."""
+    emulator = canarm.emulator("sync", "--out", str(tmp_path / "run"))
+    cell, over = load_cell("konkuk1"), []
+    at_end = port_after_run(
+        *(cell, lambda: bool(over)),
+        *(lambda bus=bus: open_port("canarm", bus, port=emulator.port) for bus in ("can0", "bench")),
+    )
+    hand = HandInThread(cell, at_end)
+    hand.take()
+    until(lambda: hand.state is HandState.OFF and hand.lines, "the hand has given up")
+    assert "the run goes on, and its controller has the cards" in said(hand)
+    over.append(True)
+    hand.take()
+    until(lambda: hand.state is HandState.READY, "the cards are in hand")
+    hand.do("step 4; read")
+    until(lambda: "joint2.current_sense" in said(hand), "inputs are read")
+    hand.close()
+    emulator.send(signal.SIGINT)
+    emulator.wait()
+    assert not (tmp_path / "run" / "can0.log").read_text().count(" 080#"), "no SYNC of ours is recorded"
 
 
 def test_where_a_controller_runs_nothing_is_taken(canarm, emulator, hand, until):

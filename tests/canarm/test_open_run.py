@@ -18,6 +18,7 @@ from canarm.libraries import MissingLibraryError
 from canarm.runs.record_of import record_of
 from canarm.runs.report.page import report_page
 from canarm.runs.run import RunFolderError
+from canarm_protocol.cell import load_cell
 from canarm_protocol.runs.run_folder import LOG_START_S
 from canarm_tui.history import Column
 
@@ -393,6 +394,17 @@ def test_the_dashboard_is_given_the_rows_of_both_files_and_the_events(recorded: 
     assert [(event.is_begin, event.cycle) for event in record.faults.events] == [(False, 600), (True, 400)]
     assert record.faults.detections[-1].detector.startswith("tachometer-")
     assert (record.law, record.outcome is not None and record.outcome.is_well) == ("mras", True)
+
+
+def test_a_run_whose_run_json_is_damaged_is_played_and_complained_of(copy: Path) -> None:
+    os.truncate(copy / "run.json", 3000)
+    record = record_of(open_run(copy), lambda: load_cell("konkuk1"))
+    assert len(record.history.cycles) == len(csv_column(copy / "signals" / "robot.csv", "cycle"))
+    assert [event.cycle for event in record.faults.events] == [600, 400]
+    assert any("run.json: cannot be read" in each for each in record.complaints)
+    assert any("shown with that of --cell, konkuk1" in each for each in record.complaints)
+    with pytest.raises(RunFolderError, match="signals are of joint2, joint3; --cell names the cell"):
+        record_of(open_run(copy), lambda: load_cell("rhino-pair"))
 
 
 def test_a_record_of_a_controller_alone_is_shown_as_far_as_it_goes(copy: Path) -> None:

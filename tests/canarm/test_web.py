@@ -92,6 +92,8 @@ def test_the_page_asks_nobody_outside_and_strangers_are_refused(url: str) -> Non
             async with session.get(url) as answer:
                 page = await answer.text()
             assert answer.status == 200
+            async with session.get(f"{url}/favicon.ico") as answer:
+                assert (answer.status, answer.content_type) == (200, "image/svg+xml"), "nothing on the page's console"
             assert set(re.findall(r'(?:src|href)="(\w+://[^/"]+)', page)) == {url}
             for headers in ({"Origin": "http://evil.example"}, {"Host": "evil.example"}):
                 for path in ("/", "/ws"):

@@ -139,7 +139,7 @@ async def test_events_of_its_bus_and_of_its_controller_have_their_moments_wherev
     record = replace(record, frames=lambda: iter(stamped), noticed=noticed)
     app = DashboardApp(record.cell, lambda: pytest.fail("no bus"), clock_ns=clock, record=record)
     async with app.run_test(size=(120, 30)) as pilot:
-        await pilot.press("space", "n", "2")
+        await pilot.press("space", "n", "n", "2")  # the controller's first state, then the fault
         app.drain()
         clock.advance(0.5)
         app.redraw()

@@ -129,7 +129,7 @@ class DashboardApp(RunControls):
         if record is not None and record.frames is not None:
             bus = RecordedWatch(robot_book(cell), record.frames, lambda: player.cycle, record.where, cell.bus.bitrate)
         bus = bus or robot_watch(cell, None, in_background)
-        memory = None if record is None else record.memory
+        memory, self._complaints = (None, ()) if record is None else (record.memory, record.complaints)
         self.context = Context(cell, self.feed, bus, [bus], [self.feed.notices], self.desk, hand, memory)
         self.is_paused = False
         self.view = FIRST
@@ -239,6 +239,8 @@ class DashboardApp(RunControls):
         said = texts.notice(self.link, snapshot)
         if said is None and self._clock_ns() < self._answer_until_ns:
             said = self._answer
+        if said is None and self._complaints:
+            said = texts.Word(f"▲ {'; '.join(self._complaints)}", texts.Tone.WARNING)
         notice.set_class(said is not None, "-shown")
         notice.show(() if said is None else (said,))
         self._draw_words(snapshot)

@@ -14,7 +14,7 @@ from .arm_drawing import Layer, Pose, drawing, projections
 from .braille import BLANK
 from .drawn import Drawn
 from .kinematics import joint_places
-from .styles import line_of
+from .styles import title_of
 from .texts import Tone, Word
 
 
@@ -68,7 +68,7 @@ class ArmPicture(Drawn):
     def draw(self, width: int, height: int) -> list[Strip]:
         """The title, and the arms below it."""
         blank = self.style_of("arm--blank")
-        title = Strip(line_of(self.words()).render_segments(self.visual_style)).adjust_cell_length(width, blank)
+        title = Strip(title_of(self.words(), width).render_segments(self.visual_style)).adjust_cell_length(width, blank)
         if self._pose is None or height < 2 or width < 1:
             return [title]
         bits, top = drawing(self._cell, self._views[self._turned], self._pose, height - 1, width)

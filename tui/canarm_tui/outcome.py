@@ -18,6 +18,8 @@ LOW_ROWS, LOW_LINES = 30, 7
 LEAVE = Word("q leaves", Tone.DIM)
 AGAIN = Word("r runs again", Tone.DIM)
 ALL = Word("h shows all", Tone.DIM)
+KEYS = {"r": "again", "q": "quit", "Q": "leave_and_stop"}
+"""What the panel offers is to be had from all of the summary too: keys, and actions of the dashboard."""
 
 
 class Outcome(NamedTuple):
@@ -76,17 +78,27 @@ class OutcomePanel(Static):
 class OutcomeScreen(Dialog[None]):
     """All of the summary, to be scrolled."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,h,q", "dismiss", "Close")]
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape,h", "dismiss", "Close"),
+        *(Binding(key, f"go_on('{action}')", show=False) for key, action in KEYS.items()),
+    ]
     DEFAULT_CSS = """
     OutcomeScreen .dialog { width: 120; }
     """
 
-    def __init__(self, outcome: Outcome) -> None:
+    def __init__(self, outcome: Outcome, may_run_again: bool = False) -> None:
         super().__init__()
+        self._further = " │ r runs again │ q leaves" if may_run_again else " │ q leaves"
         self._lines = (outcome.verdict, *outcome.details)
+
+    async def action_go_on(self, action: str) -> None:
+        """Close, and do what the key does without this dialog."""
+        await self.dismiss()
+        await self.app.run_action(action, self.app)
 
     def compose(self) -> ComposeResult:
         """The lines, wrapped."""
         with VerticalScroll(classes="dialog") as box:
-            box.border_title, box.border_subtitle = "How it went", "↑ ↓ scroll │ escape closes"
+            box.border_title = "How it went"
+            box.border_subtitle = f"↑ ↓ scroll │ escape closes{self._further}"
             yield Static(Content("\n").join(line_of((Word(text),)) for text in self._lines))

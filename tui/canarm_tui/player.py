@@ -27,7 +27,7 @@ from .snapshot import Snapshot
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 50.0)
 SEEK_S = 5.0
-NOBODY = "this is a recorded run: nothing can be injected into it, cleared, stopped or reset"
+NOBODY = "this is a recorded run: nothing can be injected into it, cleared, stopped, reset or driven"
 
 
 class Player:
@@ -52,7 +52,8 @@ class Player:
         self.faults: FaultSignal | None = None
         self.notices = _Played(self, record.noticed)
         events = record.faults.events + record.faults.detections + record.faults.stops
-        self._moments = sorted({event.cycle for event in events if self._first <= event.cycle <= self._last})
+        cycles = [event.cycle for event in (*events, *record.noticed)]
+        self._moments = sorted({min(cycle, self._last) for cycle in cycles if cycle >= self._first})
 
     @property
     def cycle(self) -> int:
@@ -168,6 +169,8 @@ class _Played:
     @property
     def version(self) -> int:
         """How many there are."""
+        if self._player.is_at_end:
+            return len(self._all)
         return bisect_right(self._all, self._player.cycle, key=lambda notice: notice.cycle)
 
     @property

@@ -29,5 +29,7 @@ class Record:
     """The frames of its robot's bus from the beginning, with their times; None where they were not kept."""
     memory: bytes | None = None
     """The Apple II's memory as it was at the end."""
+    complaints: tuple[str, ...] = ()
+    """What of the record could not be read."""
     noticed: tuple[Notice, ...] = ()
     """The controller's states, oldest first."""

@@ -1,14 +1,21 @@
 """The keys that play a recorded run. A base of the dashboard; without a player none of them is there."""
 
+from abc import abstractmethod
 from typing import ClassVar
 
 from textual.binding import Binding, BindingType
+from textual.events import Key
+from textual.screen import ModalScreen
 
-from .player import Player
+from .fault_desk import Refusal
+from .player import NOBODY, Player
 from .steady import SteadyApp
 
 ACTIONS = ("skip", "faster", "event")
 LIVE_ACTIONS = ("inject", "clear", "stop", "stop_anyway", "reset", "again", "record", "leave_and_stop")
+LIVE_KEYS = ("f", "x", "e", "ctrl+e", "R", "r", "w", "Q", "t", "j")
+"""Those of what only a live run can do, where no view has taken them for something else."""
+NO_FURTHER, NONE_BEFORE = "there is no further event; N goes to the one before", "there is no event before; n goes on"
 
 
 class ReplayControls(SteadyApp):
@@ -40,7 +47,17 @@ class ReplayControls(SteadyApp):
 
     def action_event(self, is_back: bool) -> None:
         """To the next event, or the one before."""
-        self._playing().next_event(is_back)
+        if not self._playing().next_event(is_back):
+            self.tell(Refusal(NONE_BEFORE if is_back else NO_FURTHER))
+
+    def on_key(self, event: Key) -> None:
+        """A key that nobody has taken: of a live run's it is said why it does nothing."""
+        if self.player is not None and event.key in LIVE_KEYS and not isinstance(self.screen, ModalScreen):
+            self.tell(Refusal(NOBODY))
+
+    @abstractmethod
+    def tell(self, answer: str | Refusal | None) -> None:
+        """Show an answer for a while."""
 
     def _playing(self) -> Player:
         assert self.player is not None

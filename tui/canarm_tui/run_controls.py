@@ -3,7 +3,6 @@
 What is drawn, and where data come from, is not known here.
 """
 
-from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable
 from typing import ClassVar
@@ -59,10 +58,6 @@ class RunControls(ReplayControls):
         self._again, self._in_background = again, in_background
         self._answers: deque[Callable[[], None]] = deque()
         self._run = 1 if again is None else again.number
-
-    @abstractmethod
-    def tell(self, answer: str | Refusal | None) -> None:
-        """Show an answer for a while."""
 
     def take_answers(self) -> None:
         """Take what jobs in the background have said."""
@@ -131,7 +126,8 @@ class RunControls(ReplayControls):
         if self.outcome is None:
             self.tell(Refusal(NOT_OVER))
         else:
-            self.push_screen(OutcomeScreen(with_cause(self.outcome, self.cause) or self.outcome))
+            shown = with_cause(self.outcome, self.cause) or self.outcome
+            self.push_screen(OutcomeScreen(shown, self._again is not None))
 
     def action_record(self) -> None:
         """Stop recording, or go on with it."""

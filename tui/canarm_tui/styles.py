@@ -1,6 +1,6 @@
 """The colours of tones, and words as content that textual can draw. Colours are variables of the theme."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from textual.content import Content
 
@@ -18,11 +18,24 @@ STYLES: dict[Tone, str] = {
 }
 
 
-def line_of(words: Iterable[Word]) -> Content:
+def title_of(words: Sequence[Word], width: int) -> Content:
+    """As many of `words` as `width` cells hold, each whole: closer together first, then without the last ones."""
+    for separator in (SEPARATOR, " "):
+        line = line_of(words, separator)
+        if line.cell_length <= width:
+            return line
+    kept = list(words)
+    while len(kept) > 1 and line_of(kept, " ").cell_length > width:
+        kept.pop()
+    wide = line_of(kept)
+    return wide if wide.cell_length <= width else line_of(kept, " ")
+
+
+def line_of(words: Iterable[Word], separator: str = SEPARATOR) -> Content:
     """`words` in their colours, with separators."""
     parts: list[Content] = []
     for word in words:
         if parts:
-            parts.append(Content.styled(SEPARATOR, STYLES[Tone.DIM]))
+            parts.append(Content.styled(separator, STYLES[Tone.DIM]))
         parts.append(Content.styled(printable(word.text), STYLES[word.tone]))
     return Content("").join(parts)

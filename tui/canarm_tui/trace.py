@@ -22,7 +22,7 @@ from .history import History
 from .plot import LABEL_WIDTH, MARKED, Part, Plot, Stroke, columns_of, nice_range, nice_scale, plot_rows, time_row
 from .signals import Line, Signal
 from .snapshot import JointNow
-from .styles import line_of
+from .styles import title_of
 from .texts import Tone, Word
 
 ROOM_BEYOND_LIMITS = 1.2
@@ -184,7 +184,7 @@ class Trace(Drawn):
         scene = self._scene
         if scene is None:
             return []
-        title = line_of(scene.words())
+        title = title_of(scene.words(), width - 1)
         blank = self.style_of("trace--blank")
         strips = [
             Strip([Segment(" ", blank), *title.render_segments(self.visual_style)]).adjust_cell_length(width, blank)

@@ -49,8 +49,9 @@ def wire_lines(figures: WireFigures) -> list[Line]:
         [_count("error frames", figures.error_frames), Word("   "), _count("lost frames", figures.lost_frames)]
     )
     width = max(map(len, ("card", *figures.cards)))
-    lines += [[], [Word(f"{'card':<{width}} {'TEC':>5} {'REC':>5}  state", Tone.DIM)]]
-    for name, card in figures.cards.items():
+    if figures.load is not None:  # without a wire nobody counts
+        lines += [[], [Word(f"{'card':<{width}} {'TEC':>5} {'REC':>5}  state", Tone.DIM)]]
+    for name, card in figures.cards.items() if figures.load is not None else ():
         counts = f"{printable(name):<{width}} {card.transmit:>5} {card.receive:>5}  "
         lines.append([Word(counts), STATES.get(card.state, Word(f"state {card.state}", Tone.BAD))])
     lines += [[], [Word(f"{'bus':<{width}} {'clients':>11}  dropped for slow clients", Tone.DIM)]]

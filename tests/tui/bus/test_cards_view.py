@@ -22,6 +22,8 @@ class NotedHand:
         self.state, self.lines, self.codes, self.directions = HandState.OFF, [], (), ()
         self.told = []
 
+    help = "read\n    all inputs\n" + "\n".join(f"command {number}\n    what it does" for number in range(14))
+
     def take(self):
         self.state, self.codes, self.directions = HandState.READY, (0, 0), ("off", "off")
         self.lines.append((False, "cards are in OPERATIONAL, outputs off"))
@@ -155,6 +157,21 @@ async def test_keys_are_commands_of_the_jog(app, port, hand):
         assert hand.state is HandState.OFF
 
 
+async def test_all_of_the_help_by_hand_can_be_read_line_by_line(app, port, hand):
+    async with app.run_test(size=(80, 24)) as pilot:
+        await running(app, port, pilot)
+        await pilot.press("t", "enter", "j", *"help", "enter")
+        await pilot.pause()
+        lines = [line.strip("│ ") for line in screen_lines(app)]
+        assert lines.index("all inputs") == lines.index("read") + 1
+        assert not any("\\n" in line for line in lines)
+        await pilot.press("end")
+        await pilot.pause()
+        assert "command 13" in "\n".join(screen_lines(app))
+        await pilot.press("escape")
+        assert hand.told == []
+
+
 async def test_codes_stay_within_the_converter_and_inputs_cannot_be_set(app, port, hand):
     async with app.run_test(size=(120, 40)) as pilot:
         await running(app, port, pilot)
@@ -168,7 +185,7 @@ async def test_codes_stay_within_the_converter_and_inputs_cannot_be_set(app, por
         assert "choose a row with →, an output, first" in line_of(app, "choose a row")
 
 
-async def test_where_a_controller_of_the_program_has_the_cards_it_says_so(cell, bench_port, clock, watch):
+async def test_where_the_robots_bus_is_not_known_it_says_so(cell, bench_port, clock, watch):
     app = DashboardApp(cell, lambda: bench_port, clock_ns=clock, in_background=at_once, bus=watch)
     async with app.run_test(size=(120, 40)) as pilot:
         await pilot.press("5", "t")

@@ -13,9 +13,11 @@ from textual.widgets import Input, Static
 from canarm_protocol.cell.model import Cell, Command
 from canarm_protocol.shown import printable
 
+from ..dialog import Dialog
 from ..fault_screens import QuestionScreen
 from ..grid import Column, Grid
 from ..link import LinkState
+from ..player import Player
 from ..styles import STYLES
 from ..texts import Tone, Word
 from ..views import Context, Pane, Scene, View
@@ -31,7 +33,7 @@ LINES_SHOWN = 6
 """Of what the hand says."""
 MEMORY_FROM_LINES = 22
 LONGEST_CARD = 16
-HOW = "commands of canarm jog, such as current joint2 0.3; step 10; read"
+HOW = "commands of canarm jog, such as current joint2 0.3; step 10; read; help shows all"
 DIRECTIONS = ("off", "ccw", "cw")
 COLUMNS = (
     Column("slot", 8),
@@ -44,7 +46,7 @@ COLUMNS = (
     Column("volts", 9, is_right=True, from_width=76),
     Column("value", 18, is_right=True),
 )
-_NO_HAND = "the cards cannot be driven from here: there is a controller that has them, or no bus"
+_NO_HAND = "the cards cannot be driven from here: the robot's bus was not named; start with -i and -c of it"
 _NOT_TAKEN = "the cards are not in hand; t takes them"
 
 
@@ -57,6 +59,23 @@ class TakeScreen(QuestionScreen):
             "nothing is done."
         )
         super().__init__("By hand", text, "t")
+
+
+class HandHelpScreen(Dialog[None]):
+    """What can be typed, to be scrolled."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,q", "dismiss", "Close")]
+    DEFAULT_CSS = "HandHelpScreen .dialog { width: 100; }"
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self._text = text
+
+    def compose(self) -> ComposeResult:
+        """The lines, wrapped."""
+        with VerticalScroll(classes="dialog") as box:
+            box.border_title, box.border_subtitle = "Commands by hand", "↑ ↓ scroll │ escape closes"
+            yield Static(Content(self._text))
 
 
 class CardsPane(Pane):
@@ -87,8 +106,11 @@ class CardsPane(Pane):
         Binding("escape", "leave", "Back", show=False),
     ]
 
-    def __init__(self, cell: Cell, watch: BusWatch, hand: Hand | None, memory: bytes | None = None) -> None:
+    def __init__(
+        self, cell: Cell, watch: BusWatch, hand: Hand | None, memory: bytes | None = None, is_recorded: bool = False
+    ) -> None:
         super().__init__()
+        self._is_recorded = is_recorded
         self.cell, self.bus, self.hand = cell, watch, hand
         self.mirror = MemoryMirror(cell, memory)
         watch.listeners.append(self.mirror)
@@ -170,6 +192,8 @@ class CardsPane(Pane):
         """Without a hand its keys are others', such as those that play a record."""
         if self.hand is None and action in ("nudge", "turn", "step", "off", "command"):
             return False
+        if self._is_recorded and action == "take":
+            return False
         return super().check_action(action, parameters)
 
     def _ready(self) -> Hand | None:
@@ -250,7 +274,9 @@ class CardsPane(Pane):
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Carry out what was typed."""
         event.stop()
-        if (hand := self._ready()) is not None and event.value.strip():
+        if (hand := self._ready()) is not None and event.value.strip() == "help":
+            self.app.push_screen(HandHelpScreen(hand.help))
+        elif hand is not None and event.value.strip():
             hand.do(event.value)
         self.action_leave()
 
@@ -280,6 +306,8 @@ VIEW: View[Context] = View(
     title="Cards",
     key="5",
     what="The cards' registers, codes and volts, and the Apple II's memory; by hand",
-    make=lambda context: CardsPane(context.cell, context.bus, context.hand, context.memory),
+    make=lambda context: CardsPane(
+        *(context.cell, context.bus, context.hand, context.memory, isinstance(context.feed, Player))
+    ),
     help=HELP,
 )

@@ -35,6 +35,10 @@ class Hand(Protocol):
     def directions(self) -> Sequence[str]:
         """The direction of each joint's output, as commanded: off, ccw or cw; empty as `codes` is."""
 
+    @property
+    def help(self) -> str:
+        """The commands that it knows, in lines."""
+
     def take(self) -> None:
         """Find, check, configure and start the cards; where another controller is, only say so."""
 

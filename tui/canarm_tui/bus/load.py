@@ -27,6 +27,8 @@ class LoadMeter:
 
     def __init__(self, bitrate: int | None) -> None:
         self._bitrate = bitrate
+        self.follows_record = False
+        """Whether only the bus's own clock counts, as of a record, which may stand still or play slowly."""
         self._marks: deque[_Mark] = deque(maxlen=256)
         self._has_heard = False
 
@@ -44,7 +46,10 @@ class LoadMeter:
 
     def load(self, wall_ns: int) -> Load:
         """How busy it is at the wall time `wall_ns`; nothing has come for long: not at all."""
-        while self._marks and self._marks[0].wall_ns < wall_ns - WINDOW_NS:
+        if self.follows_record:
+            while self._marks and self._marks[0].bus_ns < self._marks[-1].bus_ns - WINDOW_NS:
+                self._marks.popleft()
+        while not self.follows_record and self._marks and self._marks[0].wall_ns < wall_ns - WINDOW_NS:
             self._marks.popleft()
         if not self._marks and self._has_heard:
             return Load(0.0, None if self._bitrate is None else 0.0)
@@ -52,7 +57,7 @@ class LoadMeter:
             return Load()
         first, last = self._marks[0], self._marks[-1]
         lasted_ns = last.bus_ns - first.bus_ns
-        if lasted_ns < _LEAST_NS:
+        if lasted_ns < _LEAST_NS and not self.follows_record:
             lasted_ns = wall_ns - first.wall_ns
         if lasted_ns < _LEAST_NS:
             return Load()

@@ -12,6 +12,8 @@ from .watch import BusWatch
 
 MOST_AT_ONCE = 5000
 """Frames that are taken in one go, so that a jump far ahead cannot block the keyboard."""
+PIECE = 250
+"""Frames after which load and rates have a mark: after a jump too they are of the last seconds."""
 RECORDED = "a recorded run has no bus"
 
 
@@ -28,6 +30,7 @@ class RecordedWatch(BusWatch):
     ) -> None:
         super().__init__(book, _refuse, where, bitrate, lambda job: job())
         self.link.state, self.link.is_live, self.link.reason = LinkState.CONNECTED, False, RECORDED
+        self.store.meter.follows_record = True
         self._frames_of, self._wanted = frames, cycle
         self._frames: Iterator[tuple[int, Frame]] | None = None
         self._next: tuple[int, Frame] | None = None
@@ -41,7 +44,9 @@ class RecordedWatch(BusWatch):
         if self._frames is None or wanted < self._cycle:
             self.clear()
             self._frames, self._next, self._cycle = self._frames_of(), None, -1
-        self.take(self._until(wanted), now_ns)
+        frames = self._until(wanted)
+        for first in range(0, max(1, len(frames)), PIECE):
+            self.take(frames[first : first + PIECE], now_ns)
 
     def _until(self, wanted: int) -> list[tuple[int, Frame]]:
         """The frames up to the end of a cycle: up to the SYNC that begins the next one."""

@@ -63,7 +63,7 @@ class BusStore:
         self._rows: dict[Key, Row] = {}
         self._log: deque[Heard] = deque(maxlen=LOG_LENGTH)
         self._nodes = NodeTable(decoder.book)
-        self._meter = LoadMeter(bitrate)
+        self.meter = LoadMeter(bitrate)
         self._received = self._untracked = self._errors = 0
         self._bits = 0
         self._wall_ns = 0
@@ -99,17 +99,17 @@ class BusStore:
         self._received += len(frames)
         self.version += 1
         self._wall_ns = wall_ns
-        self._meter.note(bus_ns, wall_ns, self._bits, self._received)
+        self.meter.note(bus_ns, wall_ns, self._bits, self._received)
 
     def reconnected(self) -> None:
         """The bus was lost and is back: the gap counts in no rate."""
-        self._meter.forget()
+        self.meter.forget()
 
     def clear(self) -> None:
         """Begin anew: counters, rows, log; nodes stay known."""
         self._rows.clear()
         self._log.clear()
-        self._meter.forget()
+        self.meter.forget()
         self._received = self._untracked = self._errors = self._bits = 0
         self.version += 1
 
@@ -121,7 +121,7 @@ class BusStore:
             log=list(self._log),
             nodes=self._nodes.now(),
             emergencies=list(reversed(self._nodes.emergencies)),
-            load=self._meter.load(wall_ns),
+            load=self.meter.load(wall_ns),
             received=self._received,
             untracked=self._untracked,
             errors=self._errors,
