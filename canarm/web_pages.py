@@ -76,7 +76,7 @@ def page_server(library: Any, command: str, url: str, title: str, pages: Path) -
             web.run_app(application, sock=listening, **options)
 
         async def _make_app(self) -> web.Application:
-            application = await super()._make_app()
+            application: web.Application = await super()._make_app()
             application.router.add_get("/favicon.ico", self._icon)
             return application
 

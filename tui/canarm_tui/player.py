@@ -52,8 +52,8 @@ class Player:
         self.faults: FaultSignal | None = None
         self.notices = _Played(self, record.noticed)
         events = record.faults.events + record.faults.detections + record.faults.stops
-        cycles = [event.cycle for event in (*events, *record.noticed)]
-        self._moments = sorted({min(cycle, self._last) for cycle in cycles if cycle >= self._first})
+        moments = [event.cycle for event in (*events, *record.noticed)]
+        self._moments = sorted({min(cycle, self._last) for cycle in moments if cycle >= self._first})
 
     @property
     def cycle(self) -> int:
