@@ -76,7 +76,8 @@ class ArmWatch:
         first = 0
         for part in parts:
             joints = slice(first, first + part.joint_count)
-            self._robots.append(_RobotWatch(part, joints, self.joints[joints], limits[joints], timing, report))
+            own = self.joints[joints], self.currents[joints], limits[joints]
+            self._robots.append(_RobotWatch(part, joints, *own, timing, report))
             first = joints.stop
         self._robot_of = [robot for robot in self._robots for _ in range(robot.joints.start, robot.joints.stop)]
         self._is_surprised = False
@@ -354,10 +355,13 @@ class ArmWatch:
 
         def tell(detector: str, detail: str, reaction: Reaction | None) -> bool:
             nonlocal noted_at
-            if detector == "current-mismatch":
+            if detector == "current-mismatch" or (detector.startswith("current") and reaction is Reaction.DEGRADED):
                 noted_at = self._cycle
+            elif detector == "tachometer-spike" and (current := self.currents[index]) is not None and current.cycles:
+                detector, detail = "current-mismatch", f"the current differs, and the speed leaps ({detail})"
+                reaction = Reaction.SUBSTITUTE
             elif detector == "sensor-noise" and detail.startswith("tachometer") and self._cycle < noted_at + doubt:
-                # A drive makes the speed swing, and a current sense does not: even where it has been blamed.
+                # A drive moves the joint, and a current sense does not: even where it has been blamed.
                 detector, detail = "current-mismatch", f"noted before, and now the speed swings ({detail})"
             return self._report(named_for(position, detector), index, named_for(position, detail), reaction)
 
@@ -368,8 +372,8 @@ class _RobotWatch:
     """State shared by the joints of one robot. `joints` are their indices in the cell."""
 
     def __init__(
-        self, arm: Arm, joints: slice, witnesses: Sequence[Witness], limits: Sequence[Thresholds], timing: Timing,
-        report: ArmReport,
+        self, arm: Arm, joints: slice, witnesses: Sequence[Witness], currents: Sequence[CurrentWatch | None],
+        limits: Sequence[Thresholds], timing: Timing, report: ArmReport,
     ) -> None:  # fmt: skip
         self.joints, self._witnesses, self._arm = joints, witnesses, arm
         self._wired = [(index, joint) for index, joint in enumerate(witnesses) if isinstance(joint, JointWitness)]
@@ -378,7 +382,7 @@ class _RobotWatch:
         def tell(detector: str, index: int, detail: str, reaction: Reaction | None) -> bool:
             return report(detector, joints.start + index, detail, reaction)
 
-        self.surprise = SurpriseWatch(witnesses, limits, arm.torque_per_ampere, timing, self.expected, tell)
+        self.surprise = SurpriseWatch(witnesses, limits, arm.torque_per_ampere, currents, timing, self.expected, tell)
 
     def twist(self, speed_rad_s: Sequence[float], acted_nm: Sequence[float]) -> None:
         """What changes slowly, once in 10 ms: which joints turn, and what their wires carry."""

@@ -10,7 +10,7 @@ from .limits import Report
 from .nominal import JointNominal, SensorNominal
 from .thresholds import Thresholds, observer_bandwidth_rad_s
 from .timing import Timing
-from .vote import Ballot
+from .vote import ACTS_SHARE, Ballot
 
 STEP_FRACTION = 0.2
 """Extra tolerance, as a share of a command change: the time constant is known to about a quarter, e^-0.8 to 0.09, and
@@ -29,6 +29,9 @@ the sense proves to be the cause, torque is switched off."""
 UNEXPLAINED_SHARE, UNEXPLAINED_CYCLES = 1.2, 16
 """Share of the limit, and cycles: a difference this large and long, not blamed on the sense, switches torque off; in
 half that time if it flutters by half the flutter limit, as no offset or gain error does."""
+WORTH_MENTION = math.log(3.0)
+"""Logarithm of a likelihood ratio below which evidence is "not worth more than a bare mention": Kass and Raftery, Bayes
+factors, J. Am. Stat. Assoc. 90 (1995) 773. Who cannot be told from its sense stays the drive."""
 FASTEST_SHARE = 0.98
 """Share of the tachometer's range beyond which the back-EMF is unknown."""
 SUPPLY_SHARE = 0.85
@@ -47,12 +50,14 @@ class CurrentWatch:
     __slots__ = (
         "_amperes",
         "_ballot",
+        "_base_a",
         "_beyond_cycles",
         "_bias",
         "_code",
         "_command_a",
         "_deficit_nm_s",
         "_detail",
+        "_doubt",
         "_emf_v",
         "_end_codes",
         "_fastest_rad_s",
@@ -71,6 +76,9 @@ class CurrentWatch:
         "_pushed_nm",
         "_readings",
         "_report",
+        "_shown_a",
+        "_shown_doubt_a",
+        "_shown_readings",
         "_slow_a",
         "_slow_gain",
         "_speed",
@@ -108,6 +116,9 @@ class CurrentWatch:
         self._flutter_a = self._last_off_a = self._deficit_nm_s = self._command_a = 0.0
         self._speed = self._model = self._bias = 0.0
         self._code = 0
+        self._doubt = 0.0, math.inf
+        self._shown_a = self._shown_doubt_a = self._base_a = 0.0
+        self._shown_readings = 0
 
     def differs(self, code: int, command_nm: float, flowing_nm: float, speed_rad_s: float) -> float:
         """Measured minus expected current, A; 0 within the limits. `flowing_nm` is the current's torque at SYNC."""
@@ -118,6 +129,10 @@ class CurrentWatch:
             expected_a = -expected_a
         off_a = code * self._step_a - expected_a
         allowed_a = STEP_FRACTION * (change_a if change_a > 0.0 else -change_a)
+        since_a = off_a - self._base_a
+        self._shown_a += since_a if command_a > 0.0 else -since_a
+        self._shown_doubt_a += allowed_a
+        self._shown_readings += 1
         change_off_a, self._last_off_a = off_a - self._last_off_a, off_a
         flutter_a = self._flutter_a
         flutter_a += FLUTTER_GAIN * ((change_off_a if change_off_a > 0.0 else -change_off_a) - allowed_a - flutter_a)
@@ -144,6 +159,22 @@ class CurrentWatch:
         self._code, self._command_a = code, command_a
         return off_a
 
+    def mark(self) -> None:
+        """The arm's acceleration is taken from now on. What differs already, its model has learned by and by."""
+        self._base_a = self._slow_a
+        self._shown_a = self._shown_doubt_a = 0.0
+        self._shown_readings = 0
+
+    def shows(self, missing_nm: float) -> bool:
+        """Whether the currents since `mark` have differed by what the arm misses, N·m: two witnesses of one failure."""
+        readings = self._shown_readings
+        if self.is_given_up or not readings:
+            return False
+        shown_a, missing_a = self._shown_a / readings, missing_nm * self._amperes
+        if abs(shown_a) < self._flutter_limit_a + self._shown_doubt_a / readings:
+            return False
+        return ACTS_SHARE < missing_a / shown_a < 1.0 / ACTS_SHARE
+
     def forget(self) -> None:
         """Start over after a cycle of unknown length."""
         self.cycles, self._flutter_a = 0, 0.0
@@ -166,7 +197,7 @@ class CurrentWatch:
             self._speed, self._model, self._bias, self._deficit_nm_s = speed_rad_s, model_rad_s, bias_rad_s2, 0.0
             self._unexplained_cycles, self._is_noted = 0, False
             self._beyond_cycles = self._haste = 0.0
-            self._readings = 0
+            self._readings, self._detail = 0, detail
             self._ballot.open_window()
             self._ballot.cast(0.0, 0.0, 0.0)
             self._judge_lasting(off_a, detail)
@@ -176,6 +207,7 @@ class CurrentWatch:
         elapsed_s = (self.cycles - 1) * self._period_s
         unexplained = speed_rad_s - self._speed - (model_rad_s - self._model) - elapsed_s * self._bias
         self._ballot.cast(due, unexplained, elapsed_s)
+        self._doubt = doubt_rad_s2, noisiness
         verdict = self._ballot.verdict(doubt_rad_s2, noisiness)
         if verdict > 0 and self._readings >= TOLD_READINGS[0]:
             self._report("current-mismatch", f"{detail}, and the arm goes with it", None)
@@ -203,9 +235,14 @@ class CurrentWatch:
 
     def _note(self) -> None:
         """It is reported, once: amplifier or sense."""
-        if not self._is_noted:
+        if self._is_noted:
+            return
+        self._is_noted = True
+        if self._ballot.lean(*self._doubt) < -WORTH_MENTION:
+            detail = f"{self._detail}: rather the sense than the amplifier"
+            self._report("current-sense-mismatch", detail, Reaction.DEGRADED)
+        else:
             self._report("current-mismatch", f"{self._detail}: amplifier or sense", Reaction.DEGRADED)
-            self._is_noted = True
 
     def _blame_sense(self, detail: str) -> None:
         at_end = self._code in self._end_codes

@@ -6,6 +6,7 @@ enter.
 
 from collections.abc import Callable, Sequence
 
+from .currents import CurrentWatch
 from .detection import Reaction
 from .expectation import ArmExpectation
 from .joint_state import Mode
@@ -35,9 +36,9 @@ class SurpriseWatch:
 
     def __init__(
         self, joints: Sequence[Witness], limits: Sequence[Thresholds], per_ampere: Sequence[float],
-        timing: Timing, expected: ArmExpectation, report: ArmReport,
+        currents: Sequence[CurrentWatch | None], timing: Timing, expected: ArmExpectation, report: ArmReport,
     ) -> None:  # fmt: skip
-        self._joints, self._per_ampere, self._limits = joints, per_ampere, limits
+        self._joints, self._per_ampere, self._limits, self._currents = joints, per_ampere, limits, currents
         self._timing, self._expected, self._report = timing, expected, report
         self._begun: list[tuple[float, float, float]] = []
         self._at = self._left = 0
@@ -135,6 +136,9 @@ class SurpriseWatch:
             (speed, joint.model_rad_s, joint.bias) for speed, joint in zip(speed_rad_s, self._joints, strict=True)
         ]
         self._applied_nm = [0.0] * len(self._joints)
+        for current in self._currents:
+            if current is not None:
+                current.mark()
 
     def _assess(self, count: int, speed_rad_s: Sequence[float], may_stop: bool) -> None:
         """Find missing or excessive torques: the arm's motion in the last cycles, less the model's."""
@@ -174,7 +178,10 @@ class SurpriseWatch:
                     self._rebounds[index] = unexpected
                 worth_a = missing_nm[index] / self._per_ampere[index]
                 detail = f"{unexpected:+.0f} rad/s2 beyond the model, {worth_a:+.2f} A worth of torque"
-                self._report("acceleration-mismatch", index, detail, None)
+                current = self._currents[index]
+                is_shown = current is not None and may_judge and current.shows(missing_nm[index])
+                if not (is_shown and self._report("current-mismatch", index, f"{detail}, as its sense shows", None)):
+                    self._report("acceleration-mismatch", index, detail, None)
                 if joint.mode is Mode.SOUND:
                     share = 1.0 + self._motors[index] if joint.is_elastic else 1.0
                     joint.settle(extra[index] / share - (joint.bias - self._begun[index][2]))
