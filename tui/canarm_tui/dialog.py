@@ -17,12 +17,19 @@ class EndsOnce(Screen[ScreenResultType]):
     """A screen that ends once."""
 
     _is_over = False
+    _is_up = False
     _late: Callable[[], object] | None = None
+    when_it_takes_keys: Callable[[], object] | None = None
+    """Called when keys need not wait any more."""
 
     @property
     def is_there(self) -> bool:
         """Whether its widgets can be asked and shown something."""
         return not self._is_over and self.is_attached and self.app.is_running
+
+    def holds(self, key: str) -> bool:
+        """Whether `key` has to wait until there is something that it can be typed into."""
+        return not self._is_up and not self._is_over
 
     def while_open(self, take: Callable[[T], None]) -> Callable[[T], None]:
         """`take`, for an answer that may come when nobody waits for it any more."""
@@ -49,10 +56,22 @@ class EndsOnce(Screen[ScreenResultType]):
         return AwaitComplete()
 
     def on_screen_resume(self) -> None:
-        """The screen above has ended."""
+        """It is on top, with its widgets: at first, and when the screen above has ended."""
+        if not self._is_up:
+            self.call_later(self._stand)
         if self._late is not None:
             late, self._late = self._late, None
             late()
+
+    def _stand(self) -> None:
+        self._is_up = True
+        self.take_keys()
+
+    def take_keys(self) -> None:
+        """Those that wait need not any more."""
+        then, self.when_it_takes_keys = self.when_it_takes_keys, None
+        if then is not None:
+            then()
 
 
 # The styles are those of the first base alone.

@@ -57,7 +57,13 @@ class InjectScreen(Dialog[str]):
         self._tap: Tap | None = None
         self._fault: FaultKind | None = None
         self._shown: tuple[Tap, ...] | tuple[FaultKind, ...] = ()
-        self._is_asking = False
+        self._is_asking, self._is_loading = False, True
+        self._is_entered = False
+        """Enter has come before there was anything to choose from."""
+
+    def holds(self, key: str) -> bool:
+        """What is typed behind an early enter waits for the bench's answer."""
+        return super().holds(key) or (self._is_entered and key != "escape")
 
     def compose(self) -> ComposeResult:
         """Search and list, or the form; below them the bench's answer."""
@@ -90,6 +96,8 @@ class InjectScreen(Dialog[str]):
             self._inject()
         elif highlighted is not None:
             self._choose(highlighted)
+        elif self._is_loading:
+            self._is_entered = True
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         """A click goes on as well."""
@@ -121,12 +129,16 @@ class InjectScreen(Dialog[str]):
             self.query_one(OptionList).action_cursor_up()
 
     def _take_catalogue(self, answer: tuple[Tap, ...] | Refusal) -> None:
+        is_entered, self._is_entered, self._is_loading = self._is_entered, False, False
         if isinstance(answer, Refusal):
             self._say(answer.reason, Tone.BAD)
-            return
-        self._say(self._remark, Tone.WARNING)
-        self._taps = answer
-        self._fill()
+        else:
+            self._say(self._remark, Tone.WARNING)
+            self._taps = answer
+            self._fill()
+            if is_entered and self._shown:
+                self._choose(0)
+        self.take_keys()
 
     def _choose(self, index: int) -> None:
         chosen = self._shown[index]

@@ -9,11 +9,12 @@ from typing import Any
 
 from textual.app import App
 from textual.command import Command, CommandList, CommandPalette
-from textual.events import Event, InputEvent, Mount
+from textual.events import Event, InputEvent, Key, Mount
 from textual.theme import ThemeProvider
 from textual.worker import Worker, WorkerFailed
 
 from .dialog import EndsOnce
+from .type_ahead import TypeAhead
 
 GARBAGE = (20_000, 10, 10)
 """Thresholds of collections. Drawing leaves thousands of objects a second, most of them garbage with the next frame:
@@ -63,6 +64,10 @@ class SteadyApp(App[None]):
     has_settled: bool = False
     """Whether it has set aside what stands."""
 
+    def __init__(self) -> None:
+        super().__init__()
+        self.type_ahead = TypeAhead(self, super().on_event)
+
     def on_ready(self) -> None:
         """What stands now stands to the end: to look through it for garbage would hold up keys for 0.2 s each time."""
         if self.has_process:
@@ -72,8 +77,12 @@ class SteadyApp(App[None]):
             self.has_settled = True
 
     async def on_event(self, event: Event) -> None:
-        """Keys may still come when the last screen has gone."""
-        if self.screen_stack or not isinstance(event, InputEvent):
+        """Keys wait for each other; they may still come when the last screen has gone."""
+        if not isinstance(event, InputEvent):
+            await super().on_event(event)
+        elif self.screen_stack and isinstance(event, Key) and not event.is_forwarded:
+            await self.type_ahead.take(event)
+        elif self.screen_stack:
             await super().on_event(event)
 
     def action_command_palette(self) -> None:
