@@ -18,8 +18,9 @@ from canarm_protocol.runs.can_log import log_frames
 from canarm_protocol.runs.run_folder import CAN_LOG_FILE, RunFolderError
 
 from ..options import BusOptions, Flag, MoreBusWords, multiple_or_max, named_file
+from ..runs.again import emulator_again
 from ..runs.decoding import Decoder
-from ..runs.replaying import of_master, replay_lockstep, replay_timed, without_errors
+from ..runs.replaying import Answers, of_master, replay_lockstep, replay_timed, without_errors
 from ..runs.run import Run
 from ..usage import UsageError
 
@@ -116,13 +117,36 @@ def _send(
     if first is None:
         raise RunFolderError(f"{log}: the master has sent nothing in it")
     frames = itertools.chain([first], frames)
+    answers = None
+    if is_lockstep:
+        answers = Answers(log_frames(log), Decoder(_cell(run, cell_name)))
+        _tell_what_it_needs(run)
     with named.open() as port:
-        done = replay_lockstep(frames, port) if is_lockstep else replay_timed(frames, port, speed)
+        done = replay_timed(frames, port, speed) if answers is None else replay_lockstep(frames, port, answers)
     for text in complaints:
         _tell(text)
+    if answers is not None:
+        _tell(_compared(answers, Decoder(_cell(run, cell_name))))
     late = f"; the last one {done.late_s * 1e3:.0f} ms late" if done.late_s > 0.01 and math.isfinite(speed) else ""
     print(f"{done.frames} frames sent{late}")
     return ExitStatus.DONE
+
+
+def _tell_what_it_needs(run: Run | None) -> None:
+    """Without its seed, truth and faults the emulator answers otherwise, and nobody would know why."""
+    again = None if run is None else emulator_again(run)
+    if again is None:
+        return
+    _tell(f"the cards answer the same if their emulator began with what it had then: {again.line}")
+    for text in again.remarks:
+        _tell(text)
+
+
+def _compared(answers: Answers, decoder: Decoder) -> str:
+    if answers.difference is None:
+        return f"the cards have answered as recorded: {answers.same} frames of theirs are the same"
+    number, then, now = answers.difference
+    return f"frame {number} is the first that differs: recorded {decoder.text(then)}, now {decoder.text(now)}"
 
 
 def _cell(run: Run | None, name: str | None) -> Cell:

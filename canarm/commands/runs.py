@@ -8,9 +8,10 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 
 from canarm_protocol.errors import ExitStatus
-from canarm_protocol.shown import printable, printable_values
+from canarm_protocol.shown import printable, printable_lines, printable_values
 
 from ..options import Flag, named_file, not_negative, whole_number
+from ..runs.again import fault_file_of
 from ..runs.converting import FORMATS, convert
 from ..runs.listing import Listed, list_lines, remove_run, runs_below, size_text, to_prune, why_not_removed
 from ..runs.run import Run
@@ -40,14 +41,22 @@ def list_(base: Base = RUNS, /, *, json_: AsJson = False) -> int:
 
 @runs.command
 def show(
-    run: Annotated[Path, Parameter(name="RUN", converter=named_file, help="A run folder.")], /, *, json_: AsJson = False
+    run: Annotated[Path, Parameter(name="RUN", converter=named_file, help="A run folder.")],
+    /,
+    *,
+    json_: AsJson = False,
+    faults: Annotated[
+        Flag, Parameter(help="Only the faults that were declared before it began, as a file for --faults.")
+    ] = False,
 ) -> int:
     """Summary, origin, files, faults and detections of a run, and the command that repeats it.
 
     What cannot be read is said, with status 1.
     """
     opened = Run(run)
-    if json_:
+    if faults:
+        print(printable_lines(fault_file_of(opened)), end="")
+    elif json_:
         print(json.dumps(printable_values(_plain(opened))))
     else:
         print("\n".join(show_lines(opened)))

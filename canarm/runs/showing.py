@@ -5,10 +5,13 @@ from collections.abc import Iterator
 
 from canarm_protocol.shown import printable, printable_values
 
+from .again import demo_again
 from .listing import size_text
 from .run import Run, shown_details
 
 MOST_EVENTS = 40
+PARENT = "--with-parent"
+"""What only canarm itself puts on a command line."""
 LARGEST = 1e12
 """No figure of a run is larger; a hostile one may have more digits than can be shown."""
 FIGURES = {
@@ -24,8 +27,10 @@ def show_lines(run: Run) -> Iterator[str]:
     yield f"{printable(str(run.path))}: {run.headline}"
     for name, text in figure_texts(run):
         yield f"  {name}: {text}"
+    again = demo_again(run)
     for key, value in run.made_by.items():
-        if isinstance(value, str | int | float | list) and key not in ("faults", "cell"):
+        is_internal = key == "command_line" and again is not None and PARENT in str(value)
+        if isinstance(value, str | int | float | list) and key not in ("faults", "cell") and not is_internal:
             shown = " ".join(map(str, value)) if isinstance(value, list) else str(value)
             yield f"  {printable(key, 40)}: {printable(shown)}"
     yield from _files(run)
@@ -39,6 +44,15 @@ def show_lines(run: Run) -> Iterator[str]:
         yield f"and {len(events) - MOST_EVENTS} events more"
     for text in run.complaints:
         yield f"cannot be read: {text}"
+    yield from again_lines(run)
+
+
+def again_lines(run: Run) -> Iterator[str]:
+    """What to type to have the run again, with remarks, and to compare it with one."""
+    again = demo_again(run)
+    if again is not None:
+        yield f"again: {again.line}"
+        yield from (f"  {each}" for each in again.remarks)
     if run.made_by.get("law") and run.made_by.get("clock", "sync") == "sync":
         yield f"again, byte for byte (lockstep): canarm replay {printable(str(run.path))} --check"
 

@@ -4,13 +4,13 @@ Those of a grid are found from the number alone, so that a million runs take no 
 """
 
 import random
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import overload
 
 from ..draws import Choice, Span, Value, Whole, hypercube
+from ..run_lines import demo_line
 from ..usage import DEFAULT_CELL, DEFAULT_LAW
 
 Axis = Span | Choice | Whole
@@ -63,22 +63,7 @@ class Settings:
     @property
     def command(self) -> str:
         """The command line that repeats it."""
-        words = ["canarm", "demo", "--no-tui", "--clock", "sync", "--pace", "max", "--seconds", f"{self.seconds:.9g}"]
-        for option, value, usual in (
-            ("--cell", self.cell, DEFAULT_CELL),
-            ("--law", self.law, DEFAULT_LAW),
-            ("--trajectory", self.trajectory, None),
-            ("--feedforward", self.feedforward, None),
-            ("--seed", self.seed, 0),
-            ("--faults", self.faults, None),
-        ):
-            if value != usual:
-                words += [option, str(value)]
-        words += ["--wire"] * self.wire
-        for option, pairs in (("--set", self.settings), ("--truth", self.truth)):
-            for key, text in pairs:
-                words += [option, f"{key}={text}"]
-        return shlex.join(words)
+        return demo_line(**{name: getattr(self, name) for name in self.__dataclass_fields__})
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import numpy as np
 
 from canarm_protocol.shown import printable, printable_values
 
+from ..again import demo_again
 from ..run import EMULATOR_SUMMARY, Run, shown_details
 from .charts import Chart, charts_of
 from .figures import Figure, above, figures_of, unlike
@@ -149,8 +150,13 @@ def _origin(run: Run, name: str) -> str:
     record = {key: value for key, value in run.configuration.items() if key != "summary"}
     text = json.dumps(printable_values(record), indent=1, ensure_ascii=False)
     rest = "" if len(text) <= _SHOWN else f"\n… and {len(text) - _SHOWN} characters more in run.json"
+    again = demo_again(run)
+    line = ""
+    if again is not None:
+        remarks = "".join(f'<p class="soft">{escaped(each)}</p>' for each in again.remarks)
+        line = f"<p>Again: <code>{escaped(again.line)}</code></p>{remarks}\n"
     return (
-        f"<h2>Where it comes from: {escaped(name)}</h2>\n{load}"
+        f"<h2>Where it comes from: {escaped(name)}</h2>\n{load}{line}"
         f"<p>Again, byte for byte, if it ran in lockstep: <code>canarm replay {escaped(shown)} --check</code></p>\n"
         "<details><summary>Configuration, versions, command lines</summary>"
         f"<pre>{escaped(text[:_SHOWN] + rest)}</pre></details>"
