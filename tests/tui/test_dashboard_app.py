@@ -55,7 +55,7 @@ async def test_a_sample_is_shown_in_the_table_and_the_header(app, port, wire):
     async with running(app) as pilot:
         port.arriving = [*wire.report(8, 0, 2), *wire.reference(8, 0.5), *wire.telemetry(8, 0.5 + LSB_RAD / 2, 1.5)]
         await shown(app, pilot)
-        assert line(app, "header").startswith("● connected │ ▶ running │ age 0.00 s │ late 0")
+        assert line(app, "header").startswith("● connected │ ▶ running │ 0.0 s │ age 0.00 s │ late+missed 0")
         degrees = math.degrees(0.5)
         assert row(app, 0) == [
             "joint2", f"+{degrees:.2f}", f"+{degrees + 270 / 255 / 2:.2f}", "–", "+0.50", "0.50", "+0.500", "+0.250",

@@ -5,18 +5,10 @@ import math
 import pytest
 
 from canarm_tui import texts
-from canarm_tui.link import Link
-from canarm_tui.snapshot import Counters, Rates, Report, Snapshot
+from canarm_tui.snapshot import Counters, Rates, Report
 from canarm_tui.texts import SEPARATOR, Tone
 
 S = 1_000_000_000
-
-
-@pytest.fixture
-def link(port):
-    link = Link(lambda: port, "-i fake -c bench", in_background=lambda job: job())
-    link.poll(0)
-    return link
 
 
 @pytest.mark.parametrize(("age_ns", "text"), [(None, "age –"), (20_000_000, "age 0.02 s"), (1.3 * S, "▲ stale 1.3 s")])
@@ -60,38 +52,6 @@ def test_both_rates_are_shown_where_they_differ():
     assert texts.rate_word(Rates(400.0, 4800.0, 12.0)).text == "400 cycles/s (4800 wall)"
     assert texts.rate_word(Rates(400.0, 399.0, 1.0)).text == "399 cycles/s"
     assert texts.rate_word(Rates(math.nan, 399.0, 1.0)).text == "399 cycles/s"
-
-
-@pytest.mark.parametrize(
-    ("where", "shown"),
-    [
-        ("--bus-kwargs host=127.0.0.1 port=29536 -i canarm -c bench", "127.0.0.1:29536"),  # as --connect takes it
-        (
-            "-i udp_multicast -c 239.74.163.2 --bus-kwargs port=43113 hop_limit=1",
-            "-i udp_multicast -c 239.74.163.2 --bus…",
-        ),
-    ],
-)
-def test_a_place_of_the_bus_that_is_too_long_is_shortened(link, where: str, shown: str):
-    link.where = where
-    words = texts.header_words(link, Snapshot(joints=()), is_paused=False, width=112)
-    text = SEPARATOR.join(word.text for word in words)
-    assert text.endswith(SEPARATOR + shown)
-    assert len(text) <= 112
-    wide = texts.header_words(link, Snapshot(joints=()), is_paused=False, width=200)
-    assert wide[-1].text == where
-
-
-def test_the_header_leaves_out_the_end_where_it_does_not_fit(link):
-    snapshot = Snapshot(joints=(), age_ns=0, rates=Rates(400.0, 400.0, 1.0), report=Report(5, 2, 2, 0))
-    full = texts.header_words(link, snapshot, is_paused=True, width=200)
-    assert SEPARATOR.join(word.text for word in full) == (
-        "● connected │ ⏸ paused │ ▶ running │ age 0.00 s │ ▲ late 2 │ 400 cycles/s │ 1.00 × real time"
-        " │ -i fake -c bench"
-    )
-    narrow = texts.header_words(link, snapshot, is_paused=True, width=50)
-    assert narrow == full[:4]
-    assert len(SEPARATOR.join(word.text for word in narrow)) <= 50
 
 
 def test_counters_that_are_zero_go_where_room_is_short():

@@ -18,6 +18,7 @@ from textual.widgets import ContentSwitcher, Footer
 
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.decoding import robot_book
+from canarm_protocol.faults.run_plan import RunPlan
 from canarm_protocol.transport.port import BusPort
 
 from . import texts
@@ -33,6 +34,7 @@ from .fault_texts import answer_word, panel_lines
 from .faults import Faults
 from .feed import Feed
 from .gathered import Gathered
+from .header import header_words
 from .help import HelpScreen
 from .inject_screen import InjectScreen
 from .joints_view import JointsPane
@@ -201,6 +203,7 @@ class DashboardApp(RunControls):
             self._asked_law = whose_law
             if self.feed.is_running:
                 self.desk.load_law(self._take_law)
+                self.desk.load_plan(self._take_plan)
         self.desk.poll(self.feed.faults, now_ns)
         self.drain_sources()
         self.take_answers()
@@ -214,6 +217,9 @@ class DashboardApp(RunControls):
 
     def _take_law(self, answer: tuple[str, tuple[str, ...]] | Refusal) -> None:
         self.feed.law, self.feed.internal_names = ("", ()) if isinstance(answer, Refusal) else answer
+
+    def _take_plan(self, answer: RunPlan | Refusal) -> None:
+        self.feed.plan = None if isinstance(answer, Refusal) else answer
 
     def drain_sources(self) -> None:
         """Take what has arrived elsewhere, more often: the kernel keeps some 270 frames of a bus."""
@@ -271,7 +277,7 @@ class DashboardApp(RunControls):
         if key == self._words and 0 < now_ns - self._words_ns < WORDS_NS:
             return
         self._words, self._words_ns = key, now_ns
-        words = texts.header_words(self.link, snapshot, self.is_paused, width, (self.cell.name,), recording)
+        words = header_words(self.link, snapshot, self.is_paused, width, self.cell, recording)
         self.screen_stack[0].query_one("#header", WordLine).show(words)
         counted = texts.counter_words(snapshot.counters, self.link.discarded, width) if self.player is None else ()
         self.screen_stack[0].query_one("#counters", WordLine).show(counted)

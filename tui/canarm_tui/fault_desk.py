@@ -17,6 +17,7 @@ from canarm_protocol.cell.bench_objects import EMERGENCY_STOP, sdo_channel
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.errors import BusError, FaultError
 from canarm_protocol.faults.bench_client import BenchClient
+from canarm_protocol.faults.run_plan import RunPlan
 from canarm_protocol.faults.wire_figures import WireFigures
 from canarm_protocol.shown import named_error
 from canarm_protocol.transport.port import BusPort
@@ -143,6 +144,10 @@ class FaultDesk:
     def load_law(self, then: Callable[[tuple[str, tuple[str, ...]] | Refusal], None]) -> None:
         """Read what the controller's law and its own values are called."""
         self._ask(lambda client: client.law(), then)
+
+    def load_plan(self, then: Callable[[RunPlan | Refusal], None]) -> None:
+        """Read whose clock the run has, how long it is to last, and its pace."""
+        self._ask(lambda client: client.plan(), then)
 
     def load_outcome(self, then: Callable[[str | Refusal], None]) -> None:
         """Read how the controller says its run has ended; empty before."""

@@ -15,6 +15,7 @@ from canarm_protocol.canopen.pdo import PdoLayout
 from canarm_protocol.cell.bench_objects import (
     CONTROLLER_STATES,
     DIVIDER,
+    HOMING,
     INTERNALS,
     SDO_CHANNELS,
     bench_pdos,
@@ -22,6 +23,7 @@ from canarm_protocol.cell.bench_objects import (
 )
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.sensing import position_steps_rad
+from canarm_protocol.faults.run_plan import RunPlan
 
 from .faults import FaultSignal
 from .history import COLUMNS, REPORTED_COLUMNS, Column, History
@@ -91,6 +93,9 @@ class Feed:
         self.law = ""
         """The controller's law, and what it calls its own values, as the bench has been told; set from outside."""
         self.internal_names: tuple[str, ...] = ()
+        self.plan: RunPlan | None = None
+        """Clock, length and pace of the run, as the bench has been told; set from outside."""
+        self._begin_tick = 0
         self._received = self._unknown = self._malformed = 0
         self._dropped_samples = self._dropped_references = 0
         self._reported = np.full((joints, REPORTED_COLUMNS), np.nan)
@@ -158,7 +163,7 @@ class Feed:
         gap do not count as dropped, nor towards rates.
         """
         self._cycle = self.faults = self._report = None
-        self.law, self.internal_names = "", ()
+        self.law, self.internal_names, self.plan = "", (), None
         self._previous_ticks = [None] * len(self._previous_ticks)
         self._marks.clear()
 
@@ -187,6 +192,8 @@ class Feed:
             bus=self._bus,
             law=self.law,
             internal_names=self.internal_names,
+            plan=self.plan,
+            run_ticks=None if self._report is None else max(0, self._report[0] - self._begin_tick),
         )
 
     def _window_now(self) -> tuple[History, NDArray[np.float64]]:
@@ -289,6 +296,9 @@ class Feed:
         before = self.report(self._wall_ns)
         if before is None or tick < before.tick or before.is_lost:
             self.controllers += 1
+            self._begin_tick = 0
+        elif before.state == HOMING and state != HOMING:
+            self._begin_tick = tick
         self._report = tick, late, state
         self._report_wall_ns = self._wall_ns
         self.notices.take(tick, late, state, self._bus_ns)

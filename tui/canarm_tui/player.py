@@ -12,6 +12,7 @@ import numpy as np
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.bench_objects import DIVIDER
 from canarm_protocol.errors import BusError
+from canarm_protocol.faults.run_plan import RunPlan
 from canarm_protocol.transport.port import BusPort
 
 from .fault_desk import FaultDesk
@@ -46,6 +47,7 @@ class Player:
         self.is_playing = True
         self.speed = 1.0
         self.law, self.internal_names = record.law, record.internal_names
+        self.plan: RunPlan | None = None
         self.is_running = False
         """It has no controller that could be asked."""
         self.controllers = 0

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from canarm_protocol.faults.run_plan import RunPlan
+
 from .faults import FaultSignal
 from .history import History
 
@@ -121,6 +123,9 @@ class Snapshot:
     law: str = ""
     """The controller's; empty if it is not known."""
     internal_names: tuple[str, ...] = ()
+    """Of the law's own values; empty if they are not known."""
+    plan: RunPlan | None = None
+    run_ticks: int | None = None
+    """How long the controller has followed its trajectory; None if it has said nothing."""
     replay: str = ""
     """Of a recorded run: where it is, and how fast it plays."""
-    """Of the law's own values; empty if they are not known."""

@@ -4,32 +4,22 @@ Pure functions. A tone becomes a colour elsewhere, and never alone carries a mea
 """
 
 import math
-import re
 from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple, Protocol
 
 from canarm_protocol.cell.bench_objects import CONTROLLER_STATES
-from canarm_protocol.shown import printable
 
 from .link import LinkState
 from .signals import LIMIT_LSB
-from .snapshot import BusNow, Counters, JointNow, Rates, Report, Snapshot
+from .snapshot import Counters, JointNow, Rates, Report, Snapshot
 
 STALE_NS = 500_000_000
 """Telemetry older than this is shown as stale."""
 REPORT_STALE_NS = 2_000_000_000
 """The controller reports a few times per second; a state older than this is shown as stale."""
 SEPARATOR = " │ "
-FULL = 0.8
-"""A bus that is loaded more than that has little room for bursts."""
-LONGEST_NAME = 24
-LEAST_PLACE = 18
-"""The bus is left out if it would be cut shorter than "-i canarm -c bench"."""
-_HOST_AND_PORT = re.compile(r"\bhost=(\S+) port=(\d+)")
 ABSENT = "–"
-NOT_RECORDED = "not recorded"
-"""How the bench's object of the record begins where nothing can be recorded."""
 
 
 class Connection(Protocol):
@@ -114,13 +104,6 @@ def real_time_word(rates: Rates | None) -> Word:
     )
 
 
-def late_word(report: Report | None) -> Word:
-    """The controller's late cycles."""
-    if report is None:
-        return Word(f"late {ABSENT}", Tone.DIM)
-    return Word(f"▲ late {report.late}", Tone.WARNING) if report.late else Word("late 0")
-
-
 def age_word(age_ns: int | None) -> Word:
     """How old the data are."""
     if age_ns is None:
@@ -130,71 +113,8 @@ def age_word(age_ns: int | None) -> Word:
     return Word(f"age {age_ns * 1e-9:.2f} s")
 
 
-def load_word(bus: BusNow | None) -> tuple[Word, ...]:
-    """The load of the robot's bus, where a wire model knows it."""
-    if bus is None or math.isnan(bus.load):
-        return ()
-    errors = f", {bus.error_frames} error frames" if bus.error_frames else ""
-    return (Word(f"bus {100.0 * bus.load:.0f} %{errors}", Tone.WARNING if errors or bus.load > FULL else Tone.PLAIN),)
-
-
-def record_word(recording: tuple[bool, str] | None) -> tuple[Word, ...]:
-    """Whether the bench records; nothing where it never can."""
-    if recording is None or (not recording[0] and recording[1].startswith(NOT_RECORDED)):
-        return ()
-    return (Word("● rec", Tone.GOOD) if recording[0] else Word("○ not recorded", Tone.WARNING),)
-
-
-def header_words(
-    link: Connection,
-    snapshot: Snapshot,
-    is_paused: bool,
-    width: int,
-    what: Sequence[str] = (),
-    recording: tuple[bool, str] | None = None,
-) -> tuple[Word, ...]:
-    """The header line for `width` columns; what does not fit is cut from the end, where the bus is named.
-
-    `what` are words for what runs, such as the cell and the clock; the law stands with them once it is known.
-    """
-    live = (
-        state_word(snapshot.report, snapshot.age_ns is not None and snapshot.age_ns <= STALE_NS),
-        age_word(snapshot.age_ns),
-        late_word(snapshot.report),
-        rate_word(snapshot.rates),
-        real_time_word(snapshot.rates),
-        *load_word(snapshot.bus),
-    )
-    recorded = record_word(recording)
-    if recorded and recorded[0].tone is Tone.GOOD:
-        live += recorded
-    else:
-        live = live[:1] + recorded + live[1:]
-    words = [
-        link_word(link, snapshot),
-        *(() if snapshot.replay else live),
-        *(Word(printable(each, LONGEST_NAME), Tone.DIM) for each in (*what, snapshot.law) if each),
-    ]
-    if is_paused:
-        words.insert(1, Word("⏸ paused", Tone.WARNING))
-    if snapshot.faults is not None and snapshot.faults.is_stopped:
-        words.insert(1, Word("■ EMERGENCY STOP", Tone.BAD))
-    while len(words) > 2 and _length(words) > width:
-        words.pop()
-    room = width - _length(words) - len(SEPARATOR)
-    where = link.where if len(link.where) <= room else _address(link.where)
-    if room >= min(len(where), LEAST_PLACE):
-        words.append(Word(where if len(where) <= room else f"{where[: room - 1]}…", Tone.DIM))
-    return tuple(words)
-
-
-def _address(where: str) -> str:
-    """HOST:PORT of a bus on the network, as `--connect` takes it; other buses unchanged."""
-    found = _HOST_AND_PORT.search(where)
-    return f"{found[1]}:{found[2]}" if found else where
-
-
-def _length(words: Sequence[Word]) -> int:
+def length_of(words: Sequence[Word]) -> int:
+    """Characters of a line of them, with separators."""
     return sum(len(word.text) for word in words) + len(SEPARATOR) * (len(words) - 1)
 
 
@@ -223,7 +143,7 @@ def counter_words(counters: Counters, discarded: int, width: int) -> tuple[Word,
         count("malformed", counters.malformed),
         count("discarded", discarded),
     )
-    if _length(words) <= width:
+    if length_of(words) <= width:
         return words
     return words[0], *(word for word in words[1:] if word.tone is Tone.WARNING)
 

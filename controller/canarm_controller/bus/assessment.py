@@ -56,6 +56,15 @@ def name_law(session: SdoSession, law: str, names: Sequence[str]) -> None:
         session.download(objects.INTERNAL_NAME, position, name.encode("ascii", "replace"))
 
 
+def tell_plan(session: SdoSession, ticks: int | None, pace: float | None) -> None:
+    """Tell the bench how long the run is to last, and the pace of lockstep, times real time; None is not known.
+
+    Raises `SdoAborted` or `BusError`.
+    """
+    session.download(objects.RUN_TICKS, 0, struct.pack("<I", min(ticks or 0, 0xFFFF_FFFF)))
+    session.download(objects.PACE, 0, struct.pack("<f", pace or 0.0))
+
+
 def tell_outcome(session: SdoSession, lines: Sequence[str]) -> None:
     """Tell the bench how the run has ended: a verdict, and a line for each detail, as many as the bench keeps.
 

@@ -88,6 +88,11 @@ class Controller(SupervisedRun):
         return self.state in ENDED
 
     @property
+    def planned_ticks(self) -> int | None:
+        """How many ticks the run is to last; None if it goes on until it is stopped."""
+        return self._ticks
+
+    @property
     def run_ns(self) -> int:
         """Time of the present cycle's SYNC since that of cycle 0; 0 before."""
         if self.begun_ns is not None:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.canopen.sdo import SdoAborted
 from canarm_protocol.cell.bench_objects import CONTROLLER_CHANNEL, sdo_channel
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError, ProtocolError
@@ -14,7 +15,7 @@ from canarm_protocol.transport.port import BusPort
 from canarm_protocol.transport.realtime import Collector, undisturbed
 from canarm_protocol.transport.sdo_session import SdoSession
 
-from ..bus.assessment import JointFigures, name_law, read_assessment, tell_outcome
+from ..bus.assessment import JointFigures, name_law, read_assessment, tell_outcome, tell_plan
 from ..errors import ControllerError
 from .controller import Controller
 from .pacing import LockstepPace, Pacer
@@ -290,6 +291,9 @@ class Runner:
             try:
                 loop = self._controller.loop
                 name_law(session, str(loop.law.name), loop.internal_names)
+                pace = self._pace if self._controller.clock is Clock.SYNC else None
+                with contextlib.suppress(SdoAborted):  # a bench without these objects
+                    tell_plan(session, self._controller.planned_ticks, pace)
             except ProtocolError as error:
                 self._note = f"no bench node answers: {error}"
                 self._bench = None

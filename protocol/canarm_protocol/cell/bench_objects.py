@@ -16,7 +16,7 @@ from ..canopen.pdo import MappedObject, PdoLayout, read_layouts
 from .model import Cell
 
 CYCLE, TRUE_ANGLE, TRUE_SPEED, TRUE_CURRENT, TRUE_COMMAND = 0x2001, 0x2100, 0x2101, 0x2102, 0x2103
-TICK, LATE, CONTROLLER_STATE, LAW_NAME, OUTCOME = range(0x2110, 0x2115)
+TICK, LATE, CONTROLLER_STATE, LAW_NAME, OUTCOME, RUN_TICKS, PACE = range(0x2110, 0x2117)
 REFERENCE, MEASURED_ANGLE, MEASURED_SPEED, CURRENT_COMMAND, FEED_FORWARD = 0x2120, 0x2121, 0x2122, 0x2123, 0x2124
 INTERNAL_NAME, INTERNAL = 0x2130, 0x2131
 DETECTION_PIECE, DETECTIONS, DETECTION_EVENTS, PACKED_DETECTIONS, BROKEN_DETECTIONS = range(0x2140, 0x2145)
@@ -152,10 +152,12 @@ def bench_dictionary(cell: Cell) -> Dictionary:
     _variable(dictionary, CLOCK_MODE, "Clock of the emulated world (0 wall, 1 lockstep)", _U8, "ro", 0)
     _variable(dictionary, CYCLE, "Cycles since NMT start", _U32, "ro", 0, mappable=True)
     _variable(dictionary, TICK, "Controller's tick", _U32, "rw", 0, mappable=True)
-    _variable(dictionary, LATE, "Controller's late cycles", _U16, "rw", 0, mappable=True)
+    _variable(dictionary, LATE, "Controller's late and missed cycles", _U16, "rw", 0, mappable=True)
     _variable(dictionary, CONTROLLER_STATE, "Controller's state", _U8, "rw", 0, mappable=True)
     _variable(dictionary, LAW_NAME, "Name of the controller's law", _TEXT, "rw", "")
     _variable(dictionary, OUTCOME, "How the controller's run has ended, as text", datatypes.DOMAIN, "rw", None)
+    _variable(dictionary, RUN_TICKS, "Ticks that the controller's run is to last, 0 if not known", _U32, "rw", 0)
+    _variable(dictionary, PACE, "Pace set for lockstep, times real time, 0 if none is set", _F32, "rw", 0)
     _array(dictionary, INTERNAL_NAME, "Name of an internal quantity of the law", _TEXT, "rw", INTERNALS)
     joints = len(cell.joints)
     for index, name, access, data_type in _JOINT_OBJECTS:

@@ -13,16 +13,19 @@ from numbers import Real
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
+from ..canopen.dictionary import CLOCK_MODE
 from ..canopen.frames import Frame
 from ..canopen.sdo import AbortCode, SdoAborted, download, upload
 from ..cell import bench_objects as objects
 from ..cell.model import Cell
+from ..clock import Clock
 from ..errors import BusError, FaultError, UsageError
 from ..shown import printable_lines, quoted
 from ..transport.port import BusPort
 from ..transport.sdo_session import SdoSession
 from .bench_answers import P, plain_of, unpacked
 from .fault_toml import as_toml
+from .run_plan import RunPlan
 from .script import LARGEST_TEXT, FaultScript, clearing
 from .wire_figures import WireFigures, wire_figures
 
@@ -113,6 +116,18 @@ class BenchClient:
         def read(session: SdoSession) -> tuple[str, tuple[str, ...]]:
             names = (session.upload(objects.INTERNAL_NAME, place + 1) for place in range(objects.INTERNALS))
             return _text(session.upload(objects.LAW_NAME)), tuple(map(_text, names))
+
+        return self._ask(read)
+
+    def plan(self) -> RunPlan:
+        """Clock, length and pace of the run, as the bench and its controller say."""
+
+        def read(session: SdoSession) -> RunPlan:
+            clock = int.from_bytes(session.upload(CLOCK_MODE), "little")
+            ticks = int.from_bytes(session.upload(objects.RUN_TICKS), "little")
+            pace = session.upload(objects.PACE)
+            found = struct.unpack("<f", pace)[0] if len(pace) == 4 else 0.0
+            return RunPlan(clock == Clock.SYNC.value, ticks, found if found > 0.0 else None)
 
         return self._ask(read)
 
