@@ -99,8 +99,42 @@ async def test_the_memory_is_shown_with_its_play_position(app, port):
         lines = screen_lines(app)
         place = next(number for number, line in enumerate(lines) if line.startswith(" $4000 position joint2"))
         assert "▼" in lines[place]
-        # From 8 bytes before sample 299 on; codes are the cycle's lower eight bits: 291 & 0xFF is 0x23.
-        assert lines[place + 1].startswith("   $4123: 23 24 25 26 27 28 29 2A 2B ··")
+        # Codes are the cycle's lower eight bits: 299 & 0xFF is 0x2B, at $4000 + 299, and nothing is known behind it.
+        rows = {line.split(":")[0].strip(): line for line in lines[place + 1 :] if line.startswith("   $4")}
+        begin = max(address for address in rows if address <= "$412B")
+        sample = 0x412B - int(begin[1:], 16)
+        shown = rows[begin].split(":")[1].split()
+        assert (shown[sample - 1], shown[sample], shown[sample + 1]) == ("2A", "2B", "··")
+
+
+@pytest.mark.parametrize(("size", "empty"), [((80, 24), 0), ((120, 35), 4), ((160, 48), 4), ((200, 60), 4)])
+async def test_the_memory_has_the_room_that_the_table_leaves(app, port, size, empty):
+    """Four pages have as many lines each, so at most three lines are left, and one below the border."""
+    async with app.run_test(size=size) as pilot:
+        await running(app, port, pilot, 600)
+        await shown(app, pilot)
+        region = app.query_one("#pane-cards").region
+        lines = screen_lines(app)[region.y : region.bottom]
+        assert sum(not line.strip() for line in lines) <= empty
+        for page in (
+            "$4000 position joint2",
+            "$6000 velocity joint2",
+            "$5000 position joint3",
+            "$7000 velocity joint3",
+        ):
+            assert any(page in line and "▼" in line for line in lines)
+        assert sum("_" in line or "." in line for line in lines) >= 10, "no row of the table went for it"
+
+
+async def test_at_80_columns_the_registers_of_the_chosen_row_are_shown(app, port):
+    async with app.run_test(size=(80, 24)) as pilot:
+        await running(app, port, pilot)
+        await pilot.press("home")
+        await shown(app, pilot)
+        assert line_of(app, "$C0A0=4").strip() == "joint2.current_command │ dac │ bits 0100 0100 │ $C0A0=4 $C0A1=4"
+        await pilot.press("end")
+        await shown(app, pilot)
+        assert "joint3.current_sense │ adc" in line_of(app, "$C0C9")
 
 
 async def test_without_frames_nothing_is_made_up(app):

@@ -7,7 +7,6 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.content import Content
-from textual.events import Resize
 from textual.widgets import Input, Static
 
 from canarm_protocol.cell.model import Cell, Command
@@ -31,7 +30,9 @@ from .watch import BusWatch
 
 LINES_SHOWN = 6
 """Of what the hand says."""
-MEMORY_FROM_LINES = 22
+REGISTERS_FROM_COLUMNS = 100
+"""In a narrower table the registers of the chosen row stand below it."""
+LEAST_TABLE = 6
 LONGEST_CARD = 16
 HOW = "commands of canarm jog, such as current joint2 0.3; step 10; read; help shows all"
 DIRECTIONS = ("off", "ccw", "cw")
@@ -42,7 +43,7 @@ COLUMNS = (
     Column("signal", 0),
     Column("code", 14),
     Column("bits", 19, from_width=120),
-    Column("registers", 22, from_width=100),
+    Column("registers", 22, from_width=REGISTERS_FROM_COLUMNS),
     Column("volts", 9, is_right=True, from_width=76),
     Column("value", 18, is_right=True),
 )
@@ -83,9 +84,9 @@ class CardsPane(Pane):
 
     DEFAULT_CSS = """
     CardsPane #cards-state { height: auto; max-height: 3; text-wrap: wrap; }
-    CardsPane #cards { height: 1fr; }
-    CardsPane #memory { display: none; height: auto; max-height: 40%; padding: 0 1; border-top: hkey $foreground 30%; }
-    CardsPane.-high #memory { display: block; }
+    CardsPane #memory { height: 1fr; padding: 0 1; overflow: hidden; }
+    CardsPane #memory.-apart { border-top: hkey $foreground 30%; }
+    CardsPane #cards-chosen { background: $surface; }
     CardsPane #hand { display: none; height: auto; max-height: 8; padding: 0 1; background: $surface; }
     CardsPane #hand.-shown { display: block; }
     CardsPane Input { display: none; height: 1; border: none; padding: 0 1; }
@@ -125,14 +126,11 @@ class CardsPane(Pane):
         grid = Grid[CardChannel](COLUMNS, self._cells, lambda each: (each.card.name, each.channel.number), id="cards")
         grid.widths = {"card": min(LONGEST_CARD, max(len(each.card.name) for each in self._channels))}
         yield grid
+        yield WordLine(id="cards-chosen")
         with VerticalScroll(id="memory", can_focus=False):
             yield Static(id="memory-text")
         yield Static(id="hand")
         yield Input(placeholder=HOW, id="hand-command", compact=True)
-
-    def on_resize(self, event: Resize) -> None:
-        """The memory goes where it would leave too little."""
-        self.set_class(event.size.height >= MEMORY_FROM_LINES, "-high")
 
     def chosen(self) -> None:
         """Somebody looks: the bus is opened."""
@@ -153,10 +151,35 @@ class CardsPane(Pane):
             words.append(position_word(self.mirror))
         self.query_one("#cards-state", WordLine).show(tuple(words))
         self.query_one("#cards", Grid).show(self._channels)
-        if self.has_class("-high"):
-            lines = memory_lines(self.mirror, self.cell.joint_names, self.size.width - 4)
-            self.query_one("#memory-text", Static).update(_content(lines))
         self._show_hand()
+        is_narrow = self._show_chosen()
+        self._show_memory(self.size.height - self.query_one("#cards-state").size.height - is_narrow)
+
+    def _show_chosen(self) -> bool:
+        """The registers of the chosen row, where the table has no room for them."""
+        line = self.query_one("#cards-chosen", WordLine)
+        line.display = self.size.width - 1 < REGISTERS_FROM_COLUMNS
+        each: CardChannel | None = self.query_one("#cards", Grid).chosen
+        if each is not None and line.display:
+            _, card, _, _, _, (bits,), (registers,), *_ = self._cells(each)
+            line.show((Word(each.signal), *card, Word(f"bits {bits.text}"), registers))
+        return line.display
+
+    def _show_memory(self, room: int) -> None:
+        """The table has the lines of its rows if every page keeps one; what the table leaves is the memory's."""
+        pages, rows, panel = len(self.mirror.pages), len(self._channels) + 1, self.query_one("#hand")
+        room -= panel.size.height if panel.has_class("-shown") else 0
+        table = min(rows, max(LEAST_TABLE, room - pages))
+        left = room - table
+        memory = self.query_one("#memory")
+        memory.display = left > 0
+        self.query_one("#cards").styles.height = table if left > 0 else "1fr"
+        is_apart = left > pages
+        memory.set_class(is_apart, "-apart")
+        if left > 0:
+            per_page = max(1, (left - is_apart) // max(1, pages))
+            lines = memory_lines(self.mirror, self.cell.joint_names, self.size.width - 4, per_page)
+            self.query_one("#memory-text", Static).update(_content(lines))
 
     def _cells(self, each: CardChannel) -> Sequence[Sequence[Word]]:
         code = each.code(self._data)
@@ -296,7 +319,8 @@ def _content(lines: Sequence[Sequence[Word]]) -> Content:
 HELP = """\
 A row for each wired channel: its slot and first address, → outputs and ← inputs, the code as the newest PDO carries it,
 the registers that hold it, nominal volts, and what it stands for. ▸ is a code that acts at the next step.
-Below, where there is room: the log pages of the Apple II's memory, filled from the bus, ▼ where the controller is now;
+On a narrow screen the chosen row's bits and registers stand below the table.
+Below, in what room there is: the log pages of the Apple II's memory, filled from the bus, ▼ where the controller is;
 of a recorded run the whole image, with its torque table.
 t takes the cards in hand where no controller runs, as canarm jog does: + − [ ] change the code of the chosen output
 by 1 and 16, d its direction, s and S step one cycle and ten, 0 switches all off, j takes any command of canarm jog."""

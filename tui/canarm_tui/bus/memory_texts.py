@@ -1,5 +1,6 @@
 """The memory image as lines: each page with its play position, and the bytes around it."""
 
+import itertools
 from collections.abc import Sequence
 
 from ..texts import Tone, Word
@@ -8,20 +9,20 @@ from .memory_mirror import SAMPLES, MemoryMirror, PageNow
 BLOCKS = " ▁▂▃▄▅▆▇█"
 HEAD_WIDTH = 32
 FEWEST, MOST = 8, 128
-AROUND = 8
-"""Bytes before and after the play position."""
+BYTES_HEAD, BYTES_IN_A_ROW = 9, 16
+"""Characters before the bytes of a row; rows have one or several times so many."""
 
 
-def memory_lines(mirror: MemoryMirror, names: Sequence[str], width: int) -> list[list[Word]]:
-    """Two lines per page: how high its bytes are, in so many parts, with the position; and the bytes around that."""
+def memory_lines(mirror: MemoryMirror, names: Sequence[str], width: int, per_page: int = 2) -> list[list[Word]]:
+    """`per_page` lines for each: how high its bytes are, in parts, with the position; and the bytes around that."""
     lines: list[list[Word]] = []
     position = None if mirror.cycle is None or mirror.cycle < 0 else mirror.cycle % SAMPLES
     for page in mirror.pages:
         parts = min(MOST, max(FEWEST, width - HEAD_WIDTH))
         head = f"${page.address:04X} {page.title} {names[page.joint]}"
         lines.append([Word(f"{head:<{HEAD_WIDTH - 1}.{HEAD_WIDTH - 1}} "), *_bar(page, parts, position)])
-        if position is not None:
-            lines.append(_bytes(page, position))
+        if position is not None and per_page > 1:
+            lines += _bytes(page, position, per_page - 1, width)
     return lines
 
 
@@ -46,11 +47,23 @@ def _bar(page: PageNow, parts: int, position: int | None) -> list[Word]:
     return words
 
 
-def _bytes(page: PageNow, position: int) -> list[Word]:
-    first = max(0, min(position - AROUND, SAMPLES - 2 * AROUND))
-    words = [Word(f"  ${page.address + first:04X}: ", Tone.DIM)]
-    for place in range(first, first + 2 * AROUND):
-        text = f"{page.data[place]:02X}" if page.is_known[place] else "··"
-        tone = Tone.CHANGED if place == position else Tone.PLAIN if page.is_known[place] else Tone.DIM
-        words += [Word(text, tone), Word(" ")]
-    return words
+def _bytes(page: PageNow, position: int, rows: int, width: int) -> list[list[Word]]:
+    a_row = BYTES_IN_A_ROW * max(1, (width - BYTES_HEAD) // (3 * BYTES_IN_A_ROW))
+    first = max(0, min(position - rows * a_row // 2, SAMPLES - rows * a_row))
+    lines = []
+    for begin in range(first, min(first + rows * a_row, SAMPLES), a_row):
+        words = [Word(f"  ${page.address + begin:04X}: ", Tone.DIM)]
+        row = slice(begin, min(begin + a_row, SAMPLES))
+        octets = zip(itertools.count(begin), page.data[row].tolist(), page.is_known[row].tolist(), strict=False)
+        toned = [
+            (
+                Tone.CHANGED if at == position else Tone.PLAIN if is_known else Tone.DIM,
+                f"{data:02X}" if is_known else "··",
+            )
+            for at, data, is_known in octets
+        ]
+        # Few words: each takes long to draw.
+        for tone, texts in itertools.groupby(toned, key=lambda each: each[0]):
+            words += [Word(" ".join(text for _, text in texts), tone), Word(" ")]
+        lines.append(words)
+    return lines
