@@ -13,7 +13,7 @@ from canarm_protocol.canopen.dictionary import CLOCK_MODE
 from canarm_protocol.canopen.frames import Cob
 from canarm_protocol.canopen.sdo import SdoAborted
 from canarm_protocol.cell.model import Cell
-from canarm_protocol.cell.wiring import card_nodes
+from canarm_protocol.cell.wiring import DirectionBits, card_nodes
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError, CanarmError
 from canarm_protocol.shown import named_error
@@ -24,7 +24,7 @@ from canarm_tui.bus.hand import HandState
 from .cards import JogError
 from .driver import Driver
 from .jog import Jog
-from .parsing import DIRECTION_NAMES, Command, Parser, Quit, help_lines
+from .parsing import DIRECTION_NAMES, AllOff, Command, Drive, Parser, Quit, help_lines
 
 LINES = 100
 MOST_WAITING = 64
@@ -39,6 +39,8 @@ class HandInThread:
         self._nodes = card_nodes(cell)
         self._parser = Parser(cell, self._nodes)
         self._commands: queue.Queue[list[Command]] = queue.Queue(MOST_WAITING)
+        self._undone: deque[list[Command]] = deque()
+        """Lines of commands that wait, or are being carried out."""
         self._lines: deque[tuple[bool, str]] = deque(maxlen=LINES)
         self._end = threading.Event()
         self._thread: threading.Thread | None = None
@@ -50,7 +52,7 @@ class HandInThread:
         """Whether the cards are in hand."""
         if self._thread is None or not self._thread.is_alive():
             return HandState.OFF
-        return HandState.BUSY if self._is_working or not self._commands.empty() else HandState.READY
+        return HandState.BUSY if self._is_working or self._undone else HandState.READY
 
     @property
     def lines(self) -> Sequence[tuple[bool, str]]:
@@ -59,9 +61,9 @@ class HandInThread:
 
     @property
     def codes(self) -> Sequence[int]:
-        """The code of each joint's output, as commanded."""
+        """The code of each joint's output, as commanded last, whether or not it has been carried out."""
         jog = self._jog
-        return () if jog is None or self.state is HandState.OFF else tuple(jog.codes)
+        return () if jog is None or self.state is HandState.OFF else tuple(self._asked(jog)[0])
 
     @property
     def directions(self) -> Sequence[str]:
@@ -69,7 +71,20 @@ class HandInThread:
         jog = self._jog
         if jog is None or self.state is HandState.OFF:
             return ()
-        return tuple(DIRECTION_NAMES.get(each, "off") for each in jog.directions)
+        return tuple(DIRECTION_NAMES.get(each, "off") for each in self._asked(jog)[1])
+
+    def _asked(self, jog: Jog) -> tuple[list[int], list[DirectionBits]]:
+        """Codes and directions of `jog` after all commands that wait."""
+        codes, directions = list(jog.codes), list(jog.directions)
+        for command in (each for commands in tuple(self._undone) for each in commands):
+            if isinstance(command, AllOff):
+                codes, directions = [0] * len(codes), [DirectionBits.OFF] * len(codes)
+            elif isinstance(command, Drive):
+                if command.code is not None:
+                    codes[command.joint] = command.code
+                if command.direction is not None:
+                    directions[command.joint] = command.direction
+        return codes, directions
 
     @property
     def help(self) -> str:
@@ -81,6 +96,7 @@ class HandInThread:
         if self.state is HandState.OFF:
             self._end = threading.Event()
             self._commands = queue.Queue(MOST_WAITING)
+            self._undone.clear()
             self._is_working = True
             self._thread = threading.Thread(target=self._run, args=(self._end,), name="canarm-hand", daemon=True)
             self._thread.start()
@@ -92,10 +108,12 @@ class HandInThread:
             if any(isinstance(each, Quit) for each in parsed):
                 self.release()
             elif parsed:
+                self._undone.append(parsed)
                 self._commands.put_nowait(parsed)
         except CanarmError as error:
             self._say(str(error), is_wrong=True)
         except queue.Full:
+            self._undone.pop()
             self._say(f"{MOST_WAITING} commands wait already", is_wrong=True)
 
     def release(self) -> None:
@@ -170,6 +188,9 @@ class HandInThread:
             jog.check()
             return
         self._is_working = True
-        for command in commands:
-            for line in driver.carry_out(jog.run(command)):
-                self._say(line)
+        try:
+            for command in commands:
+                for line in driver.carry_out(jog.run(command)):
+                    self._say(line)
+        finally:
+            self._undone.popleft()

@@ -53,6 +53,18 @@ def test_outputs_are_set_steps_are_made_and_the_cards_are_left_safe(hand, until)
     assert said(hand).endswith("the cards are not in hand")
 
 
+def test_each_of_five_quick_steps_of_a_code_counts_from_the_one_before(hand, until):
+    hand.take()
+    until(lambda: hand.state is HandState.READY, "the cards are in hand")
+    for _ in range(5):
+        hand.do(f"dac joint2 {hand.codes[0] + 1}")
+    assert hand.codes == (5, 0)
+    hand.do("off; dac joint3 2; dir joint2 cw")
+    assert (hand.codes, hand.directions) == ((0, 2), ("cw", "off"))
+    until(lambda: hand.state is HandState.READY, "all is carried out")
+    assert (hand.codes, hand.directions) == ((0, 2), ("cw", "off"))
+
+
 def test_after_a_run_the_cards_are_driven_by_hand_and_its_record_has_ended(canarm, until, tmp_path):
     """Not before the end of the run; what is done by hand is not in can0.log."""
     emulator = canarm.emulator("sync", "--out", str(tmp_path / "run"))

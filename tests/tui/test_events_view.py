@@ -69,6 +69,19 @@ async def test_events_are_listed_newest_first_and_the_chosen_one_stays_chosen(ce
         assert any("fault begins: joint2.current_sense stuck (third)" in line for line in screen_lines(app))
 
 
+async def test_a_selection_that_was_never_moved_stays_on_the_newest(cell, loop, clock):
+    async with running(cell, loop, clock) as (app, press):
+        await press("2")
+        for name, tap in (("first", "tachometer"), ("second", "potentiometer"), ("third", "current_sense")):
+            inject(loop, name, tap)
+            await press()
+            assert name in list_of(app)[app.query_one("#events").highlighted]
+        await press("down", "up")
+        inject(loop, "fourth", "dac.code")
+        await press()
+        assert "fourth" in list_of(app)[app.query_one("#events").highlighted], "back on the newest"
+
+
 async def test_words_filter_the_list_and_escape_shows_all(cell, loop, clock):
     inject(loop, "first", "tachometer")
     inject(loop, "second", "potentiometer")

@@ -96,6 +96,24 @@ async def test_a_run_that_was_begun_elsewhere_is_shown_from_its_own_bus(cell, cl
         assert app.feed.snapshot(clock()).cycle == 4
 
 
+async def test_while_another_run_is_being_started_nothing_is_lost(cell, clock, runs, port, wire):
+    """The buses of the last one are closed for some seconds."""
+    jobs = []
+    async with over(cell, clock, runs, [port, type(port)()]) as (app, press):
+        port.arriving = wire.telemetry(800)
+        await press("r")
+        app._in_background = jobs.append
+        await press("enter")
+        port.is_broken = True
+        await press()
+        assert any(line.startswith(" … starting a run") for line in screen_lines(app))
+        assert any("another run is being started" in line for line in screen_lines(app))
+        assert not any("✖ lost" in line or "the server closed" in line for line in screen_lines(app))
+        jobs.pop()()
+        await press()
+        assert not app.is_starting
+
+
 async def test_another_law_and_seed_are_typed_into_a_form(cell, clock, runs, port):
     async with over(cell, clock, runs, [port, port]) as (_, press):
         await press("r", "backspace", "backspace", *"mras", "down", "down", "backspace", *"7", "enter")

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from canarm_tui import texts
-from canarm_tui.snapshot import Counters, Rates, Report
+from canarm_tui.snapshot import Counters, JointNow, Rates, Report
 from canarm_tui.texts import SEPARATOR, Tone
 
 S = 1_000_000_000
@@ -38,7 +38,7 @@ def test_every_state_of_the_controller_has_a_word(state, text):
 
 
 def test_a_controller_that_has_fallen_silent_is_not_called_running():
-    assert texts.state_word(Report(0, 0, 2, 3 * S, is_lost=True), bench_lives=False).text == "▶ running (stale)"
+    assert texts.state_word(Report(0, 0, 2, 3 * S)).text == "▶ running (stale)"
     assert texts.state_word(Report(0, 0, 1, age_ns=3 * S)).text == "… bringing up (stale)"
     assert texts.state_word(Report(0, 0, 4, age_ns=3 * S)).text == "✓ done"
 
@@ -46,6 +46,15 @@ def test_a_controller_that_has_fallen_silent_is_not_called_running():
 def test_a_controller_that_falls_silent_while_the_bench_goes_on_is_lost():
     lost = texts.state_word(Report(0, 0, 2, 2 * S, is_lost=True))
     assert (lost.text, lost.tone) == ("✖ controller lost", Tone.BAD)
+
+
+def test_a_joint_without_a_reference_any_more_is_neither_within_nor_beyond_its_limit():
+    """The figures of the run that was stay, and say nothing of an arm that has fallen since."""
+    words = texts.trace_words("joint2", JointNow(error_lsb=math.nan, rms_lsb=0.2, max_lsb=0.4))
+    assert [word.text for word in words] == ["joint2 error – LSB", "no reference any more", "rms 0.20", "max 0.40"]
+    assert {word.tone for word in words[1:]} == {Tone.DIM}
+    followed = texts.trace_words("joint2", JointNow(error_lsb=0.3, rms_lsb=0.2, max_lsb=0.4))
+    assert followed[1] == texts.Word("✓ within ±1 LSB", Tone.GOOD)
 
 
 def test_both_rates_are_shown_where_they_differ():

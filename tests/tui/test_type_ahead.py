@@ -183,3 +183,13 @@ async def test_objects_are_found_by_words_typed_ahead(app, loop, clock):
         assert app.screen.query_one("#sdo-find", Input).value == "device"
         await answered()
         assert not stopped(app)
+
+
+async def test_the_warning_that_no_run_goes_on_ends_with_the_run_that_begins(app, loop, clock, wire):
+    async with typing(app, loop, clock) as (type_ahead, answered):
+        await type_ahead("f")
+        await answered()
+        assert "no run goes on" in str(app.screen.query_one("#said").content)
+        app.feed.receive(wire.report(8, 0, 2), clock())
+        app.redraw()
+        assert str(app.screen.query_one("#said").content) == ""

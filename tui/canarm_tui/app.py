@@ -139,7 +139,7 @@ class DashboardApp(RunControls):
         self._scene: Scene | None = None
         self._clock_ns = clock_ns
         self._on_start, self._until, self._signals = on_start, until, signals
-        self._outcome_of, self._ended = outcome_of, BenchOutcome(self.desk)
+        self._outcome_of, self._ended = outcome_of, BenchOutcome(self.desk, cell.bus.cycle_s)
         self.outcome: Outcome | None = None
         """How the run has ended, once it has."""
         self._connections = 0
@@ -209,7 +209,7 @@ class DashboardApp(RunControls):
         self.take_answers()
         self.follow_run()
         if self._outcome_of is None and isinstance(self.feed, Feed):
-            self.outcome = self._ended.poll(self.feed.report(now_ns), lambda: self._gathered.of_bench, now_ns)
+            self.outcome = self._ended.of(self.feed, self.link, self._gathered.of_bench, now_ns)
         elif self._outcome_of is not None and (self.outcome is None or self.player is not None):
             self.outcome = self._outcome_of()
         if self._until is not None and self._until():
@@ -242,7 +242,7 @@ class DashboardApp(RunControls):
             return  # a last timer tick, while the screen closes
         snapshot, screen = self.feed.snapshot(self._clock_ns()), self.screen_stack[0]
         notice = screen.query_one("#notice", WordLine)
-        said = texts.notice(self.link, snapshot)
+        said = texts.notice(self.link, snapshot, self.is_starting)
         if said is None and self._clock_ns() < self._answer_until_ns:
             said = self._answer
         if said is None and self._complaints:
@@ -264,6 +264,8 @@ class DashboardApp(RunControls):
         )
         screen.query_one(FaultPanel).show(lines)
         screen.query_one(ViewTabs).show(self.view)
+        if isinstance(self.screen, InjectScreen):
+            self.screen.renew_remark()
         if not self.is_paused:
             self._scene = Scene(snapshot, self._gathered.all_of_them, faults, self._clock_ns())
             self._pane().show(self._scene)
@@ -273,11 +275,20 @@ class DashboardApp(RunControls):
         now_ns, width = self._clock_ns(), self.size.width - 2
         state = None if snapshot.report is None else (snapshot.report.state, snapshot.report.is_lost)
         recording = self.desk.recording
-        key = self.link.state, self.is_paused, state, snapshot.faults, snapshot.replay, width, recording
+        key = (
+            self.link.state,
+            self.is_starting,
+            self.is_paused,
+            state,
+            snapshot.faults,
+            snapshot.replay,
+            width,
+            recording,
+        )
         if key == self._words and 0 < now_ns - self._words_ns < WORDS_NS:
             return
         self._words, self._words_ns = key, now_ns
-        words = header_words(self.link, snapshot, self.is_paused, width, self.cell, recording)
+        words = header_words(self.link, snapshot, self.is_paused, width, self.cell, recording, self.is_starting)
         self.screen_stack[0].query_one("#header", WordLine).show(words)
         counted = texts.counter_words(snapshot.counters, self.link.discarded, width) if self.player is None else ()
         self.screen_stack[0].query_one("#counters", WordLine).show(counted)
@@ -322,7 +333,10 @@ class DashboardApp(RunControls):
         if refusal():
             self.tell(Refusal(refusal()))
             return
-        remark = "" if self.feed.is_running or self.player is not None else AT_REST
+
+        def remark() -> str:
+            return "" if self.feed.is_running or self.player is not None else AT_REST
+
         self.push_screen(InjectScreen(self.desk, remark, refusal), self.tell)
 
     def action_clear(self) -> None:

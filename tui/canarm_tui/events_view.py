@@ -23,7 +23,7 @@ NONE_FITS = (Word("none of the events has all of these words; escape shows all a
 
 
 class EventsPane(Pane):
-    """A list that is filled only when it changes; the event that the reader has chosen stays chosen."""
+    """A list that is filled only when it changes; an older event that the reader has chosen stays chosen."""
 
     class Jump(Message):
         """The reader wants to see the traces at a cycle."""
@@ -97,7 +97,8 @@ class EventsPane(Pane):
     def _fill(self) -> None:
         options, words = self.query_one(OptionList), self.query_one(Input).value.casefold().split()
         place = options.highlighted
-        chosen = self._fitting[place] if place is not None and place < len(self._fitting) else None
+        # The newest stays chosen until its reader leaves it.
+        chosen = self._fitting[place] if place and place < len(self._fitting) else None
         lines = [(each, event_line(each, self._cycle_s)) for each in self._happened]
         fitting = [(each, line) for each, line in lines if _fits(line, words)]
         self._fitting = tuple(each for each, _ in fitting)

@@ -42,6 +42,8 @@ LOST_NS = 1_000_000_000
 LOST_CYCLES = 64
 """A controller that has the robot reports every 16 cycles. It is lost when it has been silent for `LOST_NS`, in which
 cycles stood still (at a slow pace they do not) or went on without it."""
+STOPPING_S = 2.5
+"""In a safe stop a controller is silent for up to 2 s of the run, while cycles go on."""
 HAVING = ("homing", "running", "stopping")
 """States of a controller that has the robot."""
 RUNNING = ("homing", "running")
@@ -62,6 +64,8 @@ class Feed:
     def __init__(self, cell: Cell) -> None:
         joints = len(cell.joints)
         self._cycle_s = cell.bus.cycle_s
+        self._stopping_cycles = max(LOST_CYCLES, round(STOPPING_S / cell.bus.cycle_s))
+        self._is_lost = False
         self._window = max(1, round(WINDOW_S / cell.bus.cycle_s))
         self._match = max(1, round(MATCH_S / cell.bus.cycle_s))
         self._lsb_rad = np.array(position_steps_rad(cell))
@@ -126,8 +130,9 @@ class Feed:
     @property
     def is_running(self) -> bool:
         """Whether the controller has said last, and lately, that it controls the robot."""
-        report = self.report(self._wall_ns)
-        return report is not None and CONTROLLER_STATES.get(report.state) in RUNNING and not report.is_lost
+        if self._report is None or self._is_silent(self._wall_ns):
+            return False
+        return CONTROLLER_STATES.get(self._report[2]) in RUNNING
 
     @property
     def cycle(self) -> int | None:
@@ -157,6 +162,20 @@ class Feed:
             self._bus_ns = bus_ns
             handle(*layout.unpack(data[: layout.size]))
         self._mark(wall_ns)
+        self._watch_controller(wall_ns)
+
+    def _watch_controller(self, wall_ns: int) -> None:
+        """It is lost if the bench went on without it; that it was stays, whatever becomes of the bench."""
+        is_silent = self._is_silent(wall_ns)
+        if self._report is None or not is_silent:
+            self._is_lost = False
+        elif not self._is_lost and (self._telemetry_wall_ns or 0) - self._report_wall_ns > LOST_NS:
+            self._is_lost = True
+            self.notices.lost(self._report[0], self._bus_ns, self._cycle or 0)
+
+    def lives(self, wall_ns: int) -> bool:
+        """Whether the bench has sent something lately."""
+        return self._telemetry_wall_ns is not None and wall_ns - self._telemetry_wall_ns <= LOST_NS
 
     def reconnected(self) -> None:
         """The bus was lost and is back, perhaps with another bench, whose controller has to report first: frames of the
@@ -227,14 +246,21 @@ class Feed:
         """What the controller has said of itself last, at the wall time `wall_ns`."""
         if self._report is None:
             return None
+        return Report(*self._report, wall_ns - self._report_wall_ns, self._is_lost and self._is_silent(wall_ns))
+
+    def _is_silent(self, wall_ns: int) -> bool:
+        """Whether a controller that had the robot last reports no more."""
+        if self._report is None:
+            return False
         tick, _, state = self._report
+        name = CONTROLLER_STATES.get(state)
         age_ns, still_ns = wall_ns - self._report_wall_ns, wall_ns - self._moved_wall_ns
-        is_silent = age_ns > LOST_NS and (still_ns > LOST_NS or (self._cycle or 0) - tick > LOST_CYCLES)
-        return Report(*self._report, age_ns, is_silent and CONTROLLER_STATES.get(state) in HAVING)
+        without = self._stopping_cycles if name == "stopping" else LOST_CYCLES
+        went_on = (self._cycle or 0) - tick > without
+        return name in HAVING and age_ns > LOST_NS and (still_ns > LOST_NS or went_on)
 
     def _begin_run(self, cycle: int) -> None:
-        report = self.report(self._wall_ns)
-        if report is not None and report.is_lost:
+        if self._is_silent(self._wall_ns):
             self._report = None
         self._rows.clear()
         self._marks.clear()
@@ -293,11 +319,11 @@ class Feed:
         self._bus = BusNow(load, error_frames)
 
     def _on_controller(self, tick: int, late: int, state: int) -> None:
-        before = self.report(self._wall_ns)
-        if before is None or tick < before.tick or before.is_lost:
+        before = self._report
+        if before is None or tick < before[0] or self._is_silent(self._wall_ns):
             self.controllers += 1
             self._begin_tick = 0
-        elif before.state == HOMING and state != HOMING:
+        elif before[2] == HOMING and state != HOMING:
             self._begin_tick = tick
         self._report = tick, late, state
         self._report_wall_ns = self._wall_ns

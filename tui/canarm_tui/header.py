@@ -102,9 +102,10 @@ def header_words(
     width: int,
     cell: Cell,
     recording: tuple[bool, str] | None = None,
+    is_starting: bool = False,
 ) -> tuple[Word, ...]:
-    """The header line for `width` columns."""
-    pieces = [_Piece(link_word(link, snapshot), ALWAYS)]
+    """The header line for `width` columns; `is_starting`: another run is being started."""
+    pieces = [_Piece(link_word(link, snapshot, is_starting), ALWAYS)]
     if snapshot.faults is not None and snapshot.faults.is_stopped:
         pieces.append(_Piece(Word("■ EMERGENCY STOP", Tone.BAD), ALWAYS))
     if is_paused:
@@ -127,7 +128,7 @@ def _live(snapshot: Snapshot, cycle_s: float, recorded: Sequence[Word]) -> list[
     late, age = late_word(snapshot.report), age_word(snapshot.age_ns)
     lost = [word for word in recorded if word.tone is not Tone.GOOD]
     ranked = (
-        (ALWAYS, [state_word(snapshot.report, is_fresh), *lost]),
+        (ALWAYS, [state_word(snapshot.report), *lost]),
         (11, time_words(snapshot, cycle_s)),
         (10, clock_words(snapshot)),
         (1 if is_fresh else 12, [age]),

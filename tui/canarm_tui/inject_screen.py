@@ -49,14 +49,17 @@ class InjectScreen(Dialog[str]):
     InjectScreen #said { height: auto; max-height: 6; }
     """
 
-    def __init__(self, desk: FaultDesk, remark: str = "", refusal: Callable[[], str] = str) -> None:
-        """`remark` stands below until there is something else to say; `refusal` is why nothing is injected now."""
+    def __init__(self, desk: FaultDesk, remark: Callable[[], str] = str, refusal: Callable[[], str] = str) -> None:
+        """What `remark` says now stands below while there is nothing else to say; `refusal` is why nothing is injected
+        now.
+        """
         super().__init__()
         self._desk, self._remark, self._refusal = desk, remark, refusal
         self._taps: tuple[Tap, ...] = ()
         self._tap: Tap | None = None
         self._fault: FaultKind | None = None
         self._shown: tuple[Tap, ...] | tuple[FaultKind, ...] = ()
+        self._said = self._remarked = ""
         self._is_asking, self._is_loading = False, True
         self._is_entered = False
         """Enter has come before there was anything to choose from."""
@@ -133,7 +136,7 @@ class InjectScreen(Dialog[str]):
         if isinstance(answer, Refusal):
             self._say(answer.reason, Tone.BAD)
         else:
-            self._say(self._remark, Tone.WARNING)
+            self._say_remark()
             self._taps = answer
             self._fill()
             if is_entered and self._shown:
@@ -171,7 +174,10 @@ class InjectScreen(Dialog[str]):
         if self._shown:
             options.highlighted = 0
         if self._taps:
-            self._say(self._remark if self._shown else "nothing is called so; fewer letters find more", Tone.WARNING)
+            if self._shown:
+                self._say_remark()
+            else:
+                self._say("nothing is called so; fewer letters find more", Tone.WARNING)
 
     async def _show_form(self, fault: FaultKind) -> None:
         if self._tap is None or not self.is_there:
@@ -213,7 +219,17 @@ class InjectScreen(Dialog[str]):
         else:
             self.dismiss(answer)
 
+    def _say_remark(self) -> None:
+        self._say(self._remark(), Tone.WARNING)
+        self._remarked = self._said
+
+    def renew_remark(self) -> None:
+        """Say the remark as it is now, where it stands."""
+        if self.is_there and self._taps and self._said == self._remarked != self._remark():
+            self._say_remark()
+
     def _say(self, text: str, tone: Tone) -> None:
+        self._said = text
         self.query_one("#said", Static).update(Content.styled(text, STYLES[tone]))
 
 

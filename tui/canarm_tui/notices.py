@@ -102,6 +102,10 @@ class ControllerNotices(Notices):
         if before is not None and late > before[1]:
             self.add(Notice(time_ns, tick, Kind.LATE, "cycles missed or begun late", True, late - before[1]))
 
+    def lost(self, tick: int, time_ns: int, cycle: int) -> None:
+        """It had the robot, and has reported no more since `tick`, while the bench goes on."""
+        self.add(Notice(time_ns, cycle, Kind.CONTROLLER, f"controller lost: no report since cycle {tick}", True))
+
 
 def _is_same(last: Notice, notice: Notice) -> bool:
     is_soon = 0 <= notice.cycle - last.cycle <= SAME_CYCLES

@@ -50,6 +50,8 @@ class RunControls(ReplayControls):
     outcome: Outcome | None
     cause = ""
     """What from outside has ended the run, if that is known."""
+    is_starting = False
+    """Whether another run is being started, from here."""
     left_by = LEFT
     """How the user has left, in a few words."""
 
@@ -156,11 +158,17 @@ class RunControls(ReplayControls):
         again = self._again
         assert again is not None
 
+        self.is_starting = True
+
+        def answered(answer: str | Refusal) -> None:
+            self.is_starting = False
+            then(answer)
+
         def job() -> None:
             try:
                 answer: str | Refusal = again.start(wanted)
             except (CanarmError, OSError) as error:
                 answer = Refusal(str(error))
-            self._answers.append(lambda: then(answer))
+            self._answers.append(lambda: answered(answer))
 
         self._in_background(job)

@@ -60,10 +60,12 @@ _STATE_WORDS = {
 }
 
 
-def link_word(link: Connection, snapshot: Snapshot) -> Word:
-    """The state of the connection and its data."""
+def link_word(link: Connection, snapshot: Snapshot, is_starting: bool = False) -> Word:
+    """The state of the connection and its data; that there is none is no wonder while a run is being started."""
     if snapshot.replay:
         return Word(snapshot.replay)
+    if is_starting and link.state is not LinkState.CONNECTED:
+        return Word("… starting a run", Tone.WARNING)
     if link.state is LinkState.CONNECTING:
         return Word("… connecting", Tone.WARNING)
     if link.state is LinkState.LOST:
@@ -73,13 +75,13 @@ def link_word(link: Connection, snapshot: Snapshot) -> Word:
     return Word("● connected", Tone.GOOD)
 
 
-def state_word(report: Report | None, bench_lives: bool = True) -> Word:
-    """The controller's state; that it is lost is known only while the bench sends."""
+def state_word(report: Report | None) -> Word:
+    """The controller's state, or that it is lost."""
     if report is None:
         return Word("controller –", Tone.DIM)
     name = CONTROLLER_STATES.get(report.state, f"state {report.state}")
     word = _STATE_WORDS.get(name, Word(name))
-    if bench_lives and report.is_lost:
+    if report.is_lost:
         return Word("✖ controller lost", Tone.BAD)
     is_over = name in ("done", "failed")
     if report.age_ns > REPORT_STALE_NS and not is_over:
@@ -118,8 +120,10 @@ def length_of(words: Sequence[Word]) -> int:
     return sum(len(word.text) for word in words) + len(SEPARATOR) * (len(words) - 1)
 
 
-def notice(link: Connection, snapshot: Snapshot) -> Word | None:
+def notice(link: Connection, snapshot: Snapshot, is_starting: bool = False) -> Word | None:
     """What the reader should know about the connection, or None if all is well."""
+    if is_starting and link.state is not LinkState.CONNECTED:
+        return Word("another run is being started: what is left of the last one has ended", Tone.DIM)
     if link.state is LinkState.LOST:
         return Word(f"{link.reason or link.where}; trying again every second", Tone.BAD)
     if link.state is LinkState.CONNECTING:
@@ -154,7 +158,9 @@ def trace_words(name: str, joint: JointNow) -> tuple[Word, ...]:
         return Word(f"{name} error"), Word("no reference yet", Tone.DIM)
     limit = f"±{LIMIT_LSB:g} LSB"
     verdict = Word(f"✓ within {limit}", Tone.GOOD)
-    if joint.max_lsb > LIMIT_LSB:
+    if math.isnan(joint.error_lsb):
+        verdict = Word("no reference any more", Tone.DIM)
+    elif joint.max_lsb > LIMIT_LSB:
         verdict = Word(f"▲ beyond {limit}", Tone.WARNING)
     return (
         Word(f"{name} error {number(joint.error_lsb, 2)} LSB"),

@@ -29,11 +29,13 @@ class Hand(Protocol):
 
     @property
     def codes(self) -> Sequence[int]:
-        """The code of each joint's output, as commanded; empty while the cards are not in hand."""
+        """The code of each joint's output, as commanded last, even if it still waits; empty while the cards are not in
+        hand.
+        """
 
     @property
     def directions(self) -> Sequence[str]:
-        """The direction of each joint's output, as commanded: off, ccw or cw; empty as `codes` is."""
+        """The direction of each joint's output, as commanded last: off, ccw or cw; empty as `codes` is."""
 
     @property
     def help(self) -> str:
