@@ -59,6 +59,43 @@ async def test_states_errors_and_hostile_names_are_in_words(watch, port, clock):
         assert "0x11 ▲ 0x8130 life guard or heartbeat error" in line_of(app, "0x14 ")
 
 
+async def test_after_nmt_stop_and_pre_operational_no_card_is_called_operational(monitor, port, clock):
+    """The end of a run: the cards are told, and no heartbeat comes any more."""
+    async with monitor.run_test(size=(120, 35)) as pilot:
+        await pilot.press("2")
+        await filled(monitor, port, clock, pilot, 1.0)
+        port.arriving = [(0, nmt_frame(NmtCommand.STOP))]
+        await shown(monitor, pilot)
+        for node in ("0x12", "0x13", "0x14"):
+            assert "» stopped" in line_of(monitor, f"{node} ")
+        assert "● operational" in line_of(monitor, "0x01 "), "the controller commands, and obeys nobody"
+        port.arriving = [(0, nmt_frame(NmtCommand.PRE_OPERATIONAL, 0x12))]
+        clock.advance(3.0)
+        await shown(monitor, pilot)
+        assert "» pre-operational" in line_of(monitor, "0x12 ")
+        assert "was operational" in line_of(monitor, "0x01 ")
+        port.arriving = [(0, frame("712#05"))]
+        await shown(monitor, pilot)
+        assert "● operational" in line_of(monitor, "0x12 ")
+
+
+async def test_a_large_screen_has_the_frames_of_the_chosen_node(monitor, port, clock):
+    async with monitor.run_test(size=(160, 48)) as pilot:
+        await pilot.press("2")
+        await filled(monitor, port, clock, pilot, 1.0)
+        await pilot.press("end")
+        await shown(monitor, pilot)
+        shown_ids = [row.frame.can_id for row in monitor.query_one("#node-frames", Grid).rows]
+        assert shown_ids == [0x294, 0x394, 0x714]
+        assert "400" in line_of(monitor, "294 ")
+        await pilot.press("home")
+        await shown(monitor, pilot)
+        assert line_of(monitor, "394 ") == ""
+        for size in ((80, 24), (80, 12), (10, 3)):
+            await pilot.resize_terminal(*size)
+            await shown(monitor, pilot)
+
+
 async def test_127_nodes_are_listed_and_scrolled(unknown, port, clock):
     app = MonitorApp(unknown, clock_ns=clock)
     async with app.run_test(size=(80, 24)) as pilot:

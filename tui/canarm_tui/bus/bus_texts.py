@@ -139,6 +139,11 @@ def node_cells(node: NodeNow, wall_ns: int) -> tuple[Sequence[Word], ...]:
     if node.state is not None:
         known = node.state in set(NmtState)
         state = _STATES[NmtState(node.state)] if known else Word(f"▲ state 0x{node.state:02X}", Tone.BAD)
+        said = state.text.partition(" ")[2]
+        if node.is_told:
+            state = Word(f"» {said}")
+        elif _is_silent(node, wall_ns):
+            state = Word(f"was {said}", Tone.DIM)
     register = Word(ABSENT, Tone.DIM)
     if node.register is not None:
         register = Word(f"0x{node.register:02X}", Tone.BAD if node.register else Tone.PLAIN)
@@ -157,13 +162,20 @@ def node_cells(node: NodeNow, wall_ns: int) -> tuple[Sequence[Word], ...]:
     )
 
 
+def _is_silent(node: NodeNow, wall_ns: int) -> bool:
+    """Whether `SILENT_PERIODS` heartbeats are missing."""
+    period_ns, heard_ns = node.heartbeat_period_ns, node.heartbeat_wall_ns
+    if period_ns is None or heard_ns is None:
+        return False
+    return wall_ns - heard_ns > max(LEAST_SILENCE_NS, SILENT_PERIODS * period_ns)
+
+
 def _age_word(node: NodeNow, wall_ns: int) -> Word:
     if node.heartbeat_wall_ns is None:
         return Word(ABSENT, Tone.DIM)
     age_ns = wall_ns - node.heartbeat_wall_ns
     text = f"{age_ns * 1e-9:.1f} s"
-    period_ns = node.heartbeat_period_ns
-    if period_ns is not None and age_ns > max(LEAST_SILENCE_NS, SILENT_PERIODS * period_ns):
+    if _is_silent(node, wall_ns):
         return Word(f"▲ {text}", Tone.WARNING)
     return Word(text)
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from canarm_protocol.canopen.dictionary import IDENTITY, variable_at
-from canarm_protocol.canopen.frames import HIGHEST_NODE_ID, Cob, Emergency, Frame, NmtState
+from canarm_protocol.canopen.frames import HIGHEST_NODE_ID, Cob, Emergency, Frame, NmtCommand, NmtState, parse_nmt
 from canarm_protocol.decoding import Book
 from canarm_protocol.errors import FrameError
 
@@ -41,6 +41,8 @@ class NodeNow(NamedTuple):
     """Vendor-ID and product code."""
     is_identity_heard: bool
     """Else it is what the data sheet says."""
+    is_told: bool = False
+    """Whether `state` is what an NMT command has told it since its last heartbeat."""
 
 
 class HeardEmergency(NamedTuple):
@@ -54,6 +56,7 @@ class HeardEmergency(NamedTuple):
 @dataclass(slots=True)
 class _Node:
     state: int | None = None
+    is_told: bool = False
     heartbeat_wall_ns: int | None = None
     period_ns: float | None = None
     boots: int = 0
@@ -64,12 +67,19 @@ class _Node:
 
 
 def is_of_node(frame: Frame) -> bool:
-    """Whether a frame says something of a node: heartbeat, EMCY, an answer to an SDO request."""
+    """Whether a frame says something of a node: heartbeat, EMCY, an answer to an SDO request, an NMT command."""
     can_id, _, is_extended, is_remote = frame
+    if can_id == Cob.NMT:
+        return not is_extended and not is_remote
     base, node_id = can_id & ~HIGHEST_NODE_ID, can_id & HIGHEST_NODE_ID
     return not is_extended and not is_remote and node_id > 0 and base in _BASES
 
 
+_TOLD = {
+    NmtCommand.START: NmtState.OPERATIONAL,
+    NmtCommand.STOP: NmtState.STOPPED,
+    NmtCommand.PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
+}
 _BASES = (Cob.HEARTBEAT, Cob.EMERGENCY, Cob.SDO_TO_CLIENT)
 
 
@@ -86,6 +96,9 @@ class NodeTable:
         if not is_of_node(frame):
             return
         base, node_id = frame.can_id & ~HIGHEST_NODE_ID, frame.can_id & HIGHEST_NODE_ID
+        if frame.can_id == Cob.NMT:
+            self._command(frame.data)
+            return
         node = self._nodes.setdefault(node_id, _Node())
         if base == Cob.HEARTBEAT and len(frame.data) == 1:
             _heartbeat(node, frame.data[0] & 0x7F, wall_ns)
@@ -99,6 +112,17 @@ class NodeTable:
     def now(self) -> Sequence[NodeNow]:
         """All nodes by node-ID."""
         return [self._now(node_id, node) for node_id, node in sorted(self._nodes.items())]
+
+    def _command(self, data: bytes) -> None:
+        """Those that were heard are told; of all, only those that a data sheet describes: a master obeys nobody."""
+        try:
+            command, told = parse_nmt(data)
+        except FrameError:
+            return
+        state, slaves = _TOLD.get(command), self._book.dictionaries
+        for node_id, node in self._nodes.items():
+            if state is not None and (told == node_id or (told == 0 and (not slaves or node_id in slaves))):
+                node.state, node.is_told = state, True
 
     def _emergency(self, node: _Node, node_id: int, data: bytes, wall_ns: int) -> None:
         try:
@@ -115,7 +139,7 @@ class NodeTable:
         period_ns = None if node.period_ns is None else round(node.period_ns)
         return NodeNow(
             *(node_id, self._book.name(node_id), node.state, node.heartbeat_wall_ns, period_ns, node.boots),
-            *(node.register, node.code, node.emergencies, (vendor, product), heard),
+            *(node.register, node.code, node.emergencies, (vendor, product), heard, node.is_told),
         )
 
     def _expected(self, node_id: int, subindex: int) -> int | None:
@@ -135,4 +159,4 @@ def _heartbeat(node: _Node, state: int, wall_ns: int) -> None:
         node.period_ns = (
             interval_ns if node.period_ns is None else node.period_ns + _ALPHA * (interval_ns - node.period_ns)
         )
-    node.state, node.heartbeat_wall_ns = state, wall_ns
+    node.state, node.heartbeat_wall_ns, node.is_told = state, wall_ns, False
