@@ -15,7 +15,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup demo test soak compiled plain fresh check-compiled check check-format check-lint check-types check-imports check-lock check-wheels \
+.PHONY: help setup extra demo test soak compiled plain fresh check-compiled check check-format check-lint check-types check-imports check-lock check-wheels \
 	check-docs check-install check-mf4 \
 	check-socketcan bench ablation alarms matrix pair-matrix identification paper pictures rhino robots fuzz docs notice format lock clean
 
@@ -139,6 +139,9 @@ lock: setup ## Bring uv.lock up to date with the pyproject.toml files (ARGS=--up
 	scripts/uv_lock.sh $(ARGS)
 
 setup: $(STAMP) ## Make .venv; done again when a pyproject.toml or uv.lock changes
+
+extra: setup ## Bring libraries for some outputs into .venv, as pip install 'canarm[mf4]' does elsewhere (EXTRA=mf4)
+	@$(BIN)/python scripts/extra.py $(EXTRA)
 
 clean: ## Remove .venv, caches and build results (not runs/)
 	find protocol emulator controller \( -name "*.so" -o -name "*.pyd" \) -delete

@@ -9,7 +9,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from canarm_protocol.runs.tentative import Tentative
 
 from .child import START_S, Child, ended_too_early, offered_port, running
 from .options import BENCH_BUS, ROBOT_BUS, ControlOptions, pace_text, wait_text
-from .recording import BENCH, PARQUET, Recording, recording_failure
+from .recording import BENCH, FAILED_RECORDING, PARQUET, Recording, recording_failure
 from .runs.converting import convert_all
 from .serving import attach_flags
 from .summary import Summary
@@ -53,7 +53,7 @@ class DemoPlan:
     serve: str
     host: str
     recording: Recording
-    rotate: int | None
+    rotate: float | None
 
 
 class DemoRun:
@@ -83,7 +83,7 @@ class DemoRun:
         common = ["--cell", plan.cell_name, "--clock", plan.clock, "--out", str(self.folder), "--json"]
         common += ["--sync-timeout", wait_text(plan.sync_timeout), *_each("--set", plan.settings)]
         if plan.rotate is not None:
-            common += ["--rotate", str(plan.rotate)]
+            common += ["--rotate", f"{plan.rotate:.9g}"]
         robot = ["--serve", plan.serve, "--seed", str(plan.seed), *_each("--truth", plan.truth)]
         robot += self._further(BENCH, PARQUET)
         if plan.wire:
@@ -159,6 +159,8 @@ class DemoRun:
         for name in _of_summary(emulator, "faults_never_begun") or ():
             tell(f"fault never began: {name}")
         known = {"seed": plan.seed, "faults": _of_summary(emulator, "faults"), "out": str(self.folder)}
+        if FAILED_RECORDING in f"{self.complaints}{_of_summary(emulator, 'reason')}":
+            known["broke_off"] = True
         if plan.cell.object is not None:
             known["object"] = _of_summary(emulator, "object")
         if self.cause is not None and _result(controller) is None:
@@ -227,6 +229,8 @@ def _report(
         raise ended_too_early(controller, text)
     summary = summary_of({**(result or {}), **known})
     failure = recording_failure(folder, lambda: update_run_file(folder, "summary", summary.as_json()))
+    if failure is not None:
+        summary = replace(summary, broke_off=True)
     say(json.dumps(summary.as_json()) if as_json else summary.as_text())
     if failure is not None:
         tell(failure)

@@ -1,6 +1,7 @@
 """Libraries that are not part of an installed canarm: loaded when asked for, or named in an error."""
 
 import importlib
+from pathlib import Path
 from typing import Any
 
 from canarm_protocol.errors import CanarmError
@@ -20,6 +21,8 @@ EXTRAS = {
     "textual_serve": "web",
 }
 """Which extra of the distribution brings each."""
+_CLONE_SCRIPT = Path(__file__).parents[1] / "scripts" / "extra.py"
+"""There in a clone only."""
 TABLES = ("pandas", "polars")
 
 
@@ -35,11 +38,15 @@ def load_library(name: str, what: str) -> Any:
         if (error.name or "").split(".")[0] != name.split(".")[0]:
             raise _broken(name, what, error) from None
         extra = EXTRAS[name.split(".")[0]]
-        raise MissingLibraryError(
-            f"{what} needs {name}, which is not installed: pip install 'canarm[{extra}]'"
-        ) from None
+        raise MissingLibraryError(f"{what} needs {name}, which is not installed: {how_to_get(extra)}") from None
     except Exception as error:  # a binary module for another processor, for example
         raise _broken(name, what, error) from None
+
+
+def how_to_get(extra: str) -> str:
+    """The command that brings the libraries of an extra to the Python that runs this: in a clone pip is another's."""
+    installed = f"pip install 'canarm[{extra}]'"
+    return f"make extra EXTRA={extra} (in this clone; elsewhere {installed})" if _CLONE_SCRIPT.is_file() else installed
 
 
 def data_frame(columns: dict[str, Any], library: object) -> Any:

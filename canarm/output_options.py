@@ -6,7 +6,17 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import Flag, at_least_one, whole_number
+from .options import Flag
+
+LEAST_MB = 0.1
+"""Of a second of konkuk1 a log has 0.1 MB: smaller parts would be thousands."""
+MOST_MB = 1e6
+
+
+def megabytes(type_: object, value: float | None) -> None:
+    """Refuse a size of a part that is too small, or none."""
+    if value is not None and not LEAST_MB <= value <= MOST_MB:
+        raise ValueError(f"must be a number of megabytes from {LEAST_MB:g} to {MOST_MB:g}.")
 
 
 @Parameter(name="*")
@@ -26,11 +36,10 @@ class OutputOptions:
         ),
     ] = None
     rotate: Annotated[
-        int | None,
+        float | None,
         Parameter(
             metavar="MB",
-            converter=whole_number,
-            validator=at_least_one,
-            help="Go on in a new file when a log of frames or signals has so many megabytes.",
+            validator=megabytes,
+            help="Go on in a new file when a log of frames or signals has so many megabytes, at least 0.1.",
         ),
     ] = None

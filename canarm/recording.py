@@ -62,7 +62,7 @@ class Recording:
 
 
 def parse_recording(
-    record: str | None, rotate_mb: int | None, out: Path | None, tell: Callable[[str], None], with_frames: bool = True
+    record: str | None, rotate_mb: float | None, out: Path | None, tell: Callable[[str], None], with_frames: bool = True
 ) -> Recording:
     """The recording of `--record FORMAT,…` and `--rotate MB`; the libraries are there. Raises `UsageError`."""
     if (record is not None or rotate_mb is not None) and out is None:
@@ -82,7 +82,7 @@ def parse_recording(
         from canarm_protocol.runs.packing import Packer
 
         packer = Packer(tell)
-    return Recording(formats, None if rotate_mb is None else rotate_mb * MEGABYTE, packer)
+    return Recording(formats, None if rotate_mb is None else round(rotate_mb * MEGABYTE), packer)
 
 
 def recording_failure(folder: Path, write: Callable[[], None]) -> str | None:

@@ -46,9 +46,14 @@ class Summary:
     object: Mapping[str, Any] | None = None
     """Forces of two hands on the object that they carry, N, and which have lost it; None if the cell has none."""
 
+    broke_off: bool = False
+    """Whether its recording broke off, as on a full disk: the record is not whole."""
+
     def as_json(self) -> dict[str, Any]:
-        """A JSON object, with numbers rounded to significant digits."""
+        """A JSON object, with numbers rounded to significant digits; `broke_off` is in it where it is true."""
         plain = {key: _rounded(value) for key, value in asdict(self).items()}
+        if not self.broke_off:
+            del plain["broke_off"]
         if self.object is None:
             del plain["object"]
         return plain
@@ -107,7 +112,12 @@ class Summary:
         if len(self.detections) > MOST_DETECTIONS:
             lines.append(f"and {len(self.detections) - MOST_DETECTIONS} detections more")
         if self.out:
-            lines.append(f"recorded in {printable(self.out)}")
+            how = (
+                "recorded in part: the recording broke off; what there is stands in"
+                if self.broke_off
+                else "recorded in"
+            )
+            lines.append(f"{how} {printable(self.out)}")
         return "\n".join(lines)
 
 

@@ -6,6 +6,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -150,6 +151,8 @@ def controller(
     summary = _summary(nominal, control, clock, built, result, None if out is None else out.given)
     is_recorded = out is None or _end_recording(out, follower.recorder, summary, result)
     recording.close()
+    if not is_recorded:
+        summary = replace(summary, broke_off=True)
     if result.ticks and not output.json:
         say(summary.as_text())
     elif result.reason:

@@ -121,8 +121,19 @@ def prune(
             said, failed = error.strerror or "cannot be read", True
         if said:
             print(f"left {printable(str(each.path))}: {said}")
+    if not chosen:
+        print(f"nothing to remove: {_why_none(base, keep, older_than)}")
+        return ExitStatus.DONE
     print(f"{removed} runs, {size_text(freed)}{'' if yes or not removed else '; --yes removes them'}")
     return ExitStatus.FAILED if failed else ExitStatus.DONE
+
+
+def _why_none(base: Path, keep: int | None, older_than: int | None) -> str:
+    there = len(runs_below(base))
+    kept = "" if keep is None else f", and the newest {keep} are kept"
+    of = "none of the others" if kept else "none"
+    older = "" if older_than is None else f", and {of} was written more than {older_than} days ago"
+    return f"{there} run{'s' * (there != 1)} below {printable(str(base))}{kept}{older}"
 
 
 def _pruned(each: Listed) -> str:

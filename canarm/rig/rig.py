@@ -6,6 +6,7 @@ The same two objects as in `canarm emulator` and `canarm controller`, joined by 
 import warnings
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -232,9 +233,12 @@ class Rig(Branching, Carrying, AnyRig):
             recorders, self._recorders = self._recorders, None
             for recorder in recorders:
                 recorder.close()
+            if any(recorder.failure for recorder in recorders):
+                summary = replace(summary, broke_off=True)
             write = partial(update_run_file, self._folder, SUMMARY, summary.as_json())
             if failure := recording_failure(self._folder, write):
                 self._warn_unwritten(failure)
+                summary = replace(summary, broke_off=True)
         return summary
 
     def summary(self) -> Summary:

@@ -8,10 +8,11 @@ import contextlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from typing import Any
 
-from canarm_protocol.cell.cell_messages import nearest
+from canarm_protocol.cell.cell_messages import meant, nearest
 from canarm_protocol.cell.settings import setting_keys
 from canarm_protocol.shown import printable
 
@@ -27,6 +28,7 @@ from .running import OnProgress, Runner
 PER_GAIN = 4
 """Sets of gains in a generation, for each gain that is looked for."""
 LEAST_GENERATION = 8
+NEAREST = 4
 TOLERANCE = 1e-3
 """The search is over where the sets of a generation agree to that share."""
 
@@ -76,7 +78,7 @@ def gains_of(study: Study, patterns: Sequence[str], objective: Objective) -> tup
     for pattern in patterns:
         keys = [key for key in numbers if fnmatchcase(key, pattern) and (key == pattern or not _of_a_joint(key, cell))]
         if not keys:
-            hint = nearest(pattern, list(numbers))
+            hint = _hint(pattern, [key for key in numbers if not _of_a_joint(key, cell)])
             raise UsageError(
                 f"--tune {printable(pattern)}: fits no gain above 0; see `canarm check --keys`, control.*{hint}"
             )
@@ -182,6 +184,12 @@ class _Search:
             settings = Settings(**(changed | {"settings": tuple(pairs.items())}))
             varied = {**self._study[number], **{SET + key: value for key, value in gains.items()}}
             yield Task(place * size + number, settings, tuple(varied.items()))
+
+
+def _hint(pattern: str, keys: Sequence[str]) -> str:
+    """What was probably meant, or the few keys that look most like it."""
+    near = get_close_matches(pattern, keys, n=NEAREST, cutoff=0.0)
+    return nearest(pattern, keys) if meant(pattern, keys) else f"; the nearest are {', '.join(near)}"
 
 
 def _gain(key: str, usual: float, objective: Objective) -> Gain:
