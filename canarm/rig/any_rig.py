@@ -3,6 +3,7 @@
 How a run is carried out is not known here.
 """
 
+import warnings
 from abc import abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,8 +19,10 @@ from canarm_protocol.runs.tentative import Tentative
 from canarm_protocol.shown import printable
 
 from ..libraries import data_frame
+from ..notebook import display
 from ..session import DEFAULT_CELL, DEFAULT_LAW
 from .arguments import (
+    RigWarning,
     Unused,
     as_text,
     checked_feedforward,
@@ -139,6 +142,20 @@ class AnyRig(FaultControl):
         Around faults and detections if there are any, else the whole run.
         """
         return plot_run(title or repr(self).strip("<>"), self.joints, self.begun, self.noticed)
+
+    def _warn_unwritten(self, text: str) -> None:
+        warnings.warn(text if self._out is None else self._out.said(text), RigWarning, 2)
+
+    def _repr_html_(self) -> str:
+        """A small display for notebooks: what it is, the figures of the joints so far, and its figure."""
+        joints = {name: joint.known_figures() for name, joint in self.joints.items()}
+        events = sorted(
+            [(each.time_s, f"fault: {each.text}") for each in self.begun]
+            + [(each.time_s, f"detected: {each.text}") for each in self.noticed]
+        )
+        reason = getattr(self, "reason", None)  # a property of one rig, an attribute of the other
+        lines = [*([str(reason)] if reason else []), *(text for _, text in events)]
+        return display(repr(self).strip("<>"), lines, joints, self.plot())
 
     def __repr__(self) -> str:
         what = f"{self.cell.name}, {law_name(self._law)} on {trajectory_name(self._trajectory)}, seed {self._seed}"

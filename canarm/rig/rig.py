@@ -233,8 +233,7 @@ class Rig(Branching, Carrying, AnyRig):
             recorders, self._recorders = self._recorders, None
             for recorder in recorders:
                 recorder.close()
-            if any(recorder.failure for recorder in recorders):
-                summary = replace(summary, broke_off=True)
+            summary = replace(summary, broke_off=any(recorder.failure for recorder in recorders))
             write = partial(update_run_file, self._folder, SUMMARY, summary.as_json())
             if failure := recording_failure(self._folder, write):
                 self._warn_unwritten(failure)
@@ -386,9 +385,6 @@ class Rig(Branching, Carrying, AnyRig):
         recorders, self._recorders = self._recorders, None
         for recorder in recorders or ():
             recorder.close()
-
-    def _warn_unwritten(self, text: str) -> None:
-        warnings.warn(text if self._out is None else self._out.said(text), RigWarning, 2)
 
     def _record(self, folder: Path) -> None:
         self._folder = create_run_folder(folder, made=self._made)

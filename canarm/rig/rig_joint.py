@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from canarm_controller.bus.assessment import JointFigures
 from canarm_protocol.cell.bench_objects import SETTLING_CYCLES
 from canarm_protocol.cell.cell_messages import near_and_all
-from canarm_protocol.shown import quoted
+from canarm_protocol.shown import printable, quoted
 
 from ..usage import UsageError, check_number
 from .findings import HALF_NS, Finding
@@ -155,6 +155,19 @@ class RigJoint:
         __tracebackhide__ = True
         why = "the reference has not moved at constant speed for long enough (trajectory='trapezoid' does)"
         return self._figure("speed_ripple", self._source.figures(self._index).speed_ripple, why)
+
+    def known_figures(self) -> dict[str, float | None]:
+        """The figures so far by the names that a summary gives them; None where one is not known yet."""
+        found = self._source.figures(self._index)
+        return {name: getattr(found, name) for name in ("rms_lsb", "max_lsb", "peak_current_a", "saturated_cycles")}
+
+    def __repr__(self) -> str:
+        known = self.known_figures()
+        rms, most = known["rms_lsb"], known["max_lsb"]
+        error = "no error counts yet" if rms is None or most is None else f"error {rms:.3g} LSB RMS, {most:.3g} at most"
+        cycles = len(self._source.column(self._index, "time_s"))
+        name, peak = printable(self.name, 60), f"peak current {self.peak_current_a:.3g} A"
+        return f"<joint {name}: {cycles} cycles kept, {error}, {peak}>"
 
     def _figure(self, name: str, value: float | None, why: str) -> float:
         __tracebackhide__ = True

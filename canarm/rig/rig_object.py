@@ -6,6 +6,7 @@ import numpy as np
 
 from canarm_emulator.robot.carried import ObjectState
 from canarm_protocol.cell.model import Carried, Cell
+from canarm_protocol.shown import printable
 
 from ..usage import UsageError
 from .rig_joint import Floats, Joints
@@ -26,6 +27,13 @@ class RigObject:
         before = self._kept[-1][1].lost if self._kept else ()
         self._kept.append((time_s, state))
         return tuple(hand for hand in state.lost if hand not in before)
+
+    def __repr__(self) -> str:
+        if not self._kept:
+            return "<carried object: not known before the first cycle>"
+        lost = f"lost by {', '.join(self.state.lost)}" if self.state.lost else "held by both hands"
+        place = ", ".join(f"{each:.3f}" for each in self.state.position_m)
+        return printable(f"<carried object: {len(self._kept)} cycles kept, {lost}, master's grip at {place} m>")
 
     @property
     def state(self) -> ObjectState:

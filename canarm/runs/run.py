@@ -3,7 +3,6 @@
 Nothing is written here, and nothing that a folder names is loaded or run.
 """
 
-import html
 import math
 import re
 from collections.abc import Mapping
@@ -37,6 +36,7 @@ from canarm_protocol.runs.run_folder import (
 from canarm_protocol.shown import printable, printable_lines, quoted
 
 from ..libraries import check_library, data_frame
+from ..notebook import display
 from ..recording import FAILED_RECORDING
 from ..rig.findings import Noticed, begun_of
 from ..rig.recorded import DETECTION, RecordedHistory, fault_events, noticed, recorded_joints
@@ -236,7 +236,18 @@ class Run:
         return f"<Run {printable(str(self.path))}: {self.headline}>"
 
     def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(repr(self))}</pre>"
+        """A small display for notebooks: how it ended, its figures, and its figure where the signals are whole."""
+        try:
+            picture = self.plot() if self.columns else None
+        except (CanarmError, ArithmeticError, LookupError, ValueError):
+            picture = None
+        joints = self.summary.get("joints")
+        known = joints.items() if isinstance(joints, Mapping) else ()
+        figures = {str(name): each for name, each in known if isinstance(each, Mapping)}
+        seen = [f"detected: {each.text}" for each in self.detections]
+        begun = [f"fault: {each.text}" for each in begun_of(self.faults)]
+        missing = [f"cannot be read: {each}" for each in self.complaints]
+        return display(f"Run {self.path}: {self.headline}", [*begun, *seen, *missing], figures, picture)
 
     def _section(self, name: str) -> dict[str, Any]:
         found = self.configuration.get(name)
