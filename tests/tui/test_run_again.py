@@ -5,7 +5,10 @@ import contextlib
 import pytest
 
 from canarm_protocol.errors import BusError
+from canarm_protocol.faults.detection_events import DetectionEvent
 from canarm_tui import DashboardApp
+from canarm_tui.events_view import EventsPane
+from canarm_tui.faults import Faults
 from canarm_tui.outcome import Outcome
 from canarm_tui.run_again import AgainScreen, NextRun
 from tests.tui.screens import screen_lines
@@ -112,6 +115,41 @@ async def test_while_another_run_is_being_started_nothing_is_lost(cell, clock, r
         jobs.pop()()
         await press()
         assert not app.is_starting
+
+
+def seen(app):
+    return [" ".join(word.text for word in line) for line in app.query_one(EventsPane).lines]
+
+
+async def test_events_of_earlier_runs_stay_run_by_run_with_their_detections(cell, clock, runs, port, wire):
+    """Cycles and bus times begin anew with each run: neither may decide which stands first."""
+    ports = [port, type(port)(), type(port)()]
+    async with over(cell, clock, runs, ports, (120, 30)) as (app, press):
+        for number, cycle in ((1, 900), (2, 500)):
+            ports[number - 1].arriving = wire.telemetry(cycle) + wire.report(cycle, 0, 2)
+            await press("2")
+            found = DetectionEvent(cycle + 2, "encoder-lost", "joint2", "no pulses", "substitute", 1_000_000_000)
+            app.desk.faults = Faults(detections=(found,))
+            clock.advance(1.0)
+            await press()
+            runs.start(LAST)
+            await press()
+            clock.advance(1.0)
+            await press()
+        ports[2].arriving = wire.telemetry(700) + wire.report(700, 0, 2)
+        await press()
+        clock.advance(1.0)
+        await press()
+        assert seen(app) == [
+            "1.750 s (cycle 700) ▸ controller running",
+            "run-2: 1.255 s (cycle 502) ◆ detected: encoder-lost at joint2 substitute no pulses",
+            "run-2: 1.250 s (cycle 500) ▸ controller running",
+            "run-1: 2.255 s (cycle 902) ◆ detected: encoder-lost at joint2 substitute no pulses",
+            "run-1: 2.250 s (cycle 900) ▸ controller running",
+        ]
+        await press("down", "down", "enter")
+        assert app.view.name == "events"
+        assert any("run-2 is over, and its traces are not kept here" in line for line in screen_lines(app))
 
 
 async def test_another_law_and_seed_are_typed_into_a_form(cell, clock, runs, port):

@@ -33,7 +33,6 @@ from .fault_screens import Chosen, ClearScreen
 from .fault_texts import answer_word, panel_lines
 from .faults import Faults
 from .feed import Feed
-from .gathered import Gathered
 from .header import header_words
 from .help import HelpScreen
 from .inject_screen import InjectScreen
@@ -64,6 +63,7 @@ ANSWER_NS = 6_000_000_000
 """How long the bench's answer to a request stays below the header."""
 FIRST = VIEWS[0]
 NO_RUN = "the run is over: nobody would detect a fault; r runs again"
+EARLIER = "{} is over, and its traces are not kept here: canarm tui plays its folder"
 AT_REST = "no run goes on: what acts at once acts on a robot at rest, until a controller comes"
 
 
@@ -146,7 +146,7 @@ class DashboardApp(RunControls):
         self._asked_law: tuple[object, ...] = ()
         self._answer: texts.Word | None = None
         self._answer_until_ns = 0
-        self._gathered, self._news = Gathered(), News(IDLE_NS)
+        self._news = News(IDLE_NS)
         self._words_ns = 0
         self._words: tuple[object, ...] = ()
 
@@ -192,6 +192,7 @@ class DashboardApp(RunControls):
     def drain(self) -> None:
         """Take what has arrived on the bus."""
         now_ns = self._clock_ns()
+        self.follow_run()
         frames = self.link.poll(now_ns)
         if self.link.connections != self._connections:
             self._connections = self.link.connections
@@ -207,7 +208,6 @@ class DashboardApp(RunControls):
         self.desk.poll(self.feed.faults, now_ns)
         self.drain_sources()
         self.take_answers()
-        self.follow_run()
         if self._outcome_of is None and isinstance(self.feed, Feed):
             self.outcome = self._ended.of(self.feed, self.link, self._gathered.of_bench, now_ns)
         elif self._outcome_of is not None and (self.outcome is None or self.player is not None):
@@ -307,6 +307,9 @@ class DashboardApp(RunControls):
 
     def on_events_pane_jump(self, event: EventsPane.Jump) -> None:
         """Show the traces at the moment of an event."""
+        if event.is_earlier:
+            self.tell(Refusal(EARLIER.format(event.which)))
+            return
         self.action_pane("joints")
         if not self.screen_stack[0].query_one(JointsPane).jump(event.cycle):
             which = f"cycle {event.cycle} is" if event.cycle >= 0 else "what was before cycle 0 of this run is"

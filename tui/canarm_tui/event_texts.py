@@ -26,7 +26,7 @@ def event_line(each: Happening, cycle_s: float) -> Line:
     """When, what, and of a detection how long after the last fault, and what the controller did."""
     event = each.event
     sign, tone = sign_of(event)
-    at = Word(when(event, cycle_s, each.is_earlier), Tone.DIM)
+    at = Word(when(event, cycle_s, each.is_earlier, each.run), Tone.DIM)
     if isinstance(event, Notice):
         times = f"  {event.times} times" if event.times > 1 and event.kind is not Kind.LATE else ""
         number = f"{event.times} " if event.kind is Kind.LATE else ""
@@ -91,10 +91,11 @@ def stopped_by(happened: Iterable[Happening], cycle_s: float) -> str:
     return ""
 
 
-def when(event: Event, cycle_s: float, is_earlier: bool = False) -> str:
-    """Seconds from cycle 0 of the present run, and the cycle; of what was before, that it was."""
+def when(event: Event, cycle_s: float, is_earlier: bool = False, run: int = 0) -> str:
+    """Seconds from cycle 0 of its run, and the cycle; of what was before the present run, in which `run` it was."""
+    which = f"run-{run}: " if run else ""
     if event.cycle < 0:
-        return "before cycle 0"
-    if is_earlier:
+        return f"{which}before cycle 0"
+    if is_earlier and not run:
         return f"earlier run (cycle {event.cycle})"
-    return f"{event.cycle * cycle_s:.3f} s (cycle {event.cycle})"
+    return f"{which}{event.cycle * cycle_s:.3f} s (cycle {event.cycle})"

@@ -17,12 +17,14 @@ MOMENT_CYCLES = 400
 
 class Happening(NamedTuple):
     """An event of the bench. Of a detection, `answers` is what began last before it in the same run, a fault or the
-    emergency stop, and acts or has just ended. `is_earlier` if it belongs to a run before the present one.
+    emergency stop, and acts or has just ended. `is_earlier` if it belongs to a run before the present one; `run` is
+    its number then, 0 if that is not known.
     """
 
     event: Event
     answers: FaultEvent | StopEvent | None = None
     is_earlier: bool = False
+    run: int = 0
 
 
 def happenings(faults: Faults, noticed: Iterable[Notice] = ()) -> tuple[Happening, ...]:

@@ -28,9 +28,10 @@ class EventsPane(Pane):
     class Jump(Message):
         """The reader wants to see the traces at a cycle."""
 
-        def __init__(self, cycle: int) -> None:
+        def __init__(self, chosen: Happening) -> None:
             super().__init__()
-            self.cycle = cycle
+            self.cycle, self.is_earlier = chosen.event.cycle, chosen.is_earlier
+            self.which = f"run-{chosen.run}" if chosen.run else "that run"
 
     DEFAULT_CSS = """
     EventsPane Input { display: none; }
@@ -80,8 +81,7 @@ class EventsPane(Pane):
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         """Enter or a click: the traces at that moment."""
         if self._fitting:
-            chosen = self._fitting[event.option_index]
-            self.post_message(self.Jump(-1 if chosen.is_earlier else chosen.event.cycle))
+            self.post_message(self.Jump(self._fitting[event.option_index]))
 
     def action_filter(self) -> None:
         """Type words."""
@@ -131,8 +131,8 @@ VIEW: View[Context] = View(
     help="""\
 All that the bench remembers, newest first; ↑ ↓ choose, enter shows the traces at that moment.
 /  filter by words, such as joint2 detected     escape  all of them again
-Times count from cycle 0 of the present run. Of a detection: how long after the last fault, or emergency stop,
-that acts or has just ended, and what the controller did.
+Times count from cycle 0 of the run; what was before the present one says of which it is. Of a detection: how
+long after the last fault, or emergency stop, that acts or has just ended, and what the controller did.
 ▲ ○  fault begins, ends     ◆  detected     ■ □  emergency stop on, off     ▸  state of the controller
 !  EMCY     »  NMT command     •  state of a node     ×  cycles missed or late
 EMCY, NMT and nodes are heard on the robot's bus: from the beginning, on a busy one from when a view first looks.""",

@@ -90,6 +90,11 @@ class ControllerNotices(Notices):
         super().__init__()
         self._last: tuple[int, int, int] | None = None
 
+    def clear(self) -> None:
+        """Begin anew: whatever is reported next is news."""
+        super().clear()
+        self._last = None
+
     def take(self, tick: int, late: int, state: int, time_ns: int) -> None:
         """It has reported. A tick that goes back is another run's."""
         before, self._last = self._last, (tick, late, state)

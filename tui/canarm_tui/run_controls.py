@@ -15,6 +15,7 @@ from canarm_protocol.errors import CanarmError
 from .fault_desk import FaultDesk, Refusal
 from .fault_screens import LeaveScreen, ResetScreen, StopScreen
 from .feed import Feed
+from .gathered import Gathered
 from .link import InBackground, Link
 from .outcome import Outcome, OutcomeScreen, with_cause
 from .player import NoLink, Player
@@ -59,6 +60,7 @@ class RunControls(ReplayControls):
         super().__init__()
         self._again, self._in_background = again, in_background
         self._answers: deque[Callable[[], None]] = deque()
+        self._gathered = Gathered()
         self._run = 1 if again is None else again.number
 
     def take_answers(self) -> None:
@@ -70,6 +72,8 @@ class RunControls(ReplayControls):
         """Another run has begun, from here or from another page: it is shown from its own buses."""
         if self._again is None or self._again.number == self._run:
             return
+        self._gathered.end_run(self._run, self.desk.faults, self.context.notices)
+        self.desk.reconnected()
         self._run, self.outcome = self._again.number, None
         for link in (self.link, self.context.bus.link):
             link.reopen()
