@@ -1,11 +1,13 @@
 """The view of the wire: load, errors, lost frames, error counters of the cards, clients, as the bench says."""
 
+from collections import deque
 from collections.abc import Sequence
 
 from textual.app import ComposeResult
 from textual.content import Content
 from textual.widgets import Static
 
+from canarm_protocol.cell.model import Cell
 from canarm_protocol.faults.wire_figures import WireFigures
 from canarm_protocol.shown import printable
 
@@ -13,10 +15,12 @@ from .fault_desk import FaultDesk, Refusal
 from .styles import STYLES
 from .texts import ABSENT, Tone, Word
 from .views import Context, Pane, Scene, View
+from .wire_room import LEAST_ROWS, MOST_ROWS, fitted, load_lines, traffic_lines
 
 ASK_NS = 1_000_000_000
 """The bench is asked so often while the view is looked at, and never else."""
 RETRY_NS = 5_000_000_000
+MOST_LOADS = 600
 BUSY = 0.8
 STATES = {
     0: Word("● error-active", Tone.GOOD),
@@ -69,8 +73,10 @@ class WirePane(Pane):
 
     DEFAULT_CSS = "WirePane { padding: 0 1; } WirePane Static { height: auto; }"
 
-    def __init__(self, desk: FaultDesk | None) -> None:
+    def __init__(self, cell: Cell, desk: FaultDesk | None) -> None:
         super().__init__()
+        self._traffic = traffic_lines(cell)
+        self._loads: deque[float] = deque(maxlen=MOST_LOADS)
         self._desk = desk
         self._is_asking = False
         self._due_ns = 0
@@ -90,8 +96,17 @@ class WirePane(Pane):
         ):
             self._is_asking, self._due_ns = True, scene.now_ns + ASK_NS
             self._desk.load_wire(lambda answer: self._take(answer, scene.now_ns))
-        parts = (Content("").join(Content.styled(word.text, STYLES[word.tone]) for word in line) for line in self.lines)
+        lines = self._filled(self.size.width - 2, self.size.height)
+        parts = (Content("").join(Content.styled(word.text, STYLES[word.tone]) for word in line) for line in lines)
         self.query_one(Static).update(Content("\n").join(parts))
+
+    def _filled(self, width: int, rows: int) -> list[Line]:
+        """The figures, and what else there is room for."""
+        shown = fitted(self.lines, [self._traffic], rows)
+        room = min(rows - len(shown) - 2, MOST_ROWS)
+        if self._loads and room >= LEAST_ROWS and width > 0:
+            shown = fitted(shown, [load_lines(self._loads, width, room)], rows)
+        return shown
 
     def _take(self, answer: WireFigures | Refusal, asked_ns: int) -> None:
         self._is_asking = False
@@ -99,6 +114,8 @@ class WirePane(Pane):
             self.lines, self._due_ns = [[Word(printable(answer.reason), Tone.BAD)]], asked_ns + RETRY_NS
         else:
             self.lines = wire_lines(answer)
+            if answer.load is not None:
+                self._loads.append(answer.load)
 
 
 VIEW: View[Context] = View(
@@ -106,9 +123,10 @@ VIEW: View[Context] = View(
     title="Wire",
     key="6",
     what="Load, errors and clients of the buses, as the bench says",
-    make=lambda context: WirePane(context.desk),
+    make=lambda context: WirePane(context.cell, context.desk),
     help="""\
 What the bench works out of the robot's bus with its wire model (--wire): load with stuff bits, the slowest frame, error
 frames, frames lost in bus-off; each card's transmit and receive error counters and its state. Below, who is attached.
+Where there is room: the worst cases of the cell's cyclic frames by analysis, as canarm check has them, and past loads.
 The bench is asked once a second while this is looked at.""",
 )
