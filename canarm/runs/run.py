@@ -236,7 +236,9 @@ class Run:
         return f"<Run {printable(str(self.path))}: {self.headline}>"
 
     def _repr_html_(self) -> str:
-        """A small display for notebooks: how it ended, its figures, and its figure where the signals are whole."""
+        """A small display for notebooks: the verdict of a report, figures, and the plot where the signals are whole."""
+        from .report.story import verdict
+
         try:
             picture = self.plot() if self.columns else None
         except (CanarmError, ArithmeticError, LookupError, ValueError):
@@ -244,10 +246,7 @@ class Run:
         joints = self.summary.get("joints")
         known = joints.items() if isinstance(joints, Mapping) else ()
         figures = {str(name): each for name, each in known if isinstance(each, Mapping)}
-        seen = [f"detected: {each.text}" for each in self.detections]
-        begun = [f"fault: {each.text}" for each in begun_of(self.faults)]
-        missing = [f"cannot be read: {each}" for each in self.complaints]
-        return display(f"Run {self.path}: {self.headline}", [*begun, *seen, *missing], figures, picture)
+        return display(f"Run {self.path}: {self.headline}", verdict(self)[1], figures, picture)
 
     def _section(self, name: str) -> dict[str, Any]:
         found = self.configuration.get(name)

@@ -4,12 +4,14 @@ import base64
 import json
 import re
 import shutil
+from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 
 from canarm import Rig, open_run
+from canarm.runs.report.story import verdict
 
 MARKUP = "<script>alert(1)</script>\x1b[2J"
 
@@ -76,7 +78,9 @@ def test_a_run_in_a_notebook_shows_its_end_figures_faults_and_its_figure(recorde
     assert "done, 200 cycles" in shown or "failed, " in shown
     assert f"<td>{run.summary['joints']['joint2']['peak_current_a']:.4g}</td>" in shown
     assert picture_in(shown) == run.plot()
-    assert "fault: joint2.tachometer stuck at 0.2000 s" in shown
+    lines = verdict(run)[1]
+    assert any("joint2.tachometer stuck began at 0.2000 s" in line for line in lines)
+    assert all(f"<div>{escape(line)}</div>" in shown for line in lines)
 
 
 def test_a_hostile_run_writes_nothing_but_text_into_a_notebook(recorded: Path, tmp_path: Path) -> None:
