@@ -118,7 +118,9 @@ def test_the_summary_is_printed_also_where_it_cannot_be_recorded(canarm, trouble
     assert said in demo.complaint
 
 
-@pytest.mark.parametrize(("number", "seconds"), [(signal.SIGINT, "1e9"), (signal.SIGTERM, "3600")])
+@pytest.mark.parametrize(
+    ("number", "seconds"), [(signal.SIGINT, "1e9"), pytest.param(signal.SIGTERM, "3600", marks=pytest.mark.slow)]
+)
 def test_ctrl_c_is_a_safe_stop_with_a_summary_however_far_the_end_is(canarm, run_folder, number, seconds):
     demo = canarm("demo", "--clock", "sync", "--no-tui", "--json", "--seconds", seconds, "--out", "run")
     demo.wait_for(f"1 of {float(seconds):g}".removesuffix("+09"))
@@ -139,6 +141,7 @@ def test_ctrl_c_before_the_run_ends_the_emulator_too(canarm):
     assert demo.complaint
 
 
+@pytest.mark.slow
 def test_children_of_a_demo_that_was_killed_end_by_themselves(canarm, run_folder, until):
     demo = canarm("demo", "--clock", "sync", "--no-tui", "--seconds", "3600", "--out", "run")
     demo.wait_for("1 of 3600 s")

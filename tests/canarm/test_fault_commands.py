@@ -232,6 +232,7 @@ def test_a_name_that_is_no_text_is_told(emulator, bench_port, capsys):
         client.inject('clear = "\ud800"')
 
 
+@pytest.mark.slow
 def test_two_processes_at_once_each_have_a_channel_and_do_not_disturb_each_other(canarm, emulator):
     processes, pipes = [], []
     for name in ("one", "two"):

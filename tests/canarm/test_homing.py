@@ -46,7 +46,7 @@ def test_encoders_on_the_joints_are_homed_with_any_law(law: str, seed: int) -> N
         assert off_counts(rig, slice(begins, None)).max() < 0.6
 
 
-@pytest.mark.parametrize("seed", [7, pytest.param(8, marks=pytest.mark.slow), pytest.param(9, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [pytest.param(seed, marks=pytest.mark.slow) for seed in (7, 8, 9)])
 def test_two_robots_are_homed_with_the_object_in_their_hands(seed: int) -> None:
     """Parked up to 0.28 degrees off, 2.4 counts of a shoulder, which is up to 2.5 mm at a tip."""
     with Rig("rhino-pair", truth=parked(PAIR, seed, 0.28)) as rig:

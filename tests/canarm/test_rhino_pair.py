@@ -165,7 +165,10 @@ def test_with_everything_wrong_at_once_the_object_is_carried_as_well(law: str, s
 
 @pytest.mark.parametrize(
     ("tap", "fault"),
-    [("master_waist.encoder", "drift"), pytest.param("slave_pitch.encoder", "dropout", marks=pytest.mark.slow)],
+    [
+        pytest.param("master_waist.encoder", "drift", marks=pytest.mark.slow),
+        pytest.param("slave_pitch.encoder", "dropout", marks=pytest.mark.slow),
+    ],
 )
 def test_an_encoder_that_lies_beyond_all_reason_ends_in_a_stop_and_in_finite_speeds(tap: str, fault: str) -> None:
     """Centrifugal forces of speeds that nothing can have would make more of them, cycle after cycle."""

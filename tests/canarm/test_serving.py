@@ -55,7 +55,7 @@ def test_an_adapter_that_is_open_to_the_network_is_announced(canarm):
     emulator.wait_for(r"0\.0\.0\.0:\d+ \(slcan\) is open to other machines: whoever reaches it can drive the robot")
 
 
-@pytest.mark.parametrize("command", ["emulator", "controller", "demo"])
+@pytest.mark.parametrize("command", ["emulator", "controller", pytest.param("demo", marks=pytest.mark.slow)])
 def test_a_cell_whose_traffic_does_not_fit_is_warned_of_once_and_runs(canarm, command):
     cell = canarm.write_cell("slow.toml", SLOW)
     arguments = {

@@ -166,6 +166,7 @@ value = 5.0
 """
 
 
+@pytest.mark.slow
 def test_the_dashboard_of_a_demo_stays_with_the_verdict_and_runs_again_until_it_is_left(
     canarm, run_folder, open_terminal
 ) -> None:

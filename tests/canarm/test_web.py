@@ -185,6 +185,7 @@ def test_a_dashboard_ends_when_its_server_hangs_up() -> None:
             dashboard.kill()
 
 
+@pytest.mark.slow
 def test_what_no_page_sends_is_told_in_a_line_and_no_size_is_too_large(canarm: Commands) -> None:
     """Without limit, one page of 100000 columns and rows would take all memory."""
     server = canarm("tui", "--web", "--web-port", "0", "--connect", "127.0.0.1:9")
@@ -226,6 +227,7 @@ def test_a_size_of_a_page_is_a_number_of_columns_and_rows() -> None:
             sane_size(*wrong)
 
 
+@pytest.mark.slow
 def test_a_page_that_is_opened_after_a_demo_shows_how_it_has_ended(canarm: Commands) -> None:
     demo = canarm("demo", "--web", "--web-port", "0", "--seconds", "0.5", "--pace", "max", "--out", "recorded-here")
     address = demo.wait_for(r"the dashboard is at (http://\S+);")[1]

@@ -170,6 +170,7 @@ async def test_without_a_run_the_dialog_says_that_the_robot_is_at_rest(app, loop
         assert "no run goes on" in said(app)
 
 
+@pytest.mark.slow
 async def test_after_a_run_of_a_demo_nothing_is_injected(cell, loop, clock):
     class Runs:
         number, ends_here, folder = 1, True, "run"
@@ -195,6 +196,7 @@ async def test_after_a_run_of_a_demo_nothing_is_injected(cell, loop, clock):
         assert "nobody would detect a fault; r runs again" in line(app, "notice")
 
 
+@pytest.mark.slow
 async def test_escape_goes_back_step_by_step(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         await to_the_form(pilot)
@@ -373,6 +375,7 @@ async def test_capital_r_switches_the_robot_off_and_on_again_and_asks_first(app,
         assert "R  reset" in screen_text(app)
 
 
+@pytest.mark.slow
 async def test_the_dialog_fits_a_small_terminal_and_the_largest_form(app, loop, clock):
     async with running(app, loop, clock) as pilot:
         await pilot.keys("f")
