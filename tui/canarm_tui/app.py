@@ -54,7 +54,7 @@ from .widgets import FaultPanel, WordLine
 
 DRAIN_HZ = 40
 SOURCES_HZ = 50
-REDRAW_HZ = 20
+REDRAW_HZ = 17
 IDLE_NS = 1_000_000_000
 """Without new cycles, ages and counters are drawn this often, so that watching an idle bench is cheap."""
 WORDS_NS = 200_000_000
