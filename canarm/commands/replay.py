@@ -108,25 +108,23 @@ def _send(
         raise RunFolderError(f"{log}: has no frames; is it a candump log?")
     complaints: list[str] = []
     frames = without_errors(log_frames(log, complaints.append))
-    is_lockstep = False
-    if master:
-        decoder = Decoder(_cell(run, cell_name))
-        is_lockstep = any(frame.can_id == Cob.TIME for _, frame in log_frames(log))
+    decoder = Decoder(_cell(run, cell_name)) if master else None
+    if decoder is not None:
         frames = of_master(frames, decoder)
     first = next(frames, None)
     if first is None:
         raise RunFolderError(f"{log}: the master has sent nothing in it")
     frames = itertools.chain([first], frames)
     answers = None
-    if is_lockstep:
-        answers = Answers(log_frames(log), Decoder(_cell(run, cell_name)))
+    if decoder is not None and any(frame.can_id == Cob.TIME for _, frame in log_frames(log)):
+        answers = Answers(log_frames(log), decoder)
         _tell_what_it_needs(run)
     with named.open() as port:
         done = replay_timed(frames, port, speed) if answers is None else replay_lockstep(frames, port, answers)
     for text in complaints:
         _tell(text)
-    if answers is not None:
-        _tell(_compared(answers, Decoder(_cell(run, cell_name))))
+    if answers is not None and decoder is not None:
+        _tell(_compared(answers, decoder))
     late = f"; the last one {done.late_s * 1e3:.0f} ms late" if done.late_s > 0.01 and math.isfinite(speed) else ""
     print(f"{done.frames} frames sent{late}")
     return ExitStatus.DONE

@@ -109,11 +109,12 @@ def prune(
     if keep is None and older_than is None:
         raise UsageError("runs prune: which? give --keep NUMBER, --older-than DAYS, or both")
     limit = None if older_than is None else datetime.now(UTC) - timedelta(days=min(older_than, 1_000_000))
-    chosen = to_prune(runs_below(base), keep, limit)
+    there = runs_below(base)
+    chosen = to_prune(there, keep, limit)
     freed, removed, failed = 0, 0, False
     for each in reversed(chosen):  # later runs of a session before the folder that they are in
         try:
-            said = why_not_removed(each.path)
+            said = why_not_removed(each.run)
             if not said:
                 print(_pruned(each) if yes else f"would remove {printable(str(each.path))}")
                 freed, removed = freed + each.size_bytes, removed + 1
@@ -122,14 +123,13 @@ def prune(
         if said:
             print(f"left {printable(str(each.path))}: {said}")
     if not chosen:
-        print(f"nothing to remove: {_why_none(base, keep, older_than)}")
+        print(f"nothing to remove: {_why_none(base, len(there), keep, older_than)}")
         return ExitStatus.DONE
     print(f"{removed} runs, {size_text(freed)}{'' if yes or not removed else '; --yes removes them'}")
     return ExitStatus.FAILED if failed else ExitStatus.DONE
 
 
-def _why_none(base: Path, keep: int | None, older_than: int | None) -> str:
-    there = len(runs_below(base))
+def _why_none(base: Path, there: int, keep: int | None, older_than: int | None) -> str:
     kept = "" if keep is None else f", and the newest {keep} are kept"
     of = "none of the others" if kept else "none"
     older = "" if older_than is None else f", and {of} was written more than {older_than} days ago"

@@ -4,6 +4,7 @@ Only what a run leaves is ever removed: a folder with anything else in it stays.
 """
 
 import fnmatch
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -12,7 +13,7 @@ from typing import Any
 
 from canarm_protocol.runs.own_file import is_held
 from canarm_protocol.runs.run_events import runs_of
-from canarm_protocol.runs.run_folder import RUN_FILE, SIGNALS_FOLDER, SUMMARY, RunFolderError
+from canarm_protocol.runs.run_folder import LONGEST_PART, RUN_FILE, SIGNALS_FOLDER, SUMMARY, RunFolderError
 from canarm_protocol.shown import printable
 
 from .run import MAKERS, PARTS, Run
@@ -28,20 +29,14 @@ LEFT_BY_RUNS = (
     "report.html",
     "joints.svg",
     "controller-*.txt",
-    *(
-        f"{name}{part}{suffix}"
-        for name, suffixes in {
-            "can0": (".log", ".blf"),
-            "bench": (".log", ".blf"),
-            "signals/robot": (".csv", ".parquet"),
-            "signals/controller": (".csv", ".parquet"),
-        }.items()
-        for suffix in suffixes
-        for part in ("", "-[0-9][0-9][0-9][0-9]")
-    ),
 )
-"""Files of a run folder, as patterns; of a recording that broke off, also drafts of them."""
+IN_PARTS = (
+    "can0.log", "can0.blf", "bench.log", "bench.blf",
+    "signals/robot.csv", "signals/robot.parquet", "signals/controller.csv", "signals/controller.parquet",
+)  # fmt: skip
+"""Files of a run folder, as patterns, and those that may have parts; of a recording that broke off, also drafts."""
 _DRAFTS = (".draft-{}", ".{}.mf4", ".{}.[0-9]*")
+_PART = re.compile(rf"-[0-9]{{4,{LONGEST_PART}}}(?=\.[a-z0-9]+$)")
 DEEPEST = 3
 """Levels of folders below the base in which runs are looked for."""
 
@@ -95,14 +90,13 @@ def to_prune(runs: Sequence[Listed], keep: int | None, older_than: datetime | No
     return [each for each in chosen if older_than is None or each.written < older_than]
 
 
-def why_not_removed(path: Path) -> str:
+def why_not_removed(run: Run) -> str:
     """Why a folder that looks like a run's is left alone: somebody writes to it, or no run of ours did; or nothing.
 
     Raises `OSError`.
     """
-    if is_held(path):
+    if is_held(run.path):
         return "a run goes on in it"
-    run = Run(path)
     is_ours = any(run.configuration.get(name) for name in (SUMMARY, "cell", *MAKERS))
     if not is_ours and not run.robot and not run.controller:
         return f"neither {RUN_FILE} nor signals say that a run has left it"
@@ -150,8 +144,12 @@ def _tree(path: Path) -> Iterable[Path]:
 
 
 def _is_ours(name: str) -> bool:
+    return _fits(name, (*LEFT_BY_RUNS, *IN_PARTS)) or _fits(_PART.sub("", name), IN_PARTS)
+
+
+def _fits(name: str, patterns: Iterable[str]) -> bool:
     folder, _, file = name.rpartition("/")
-    for pattern in LEFT_BY_RUNS:
+    for pattern in patterns:
         of, _, wanted = pattern.rpartition("/")
         if of == folder and any(fnmatch.fnmatchcase(file, each.format(wanted)) for each in ("{}", *_DRAFTS)):
             return True

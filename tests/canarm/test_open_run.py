@@ -343,7 +343,8 @@ def test_what_is_somebodys_own_is_not_pruned(
     for name, text in mine.items():
         (base / name).parent.mkdir(parents=True, exist_ok=True)
         (base / name).write_text(text)
-    (base / "of-a-run" / ".draft-can0.blf").write_bytes(b"")
+    for left in (".draft-can0.blf", "can0-0001.log", "signals/robot-12345.csv", ".draft-can0-0002.blf"):
+        (base / "of-a-run" / left).write_bytes(b"")
     assert canarm(["runs", "prune", str(base), "--keep", "0", "--yes"]) == 0
     said = capsys.readouterr().out
     assert {path.relative_to(base).as_posix() for path in base.rglob("*") if path.is_file()} == set(mine)

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
+from functools import cached_property
 
 from textual.app import ComposeResult
 from textual.content import Content
@@ -75,12 +76,16 @@ class WirePane(Pane):
 
     def __init__(self, cell: Cell, desk: FaultDesk | None) -> None:
         super().__init__()
-        self._traffic = traffic_lines(cell)
+        self._cell = cell
         self._loads: deque[float] = deque(maxlen=MOST_LOADS)
         self._desk = desk
         self._is_asking = False
         self._due_ns = 0
         self.lines: list[Line] = [[Word("asking the bench …", Tone.DIM)]]
+
+    @cached_property
+    def _traffic(self) -> list[Line]:
+        return traffic_lines(self._cell)
 
     def compose(self) -> ComposeResult:
         """One text."""

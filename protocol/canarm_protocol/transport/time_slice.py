@@ -9,8 +9,8 @@ import os
 import platform
 import sys
 
-LEAST_NS, GREATEST_NS = 100_000, 100_000_000
-"""What Linux takes: 0.1 to 100 ms."""
+LEAST_NS = 100_000
+"""The shortest that Linux takes."""
 PROMPT_NS = LEAST_NS
 """Of a loop whose cycles must not be late."""
 PATIENT_NS = 20_000_000
