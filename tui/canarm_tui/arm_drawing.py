@@ -159,12 +159,10 @@ def drawing(
             for below in np.array([[0, 0], [0, 1], [0, 2]]):
                 _line(layers[Layer.OBJECT], begin + below, end + below)
     top = np.full((rows, cells), -1, dtype=np.int8)
-    bits = np.zeros((rows, cells), dtype=np.uint8)
+    packed = pack_dots(layers)
     for layer in Layer:
-        packed = pack_dots(layers[layer])
-        bits |= packed
-        top[packed != 0] = layer
-    return bits, top
+        top[packed[layer] != 0] = layer
+    return np.bitwise_or.reduce(packed, axis=0), top
 
 
 def _hands(cell: Cell, places: Sequence[Floats]) -> tuple[Floats, Floats]:

@@ -67,8 +67,10 @@ def limit_cells(values: NDArray[np.float64], scale: float, rows: int, cells: int
 
 
 def pack_dots(dots: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Braille bits, (height // 4, width // 2), of a picture of `dots` (height, width)."""
-    height, width = dots.shape
-    blocks = dots.reshape(height // DOTS_Y, DOTS_Y, width // DOTS_X, DOTS_X)
-    bits: NDArray[np.uint8] = np.einsum("ryxc,yc->rx", blocks, _DOT_BITS, dtype=np.uint8, casting="unsafe")
+    """Braille bits (…, height // 4, width // 2) of pictures of `dots` (…, height, width)."""
+    numbers = dots.view(np.uint8)
+    *several, height, width = dots.shape
+    bits = np.zeros((*several, height // DOTS_Y, width // DOTS_X), dtype=np.uint8)
+    for (y, x), bit in np.ndenumerate(_DOT_BITS):
+        bits |= numbers[..., y::DOTS_Y, x::DOTS_X] * bit
     return bits
