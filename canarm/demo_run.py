@@ -22,7 +22,6 @@ from canarm_protocol.runs.tentative import Tentative
 from .child import START_S, Child, ended_too_early, offered_port, running
 from .options import BENCH_BUS, ROBOT_BUS, ControlOptions, pace_text, wait_text
 from .recording import BENCH, FAILED_RECORDING, PARQUET, Recording, recording_failure
-from .runs.converting import convert_all
 from .serving import attach_flags
 from .summary import Summary
 
@@ -167,8 +166,12 @@ class DemoRun:
             known |= {"feedforward": plan.feedforward, "clock": plan.clock, "reason": f"interrupted: {self.cause}"}
             return _report(None, _unbegun(plan.cell, plan.control, known), self.folder, as_json, say)
         status = _report(controller, known, self.folder, as_json, say)
-        is_converted = convert_all(self.folder, plan.recording.at_the_end, tell)
-        return status if is_converted else status or ExitStatus.FAILED
+        if plan.recording.at_the_end:
+            from .runs.converting import convert_all  # brings half of canarm
+
+            if not convert_all(self.folder, plan.recording.at_the_end, tell):
+                return status or ExitStatus.FAILED
+        return status
 
     def _begun(self, command: str, arguments: Sequence[str]) -> Child:
         return self._stack.enter_context(running(command, arguments, quiet=self._with_dashboard))

@@ -4,10 +4,6 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from canarm_controller.laws.loading import load_law
-from canarm_controller.reference.trajectory import make_trajectory
-from canarm_controller.run.controller import Controller
-from canarm_controller.run.loop import ControlLoop
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.cell.schedulability import cell_verdict
 from canarm_protocol.cell.wiring import card_nodes, input_slots
@@ -16,6 +12,7 @@ from canarm_protocol.clock import Clock
 from .usage import DEFAULT_CELL, DEFAULT_LAW, UsageError, check_number
 
 if TYPE_CHECKING:
+    from canarm_controller.run.controller import Controller
     from canarm_emulator.faults.fault_bench import FaultBench
 
 __all__ = [
@@ -50,11 +47,16 @@ def make_controller(
     clock: Clock,
     ticks: int | None = None,
     listen_ns: int = 0,
-) -> Controller:
+) -> "Controller":
     """The controller under test; `law` and `trajectory` are what `load_law` and `make_trajectory` take.
 
-    Raises `ControllerError`.
+    Raises `ControllerError`. The laws are loaded only here: an emulator starts without them.
     """
+    from canarm_controller.laws.loading import load_law
+    from canarm_controller.reference.trajectory import make_trajectory
+    from canarm_controller.run.controller import Controller
+    from canarm_controller.run.loop import ControlLoop
+
     nodes = card_nodes(cell)
     slots = input_slots(cell, nodes)
     loop = ControlLoop(cell, slots, load_law(law), make_trajectory(trajectory, cell), feedforward)

@@ -6,21 +6,16 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from canarm_controller.run.controller import Controller
-from canarm_emulator.robot.truth import Truth as TrueRobot
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 
 from ..demo_run import DemoPlan, tell
 from ..demo_runs import DemoRuns
-from ..fault_file import load_faults
 from ..handed_runs import handing_over
-from ..jogging.after_run import port_after_run
-from ..jogging.hand import HandInThread
 from ..options import (
     BENCH_BUS,
     DEFAULT_HOST,
@@ -49,6 +44,9 @@ from ..stdout import keep_stdout
 from ..stopping import cause_of, ignore_hangups
 from ..usage import UsageError, parse_settings
 from ..web import DEFAULT_PORT, Web, WebPort, check_web, serve_web
+
+if TYPE_CHECKING:
+    from canarm_controller.run.controller import Controller
 
 PACE_HELP = (
     "Lockstep: virtual time passes at most X times as fast as the wall clock; max does not wait. "
@@ -100,6 +98,8 @@ def demo(
     say = keep_stdout()
     built = _check(nominal, control, clock, seconds, settings)
     if faults is not None:
+        from ..fault_file import load_faults
+
         load_faults(faults, make_bench(nominal, parse_settings("--truth", settings), Clock[clock.upper()], seed, wire))
     warning = traffic_warning(nominal, cell.cell)
     if warning is not None:
@@ -131,13 +131,16 @@ def _is_terminal() -> bool:
     return all(stream is not None and stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr))
 
 
-def _check(cell: Cell, control: ControlOptions, clock: str, seconds: float, truth: Sequence[str]) -> Controller:
+def _check(cell: Cell, control: ControlOptions, clock: str, seconds: float, truth: Sequence[str]) -> "Controller":
     """Check the command line before any process starts; returns the controller that it describes.
 
     A law's file is run by that, and may change the working folder: it does so again in the process of the controller.
     """
     tick_count(cell, seconds)
-    TrueRobot.from_settings(cell, parse_settings("--truth", truth))
+    if truth:
+        from canarm_emulator.robot.truth import Truth as TrueRobot
+
+        TrueRobot.from_settings(cell, parse_settings("--truth", truth))
     with contextlib.chdir(Path.cwd()):
         return make_controller(cell, control.law, control.motion(cell), control.feedforward, Clock[clock.upper()])
 
@@ -173,6 +176,9 @@ def _watch(runs: DemoRuns) -> None:
     from canarm_tui.errors import BrokenError
     from canarm_tui.outcome import Outcome
     from canarm_tui.run_controls import LEFT
+
+    from ..jogging.after_run import port_after_run
+    from ..jogging.hand import HandInThread
 
     def outcome() -> Outcome | None:
         found = runs.run.outcome()

@@ -57,7 +57,6 @@ from ..options import (
 from ..output_options import OutputOptions
 from ..provenance import provenance
 from ..recording import Recording, parse_recording, recording_failure
-from ..runs.converting import convert_all
 from ..serving import attach_flags, exposure_lines
 from ..session import make_bench, traffic_warning
 from ..stopping import StopRequest, parents_words
@@ -179,9 +178,12 @@ def emulator(
             folder = place.path
             unwritten = recording_failure(folder, lambda: update_run_file(folder, "emulator_summary", summary))
             recording.close()
-            for run in runs_of(folder):
-                if not convert_all(run, recording.at_the_end, tell):
-                    unwritten = unwritten or f"{run}: not in all formats that --record names"
+            if recording.at_the_end:
+                from ..runs.converting import convert_all  # brings half of canarm
+
+                for run in runs_of(folder):
+                    if not convert_all(run, recording.at_the_end, tell):
+                        unwritten = unwritten or f"{run}: not in all formats that --record names"
             failure = failure or unwritten
             failure = None if failure is None else place.said(failure)
     if output.json:
