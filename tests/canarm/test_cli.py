@@ -94,14 +94,16 @@ def test_version_is_the_distributions(canarm):
     assert process.stdout == [cli.version()]
 
 
-def test_a_controller_starts_without_the_physics_engine(canarm):
-    process = canarm.run(
-        sys.executable,
-        "-c",
-        "import canarm.commands.controller, sys; print(sorted({'canopen', 'mujoco'} & {*sys.modules}))",
-    )
+@pytest.mark.parametrize(
+    ("command", "needed"),
+    [("controller", "canarm_controller"), ("emulator", "canarm_emulator mujoco"), ("demo", "canarm_controller")],
+)
+def test_a_command_starts_without_what_it_does_not_run(command, needed, canarm):
+    dear = {"canarm.runs.run", "canarm_controller", "canarm_emulator", "canarm_tui", "mujoco"}
+    program = f"import canarm.commands.{command}, sys; print(*sorted({dear} & {{*sys.modules}}))"
+    process = canarm.run(sys.executable, "-c", program)
     assert process.wait() == 0
-    assert process.stdout == ["['canopen']"]
+    assert process.stdout == [needed]
 
 
 @pytest.mark.parametrize(
