@@ -1,15 +1,15 @@
 """One run of the matrix in this process: our controller and the bench in a rig, with or without a fault."""
 
 import math
-from collections import deque
 
 import numpy as np
 
 from canarm_controller.run.state import State
-from canarm_emulator.bench.bench import CycleTruth, Record
+from canarm_emulator.bench.bench import CycleTruth
 from canarm_emulator.robot.world import JointState
 from canarm_protocol.cell.model import Cell
 
+from ..rig.kept_frames import KeptFrames
 from ..rig.rig import Rig
 from .evidence import Evidence, Floats, Ints, Motion, Notice, Received, inputs_of, motion_of, seen_by_controller
 from .plan import OBSERVED_S, MatrixCell, Scenario
@@ -35,7 +35,7 @@ class _ObservedRig(Rig):
 
     def keep_frames(self) -> None:
         """Forget the frames so far, and keep all from now on."""
-        self._records: deque[Record] = deque()
+        self._frames = KeptFrames(None)
 
     def run_on(self) -> None:
         """Let time run without SYNC until the cards' own protection has acted."""

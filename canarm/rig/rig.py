@@ -4,7 +4,6 @@ The same two objects as in `canarm emulator` and `canarm controller`, joined by 
 """
 
 import warnings
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -17,7 +16,7 @@ from canarm_controller.reference.trajectory import trajectory_name, usual_motion
 from canarm_controller.run.controller import Controller
 from canarm_controller.run.recording import ControllerRecorder
 from canarm_controller.run.state import State
-from canarm_emulator.bench.bench import CycleTruth, Record
+from canarm_emulator.bench.bench import CycleTruth
 from canarm_emulator.bench_node.assessor import Assessor
 from canarm_emulator.faults.turns import SetStatus
 from canarm_emulator.robot.carried import GRIP_LOST
@@ -47,9 +46,10 @@ from .any_rig import AnyRig
 from .arguments import RigWarning, Unused, check_mechanics
 from .branching import Branching
 from .findings import Noticed
+from .kept_frames import KeptFrames, StampedFrame
 from .rig_cell import rig_cell
 from .rig_faults import overdue
-from .rig_history import Event, StampedFrame, history_of
+from .rig_history import Event, history_of
 from .rig_joint import TRUE_SIGNALS, Joints, RigJoint
 from .rig_object import Carrying, RigObject
 from .turns import Turns
@@ -97,7 +97,7 @@ class Rig(Branching, Carrying, AnyRig):
         self._faulty: FaultError | None = None
         self._is_finished = False
         self._depth = 2
-        self._records: deque[Record] = deque(maxlen=FRAMES_KEPT)
+        self._frames = KeptFrames(FRAMES_KEPT)
         self.joints = Joints(
             (name, RigJoint(self._history, index, name, score.lsb_rad))
             for index, (name, score) in enumerate(zip(self.cell.joint_names, self._assessor.scores, strict=True))
@@ -144,7 +144,7 @@ class Rig(Branching, Carrying, AnyRig):
     @property
     def frames(self) -> list[StampedFrame]:
         """The last `FRAMES_KEPT` frames of can0, oldest first."""
-        return [StampedFrame(record.time_ns, record.frame) for record in self._records]
+        return self._frames.stamped()
 
     @property
     def time_s(self) -> float:
@@ -288,7 +288,7 @@ class Rig(Branching, Carrying, AnyRig):
             bus = bench.bus
             records, bus.records = bus.records, []
             bench.node.records.clear()
-            self._records += records
+            self._frames.take(records)
             if self._recorders is not None:
                 self._recorders[0].frames(records)
             receive = controller.receive

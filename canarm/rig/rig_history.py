@@ -12,7 +12,6 @@ import numpy as np
 from canarm_controller.bus.assessment import JointFigures
 from canarm_emulator.bench.bench import CycleTruth
 from canarm_emulator.bench_node.assessor import Assessor
-from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cell.model import Cell
 
 from ..usage import UsageError
@@ -25,13 +24,6 @@ class Event(NamedTuple):
     time_s: float
     event: str
     detail: str
-
-
-class StampedFrame(NamedTuple):
-    """A frame of the robot's bus with its virtual time."""
-
-    time_ns: int
-    frame: Frame
 
 
 class History:

@@ -11,6 +11,16 @@ from canarm_protocol.shown import printable
 from ..usage import UsageError
 from .rig_joint import Floats, Joints
 
+_COLUMNS = {
+    "position_m": slice(1, 4),
+    "quaternion": slice(4, 8),
+    "master_force_n": slice(8, 11),
+    "slave_force_n": slice(11, 14),
+    "squeeze_n": slice(14, 15),
+}
+"""The columns of what is kept; the first is the time. Plain numbers: see `kept_frames.KeptFrames`."""
+_WIDTH = 15
+
 
 class RigObject:
     """The true object. Histories have one row per SYNC that is kept (`history_s` of `Rig`), oldest first.
@@ -20,27 +30,33 @@ class RigObject:
 
     def __init__(self, carried: Carried, size: int) -> None:
         self._carried = carried
-        self._kept: deque[tuple[float, ObjectState]] = deque(maxlen=size)
+        self._kept: deque[float] = deque(maxlen=_WIDTH * size)
+        """Of each SYNC the time, then what `_COLUMNS` names."""
+        self._state: ObjectState | None = None
 
     def keep(self, time_s: float, state: ObjectState) -> tuple[str, ...]:
         """Take the truth of a SYNC. Returns the hands that have lost the object since the last."""
-        before = self._kept[-1][1].lost if self._kept else ()
-        self._kept.append((time_s, state))
-        return tuple(hand for hand in state.lost if hand not in before)
+        before, self._state = self._state, state
+        position_m, quaternion, master_n, slave_n, squeeze_n, is_in_master, is_in_slave = state
+        self._kept.extend((time_s, *position_m, *quaternion, *master_n, *slave_n, squeeze_n))
+        if is_in_master and is_in_slave:
+            return ()
+        lost = () if before is None else before.lost
+        return tuple(hand for hand in state.lost if hand not in lost)
 
     def __repr__(self) -> str:
-        if not self._kept:
+        if self._state is None:
             return "<carried object: not known before the first cycle>"
         lost = f"lost by {', '.join(self.state.lost)}" if self.state.lost else "held by both hands"
-        place = ", ".join(f"{each:.3f}" for each in self.state.position_m)
-        return printable(f"<carried object: {len(self._kept)} cycles kept, {lost}, master's grip at {place} m>")
+        place, cycles = ", ".join(f"{each:.3f}" for each in self.state.position_m), len(self._kept) // _WIDTH
+        return printable(f"<carried object: {cycles} cycles kept, {lost}, master's grip at {place} m>")
 
     @property
     def state(self) -> ObjectState:
         """The truth at the last SYNC. Raises `UsageError` before the first."""
-        if not self._kept:
+        if self._state is None:
             raise UsageError("object: not known before the first cycle; run() first")
-        return self._kept[-1][1]
+        return self._state
 
     @property
     def is_held(self) -> bool:
@@ -50,7 +66,7 @@ class RigObject:
     @property
     def time_s(self) -> Floats:
         """Virtual time of each SYNC."""
-        return np.array([time_s for time_s, _ in self._kept])
+        return self._rows()[:, 0]
 
     @property
     def position_m(self) -> Floats:
@@ -60,7 +76,7 @@ class RigObject:
     @property
     def quaternion(self) -> Floats:
         """Its turn (w, x, y, z), (cycles, 4): the turned x axis points along the object."""
-        return self._vectors("quaternion").reshape(-1, 4)
+        return self._vectors("quaternion")
 
     @property
     def master_force_n(self) -> Floats:
@@ -75,7 +91,7 @@ class RigObject:
     @property
     def squeeze_n(self) -> Floats:
         """The slave's force along the object, (cycles,): positive where the hands press it together."""
-        return np.array([state.squeeze_n for _, state in self._kept])
+        return self._vectors("squeeze_n")[:, 0]
 
     @property
     def grip_force_n(self) -> Floats:
@@ -89,9 +105,10 @@ class RigObject:
         return self._carried.slip_force_n
 
     def _vectors(self, name: str) -> Floats:
-        return np.array([getattr(state, name) for _, state in self._kept], dtype=np.float64).reshape(
-            len(self._kept), -1
-        )
+        return self._rows()[:, _COLUMNS[name]]
+
+    def _rows(self) -> Floats:
+        return np.array(self._kept, dtype=np.float64).reshape(-1, _WIDTH)
 
 
 class Carrying:

@@ -101,14 +101,17 @@ class Assessor:
     def __init__(self, cell: Cell) -> None:
         self._lsb_rad = position_steps_rad(cell)
         self._limit_a = [joint.drive.max_current_a * (1.0 - 1e-9) for joint in cell.joints]
-        self._truth: list[tuple[int, Sequence[JointState]] | None] = [None] * KEPT_CYCLES
         self._supply_limited: Sequence[int] = [0] * len(cell.joints)
-        self.scores = [JointScore(lsb, SpeedRipple()) for lsb in self._lsb_rad]
+        self.begin()
 
     def begin(self) -> None:
         """Forget the last run."""
         self.scores = [JointScore(lsb, SpeedRipple()) for lsb in self._lsb_rad]
-        self._truth = [None] * KEPT_CYCLES
+        joints = range(len(self._lsb_rad))
+        self._kept = [-1] * KEPT_CYCLES
+        """The cycles whose truth is kept, each at its remainder."""
+        self._angles_rad = [[0.0] * KEPT_CYCLES for _ in joints]
+        self._speeds_rad_s = [[0.0] * KEPT_CYCLES for _ in joints]
 
     def truth(self, cycle: int, joints: Sequence[JointState], supply_limited: Sequence[int]) -> None:
         """The true state at the SYNC of `cycle`.
@@ -116,10 +119,21 @@ class Assessor:
         `supply_limited` counts per joint the steps so far in which the supply limited the current. A cycle is saturated
         when the D669 was at its limit, or the supply gave less than was asked for.
         """
-        self._truth[cycle % KEPT_CYCLES] = (cycle, joints)
+        place = cycle % KEPT_CYCLES
+        self._kept[place] = cycle
         before, self._supply_limited = self._supply_limited, supply_limited
-        rows = zip(joints, self.scores, self._limit_a, supply_limited, before, strict=True)
-        for (_, _, current_a, command_a, _, _), score, limit_a, steps, steps_before in rows:
+        rows = zip(
+            joints,
+            self._angles_rad,
+            self._speeds_rad_s,
+            self.scores,
+            self._limit_a,
+            supply_limited,
+            before,
+            strict=True,
+        )
+        for true, angles_rad, speeds_rad_s, score, limit_a, steps, steps_before in rows:
+            angles_rad[place], speeds_rad_s[place], current_a, command_a, _, _ = true
             if not -score.peak_current_a <= current_a <= score.peak_current_a:
                 score.peak_current_a = abs(current_a)
             if steps > steps_before or not -limit_a < command_a < limit_a:
@@ -127,14 +141,13 @@ class Assessor:
 
     def reference(self, tick: int, joint: int, angle_rad: float) -> None:
         """The reference of one joint at `tick`; ignored if it is no angle, too old, or of an unknown cycle."""
-        kept = self._truth[tick % KEPT_CYCLES]
-        if kept is None or kept[0] != tick or tick < SETTLING_CYCLES or not -LARGEST_RAD < angle_rad < LARGEST_RAD:
+        place = tick % KEPT_CYCLES
+        if self._kept[place] != tick or tick < SETTLING_CYCLES or not -LARGEST_RAD < angle_rad < LARGEST_RAD:
             return
         score = self.scores[joint]
-        true_rad, speed_rad_s, _, _, _, _ = kept[1][joint]
-        error = (true_rad - angle_rad) / score.lsb_rad
+        error = (self._angles_rad[joint][place] - angle_rad) / score.lsb_rad
         score.samples += 1
         score.sum_of_squares += error * error
         if not -score.max_lsb <= error <= score.max_lsb:
             score.max_lsb = abs(error)
-        score.ripple.add(angle_rad, speed_rad_s)
+        score.ripple.add(angle_rad, self._speeds_rad_s[joint][place])
