@@ -16,6 +16,8 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
+from .styles import drawn_style
+
 
 class Drawing(Widget):
     """Looks up the styles of its component classes once each: that costs more than drawing a row."""
@@ -29,6 +31,12 @@ class Drawing(Widget):
         if name not in self._styles_by_name:
             self._styles_by_name[name] = self.get_component_rich_style(name)
         return self._styles_by_name[name]
+
+    def described(self, style: str) -> Style:
+        """A style by its description, as in `STYLES`."""
+        if style not in self._styles_by_name:
+            self._styles_by_name[style] = drawn_style(self, style)
+        return self._styles_by_name[style]
 
     def notify_style_update(self) -> None:
         """The colours have changed."""

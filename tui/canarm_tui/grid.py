@@ -18,12 +18,14 @@ from textual.strip import Strip
 
 from canarm_protocol.shown import printable
 
+from .styles import STYLES, drawn_style
 from .texts import Tone, Word
 
 R = TypeVar("R")
 GAP = 1
 """Blanks between columns."""
 LONGEST_WORD = 400
+HEAD = "bold $foreground 60%"
 
 
 class Column(NamedTuple):
@@ -42,21 +44,9 @@ Cell = Sequence[Word]
 class Grid(ScrollView, Generic[R], can_focus=True):
     """Rows with a cursor. With `follows`, it stays at the last row until its reader leaves that."""
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = {
-        *(f"grid--{tone.value}" for tone in Tone),
-        "grid--head",
-        "grid--cursor",
-        "grid--chosen",
-    }
+    COMPONENT_CLASSES: ClassVar[set[str]] = {"grid--cursor", "grid--chosen"}
     DEFAULT_CSS = """
     Grid { height: 1fr; padding: 0 0 0 1; overflow-x: hidden; }
-    Grid .grid--plain { color: $foreground; }
-    Grid .grid--dim { color: $foreground 60%; }
-    Grid .grid--good { color: $text-success; }
-    Grid .grid--warning { color: $text-warning; text-style: bold; }
-    Grid .grid--bad { color: $text-error; text-style: bold; }
-    Grid .grid--changed { color: $text-accent; text-style: bold underline; }
-    Grid .grid--head { color: $foreground 60%; text-style: bold; }
     Grid .grid--cursor { background: $block-cursor-blurred-background; }
     Grid .grid--chosen { background: $block-cursor-background; color: $block-cursor-foreground; }
     """
@@ -97,6 +87,7 @@ class Grid(ScrollView, Generic[R], can_focus=True):
         self.empty = empty
         """What is said where there are no rows."""
         self._styles: dict[str, Style] = {}
+        """Of texts, by their description; of what lies under a row, by its component class."""
 
     def show(self, rows: Sequence[R]) -> None:
         """Show `rows`; the cursor stays with its row as long as that is there."""
@@ -135,18 +126,18 @@ class Grid(ScrollView, Generic[R], can_focus=True):
     def render_line(self, y: int) -> Strip:
         """The heading, or a row."""
         width = self.scrollable_content_region.width
-        plain = self._style("plain")
+        plain = self._text(STYLES[Tone.PLAIN])
         if y == 0:
-            text = self._line([[Word(column.title)] for column in self._columns], width, self._style("head"))
+            text = self._line([[Word(column.title)] for column in self._columns], width, self._text(HEAD))
             return Strip(text).adjust_cell_length(width, plain)
         at = round(self.scroll_offset.y) + y - 1
         if at >= len(self.rows):
             said = self.empty if not self.rows and y == 1 else ""
-            return Strip([Segment(said, self._style("dim"))]).adjust_cell_length(width, plain)
+            return Strip([Segment(said, self._text(STYLES[Tone.DIM]))]).adjust_cell_length(width, plain)
         strip = Strip(self._line(self._cells(self.rows[at]), width, None)).adjust_cell_length(width, plain)
         if at != self.cursor:
             return strip
-        return strip.apply_style(self._style("chosen" if self.has_focus else "cursor", is_background=True))
+        return strip.apply_style(self._under("grid--chosen" if self.has_focus else "grid--cursor"))
 
     def _line(self, cells: Sequence[Cell], width: int, style: Style | None) -> list[Segment]:
         shown = [
@@ -169,7 +160,7 @@ class Grid(ScrollView, Generic[R], can_focus=True):
         for text, tone in words:
             size = cell_len(text)
             shown = text if size <= left else (f"{set_cell_size(text, left - 1)}…" if left > 0 else "")
-            segments.append(Segment(shown, style or self._style(tone.value)))
+            segments.append(Segment(shown, style or self._text(STYLES[tone])))
             left -= cell_len(shown)
             if size > left + cell_len(shown):
                 break
@@ -177,12 +168,15 @@ class Grid(ScrollView, Generic[R], can_focus=True):
             segments.append(Segment(" " * left))
         return segments
 
-    def _style(self, name: str, is_background: bool = False) -> Style:
-        found = self._styles.get(name)
-        if found is None:
-            found = self.get_component_rich_style(f"grid--{name}", partial=is_background)
-            self._styles[name] = found
-        return found
+    def _text(self, style: str) -> Style:
+        if style not in self._styles:
+            self._styles[style] = drawn_style(self, style)
+        return self._styles[style]
+
+    def _under(self, name: str) -> Style:
+        if name not in self._styles:
+            self._styles[name] = self.get_component_rich_style(name, partial=True)
+        return self._styles[name]
 
     def action_move(self, rows: int) -> None:
         """Move the cursor."""

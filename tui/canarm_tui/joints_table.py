@@ -16,6 +16,7 @@ from canarm_protocol.shown import printable
 from .drawn import Drawn
 from .joint_texts import columns_for, joint_words
 from .snapshot import JointNow
+from .styles import STYLES
 from .texts import Tone, Word
 
 LONGEST_NAME = 24
@@ -32,19 +33,12 @@ class JointsTable(Drawn, can_focus=True):
             super().__init__()
             self.joint = joint
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = {
-        *(f"joints--{tone.value}" for tone in Tone),
-        *(f"joints--{part}" for part in ("heading", "chosen", "focused")),
-    }
+    COMPONENT_CLASSES: ClassVar[set[str]] = {f"joints--{part}" for part in ("heading", "chosen", "focused")}
     DEFAULT_CSS = """
     JointsTable { height: auto; max-height: 50%; }
     JointsTable .joints--heading { text-style: bold; background: $panel; }
     JointsTable .joints--chosen { text-style: bold; background: $surface-lighten-2; }
     JointsTable .joints--focused { text-style: bold; background: $primary-muted; }
-    JointsTable .joints--dim { color: $foreground 60%; }
-    JointsTable .joints--good { color: $text-success; }
-    JointsTable .joints--warning { color: $text-warning; text-style: bold; }
-    JointsTable .joints--bad { color: $text-error; text-style: bold; }
     """
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "choose(-1)", "Joint above", show=False, id="joints.up"),
@@ -118,8 +112,8 @@ class JointsTable(Drawn, can_focus=True):
         return strips
 
     def _row(self, words: Sequence[Word], width: int, over: Style | None) -> Strip:
-        plain = self.style_of(f"joints--{Tone.PLAIN.value}")
-        styles = {tone: self.style_of(f"joints--{tone.value}") for tone in {word.tone for word in words}}
+        plain = self.described(STYLES[Tone.PLAIN])
+        styles = {tone: self.described(STYLES[tone]) for tone in {word.tone for word in words}}
         if over is not None:
             under = Style(bgcolor=over.bgcolor, bold=over.bold)
             styles = {tone: over if tone is Tone.PLAIN else style + under for tone, style in styles.items()}

@@ -2,7 +2,10 @@
 
 from collections.abc import Iterable, Sequence
 
+from rich.style import Style
 from textual.content import Content
+from textual.style import Style as VisualStyle
+from textual.widget import Widget
 
 from canarm_protocol.shown import printable
 
@@ -16,6 +19,14 @@ STYLES: dict[Tone, str] = {
     Tone.BAD: "bold $text-error",
     Tone.CHANGED: "bold underline $text-accent",
 }
+
+
+def drawn_style(widget: Widget, style: str) -> Style:
+    """`style`, such as those of `STYLES`, on the background of `widget`.
+
+    A component class says the same in CSS, but each one is looked up anew for every widget whenever a dashboard starts.
+    """
+    return (widget.visual_style + VisualStyle.parse(style)).rich_style
 
 
 def title_of(words: Sequence[Word], width: int) -> Content:
