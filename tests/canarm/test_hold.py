@@ -48,3 +48,15 @@ def test_links_on_soft_wires_do_not_swing_on_once_their_motors_stand(onset_s: fl
     # A ramp to rest in T leaves a link of I on a wire of k with sin(wT/2)/(wT/2) of its speed, w = sqrt(k/I): of
     # joint 2's 0.07 kg m2 on 100 N m/rad, and 50 ms, 86 %. It swings for seconds then.
     assert left_rad_s < max(STANDING_RAD_S, 0.25 * 0.86 * np.abs(speed_rad_s[0]).max())
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.0, 1.5])
+def test_a_payload_that_rubs_little_does_not_swing_on_its_wires(factor: float) -> None:
+    """1.5 times the link that the model knows, and a third of the friction: both joints turn at 0.5 rad/s."""
+    soft = SOFT | {"joint2.wire_stiffness": factor * 200.0, "joint3.wire_stiffness": factor * 80.0}
+    truth = soft | {"joint3.mass": 0.9, "joint2.coulomb": 0.05, "joint3.coulomb": 0.02}
+    stop_s, time_s, speed_rad_s, command_a = held("konkuk1", 4.6, truth)
+    off = np.flatnonzero((command_a == 0.0).all(axis=1))
+    assert time_s[off[0]] - stop_s > RAMP_S
+    fast = np.flatnonzero((np.abs(speed_rad_s[: off[0]]) >= STANDING_RAD_S).any(axis=1))
+    assert time_s[fast[-1] + 1] - stop_s <= RAMP_S

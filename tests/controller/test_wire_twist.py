@@ -11,6 +11,7 @@ from canarm_controller.supervision.nominal import joint_nominals
 from canarm_controller.supervision.thresholds import cell_thresholds, twist_rad, wire_rad_s
 from canarm_controller.supervision.timing import Timing
 from canarm_controller.supervision.uncertainty import PAYLOAD
+from canarm_controller.supervision.wire_twist import WireTwist
 from canarm_controller.supervision.witness import JointWitness
 from canarm_protocol.cell.cell_file import load_cell
 
@@ -46,6 +47,34 @@ def test_a_softer_wire_is_known_from_a_stiffer_one_and_that_from_a_rigid_one() -
         assert 1.0 < least <= 2.0
     for rig, is_elastic in ((rigid, False), (usual, True), (soft, True)):
         assert [joint.is_elastic for joint in rig.controller._watch.joints] == [is_elastic] * 2
+
+
+@pytest.mark.parametrize("stiffness", [None, 200.0, 100.0], ids=["rigid", "usual", "soft"])
+@pytest.mark.parametrize("first_lsb", [-1.0, 1.0])
+def test_a_first_reading_that_is_off_is_taken_for_no_wire(stiffness: float | None, first_lsb: float) -> None:
+    """An arm that takes 2 N m at the start, and turns by 1 N m: a step of 1 LSB is 0.0185 rad, and so are 2 N m on
+    108 N m/rad. What base and offset take up of either is the same filter.
+    """
+    cell = load_cell("konkuk1")
+    nominal = joint_nominals(cell, (cell_arm(cell.robot, cell.joint_names),))[0]
+    timing = Timing.of(cell.bus.cycle_s)
+    limits, _ = cell_thresholds((nominal, nominal), cell.supervision, timing)
+    wire = WireTwist(nominal, limits, timing.refresh, timing.period_s)
+    base_rad = first_lsb * nominal.position.step
+    offset_rad_s, base_gain, offset_gain = 0.0, 2.0 * 0.5 * timing.period_s, 0.5**2 * timing.period_s
+    for cycle in range(0, 1600, timing.refresh):
+        torque_nm = 2.0 + math.sin(math.tau * cycle * timing.period_s / 1.7)
+        raw_rad = -(torque_nm / stiffness if stiffness else 0.0) - base_rad
+        wire.take(torque_nm, 0.0, raw_rad, base_gain, offset_gain)
+        for _ in range(timing.refresh):
+            base_rad, offset_rad_s, raw_rad = (
+                base_rad + timing.period_s * offset_rad_s + base_gain * raw_rad,
+                offset_rad_s + offset_gain * raw_rad,
+                raw_rad * (1.0 - base_gain),
+            )
+    expected = 200.0 / stiffness if stiffness else 0.0
+    assert wire.compliance * 200.0 == pytest.approx(expected, abs=0.2)
+    assert wire.is_elastic is bool(stiffness)
 
 
 def test_a_wire_that_softens_is_noticed_and_not_learned_away() -> None:

@@ -20,6 +20,7 @@ from .grip_watch import GripWatch, grip_limits
 from .hold import SafeHold
 from .joint_state import Mode
 from .limits import Report
+from .load import Load
 from .nominal import joint_nominals
 from .overdue import CountWatch
 from .start_pose import StartPose
@@ -51,6 +52,7 @@ class ArmWatch:
         parts = arm.parts if isinstance(arm, SeveralArms) else (arm,)
         timing = self._timing
         self._nominals = joint_nominals(cell, parts)
+        self._load = Load.of(cell, arm)
         self._pose = StartPose(cell, self._nominals, timing)
         report = self._report = self._pose.naming(report)
         limits = cell_thresholds(self._nominals, cell.supervision, timing)
@@ -101,9 +103,8 @@ class ArmWatch:
         self._support = Support(cell, self.standing_rad_s, [limit.moved for limit in limits], timing.calm)
         refresh_s = timing.refresh * timing.period_s
         self._supply = Supply(self._nominals)
-        self._stops = Stops(
-            cell, [limit.moved for limit in limits], [refresh_s * each.fastest_rad_s for each in self._nominals]
-        )
+        steps_rad = [refresh_s * each.fastest_rad_s for each in self._nominals]
+        self._stops = Stops(cell, [limit.moved for limit in limits], steps_rad)
         self._last_nm: Sequence[float] = (0.0,) * len(self.joints)
         self._flowing_nm: Sequence[float] = self._last_nm
         """Torques of the currents that flowed at the last SYNC."""
@@ -239,15 +240,14 @@ class ArmWatch:
         start_rad_s2 = [
             model + joint.bias for model, joint in zip(self._accelerate(self._last_nm), joints, strict=True)
         ]
-        settled = self._settled_rad_s2[0]
 
-        def bias_rad_s2() -> list[float]:
+        def bias_rad_s2(settled: Sequence[float] = tuple(self._settled_rad_s2[0])) -> list[float]:
             rows = zip(joints, settled, self._keeps, strict=True)
             return [before if keeps else joint.bias for joint, before, keeps in rows]
 
         return SafeHold(
             self._arm, cycle, bias_rad_s2,
-            [joint.compliance_rad_nm for joint in joints], start_rad_s2, self._timing.period_s,
+            [joint.compliance_rad_nm for joint in joints], start_rad_s2, self._timing.period_s, self._load,
         )  # fmt: skip
 
     def _from_rest(self, accelerations: Sequence[float], cycle: Cycle, acted_nm: Sequence[float]) -> Sequence[float]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Sequence
 from ..dynamics import Arm
 from ..laws.base import Cycle
 from .braking import Braking
+from .load import Load
 
 STIFFNESS_RAD_S, DAMPING_RATIO = 12.0, 1.5
 LATENCY_CYCLES = 2
@@ -21,20 +22,26 @@ class SafeHold:
 
     All joints come to rest at the same time. Where they do is where they are held: the way that the arm takes to begin
     to brake is not made good. `bias_rad_s2` tells what the model lacks, such as a payload: before the failure, and as
-    it turns with the arm. `compliance_rad_nm` is the drive wires', `start_rad_s2` the arm's present acceleration.
+    it turns with the arm. `compliance_rad_nm` is the drive wires', `start_rad_s2` the arm's present acceleration. On
+    elastic wires what is lacking is a `load` with its inertia, and stays what it is: what swings would be learned too.
     """
 
     def __init__(
         self, arm: Arm, cycle: Cycle, bias_rad_s2: Callable[[], Sequence[float]], compliance_rad_nm: Sequence[float],
-        start_rad_s2: Sequence[float], period_s: float,
+        start_rad_s2: Sequence[float], period_s: float, load: Load | None = None,
     ) -> None:  # fmt: skip
         self._arm, self._bias_rad_s2 = arm, bias_rad_s2
         self._position = tuple(cycle.position_rad)
         per_ampere = arm.torque_per_ampere
         self._most_nm = [SHARE * amperes * limit for amperes, limit in zip(per_ampere, arm.max_current_a, strict=True)]
+        lacking_nm = self._lacking_nm(self._position)
+        load_kg_m2 = [[0.0] * arm.joint_count] * arm.joint_count
+        self._settled_nm: Sequence[float] | None = None
+        if load is not None and any(compliance_rad_nm):
+            self._settled_nm, load_kg_m2 = lacking_nm, load.inertia(self._position, lacking_nm)
         self._braking = Braking(
-            arm, self._position, cycle.velocity_rad_s, start_rad_s2, compliance_rad_nm,
-            self._lacking_nm(self._position), period_s,
+            arm, self._position, cycle.velocity_rad_s, start_rad_s2, compliance_rad_nm, lacking_nm, load_kg_m2,
+            period_s,
         )  # fmt: skip
         self._cycle = 0
         self._frozen_rad: dict[int, float] = {}
@@ -64,15 +71,16 @@ class SafeHold:
             + STIFFNESS_RAD_S**2 * (aim - position)
             for planned_rad_s2, link, ahead, speed, aim, position in rows
         ]
-        planned_rad_s, rotors_nm = planned.speed, braking.rotors_nm(planned, position_rad)
+        planned_rad_s, beyond_nm = planned.speed, braking.beyond_nm(planned, position_rad)
         if frozen:
-            aimed, planned_rad_s, rotors_nm = (
+            aimed, planned_rad_s, beyond_nm = (
                 [0.0 if joint in frozen else each for joint, each in enumerate(row)]
-                for row in (aimed, planned_rad_s, rotors_nm)
+                for row in (aimed, planned_rad_s, beyond_nm)
             )
         model_nm = self._arm.torque_nm(position_rad, planned_rad_s, aimed)
-        rows_nm = zip(model_nm, rotors_nm, self._lacking_nm(position_rad), self._most_nm, strict=True)
-        return [max(-most, min(most, torque + rotor + lacking)) for torque, rotor, lacking, most in rows_nm]
+        lacking_nm = self._settled_nm or self._lacking_nm(position_rad)
+        rows_nm = zip(model_nm, beyond_nm, lacking_nm, self._most_nm, strict=True)
+        return [max(-most, min(most, torque + beyond + lacking)) for torque, beyond, lacking, most in rows_nm]
 
     def _where_frozen(self, position_rad: Sequence[float], frozen: Collection[int]) -> list[float]:
         """`position_rad` with the angles at which joints were frozen."""

@@ -74,10 +74,9 @@ class JointWitness(SensorLess):
             {sensor: SpikeCount(self._timing.spike) for sensor in ("potentiometer", "tachometer")},
             TurnCount(self._timing.turn, self._quick_cycles),
         )
-        self._raw = 0.0
         self._suspicion.start()
         self._x_code, self._code_at, self._accused_at = -1, 0, -1
-        self._code_model = self._code_bias = self._x_travel = 0.0
+        self._code_model = self._code_bias = self._x_travel = self._raw = 0.0
         self._stepped_until = -1
         self._settled_at = -self._timing.unsettled
         self._gap_at = -self._timing.doubt
@@ -173,6 +172,7 @@ class JointWitness(SensorLess):
         v = v if is_believed else predicted
         if is_gap:
             self._base = x - self._travel - self._half_s * v - self._mismatch + self._twist
+            self._wire.count_anew()
             self._learn_from = self._gap_at = self.cycles
             self._set_rate()
         angle = self._angle(v)
@@ -287,10 +287,13 @@ class JointWitness(SensorLess):
         self.bias += self._accel_gain * off
         return self._substitute(x - astray, predicted + off)
 
+    def _believe_tachometer(self, x: float, v: float) -> None:
+        super()._believe_tachometer(x, v)
+        self._wire.count_anew()
+
     def _judge_mismatch(self, x: float, predicted: float, mismatch: float) -> bool:
         """Potentiometer and integrated tachometer have drifted apart."""
-        detail = self._angle_detail(mismatch)
-        thresholds = self._thresholds
+        detail, thresholds = self._angle_detail(mismatch), self._thresholds
         turned = abs(self._travel - self._x_travel)
         soon = turned + STUCK_SOON_CYCLES * self._period_s * abs(predicted)
         if self.cycles < self._settled_at + self._timing.unsettled:
