@@ -1,14 +1,15 @@
 """What cards must give a robot that is to be carried without a controller: the currents of its weight at home.
 
-Owns the arithmetic from the nominal arm to codes of the cards. What cards do with error values never enters.
+Owns what a cell's file has to say of them. What cards do with error values never enters.
 """
 
 import math
 from collections.abc import Iterator
 
 from canarm_controller.dynamics import cell_arm
+from canarm_controller.run.carrying import CarryingCodes
 from canarm_protocol.cell.model import Card, Cell, Channel, Command
-from canarm_protocol.cell.wiring import DirectionBits, bridge_directions, command_codec, command_scale
+from canarm_protocol.cell.wiring import DirectionBits, bridge_directions, command_scale
 
 CARRY = "carry"
 
@@ -67,13 +68,4 @@ def _weights_nm(cell: Cell) -> tuple[float, ...]:
 
 
 def _carrying_values(cell: Cell) -> dict[tuple[int, str], int]:
-    """Code of the current and bits of the direction by joint and command."""
-    values: dict[tuple[int, str], int] = {}
-    for index, (joint, weight_nm) in enumerate(zip(cell.joints, _weights_nm(cell), strict=True)):
-        full_scale = command_codec(cell, index).full_scale
-        share = abs(weight_nm / joint.motor.torque_per_ampere) / joint.drive.max_current_a
-        code = round(min(share, 1.0) * full_scale)
-        back, forth = bridge_directions(cell, index)
-        values[index, Command.CURRENT] = code
-        values[index, Command.DIRECTION] = int((forth if weight_nm > 0.0 else back) if code else DirectionBits.OFF)
-    return values
+    return CarryingCodes(cell).of(_weights_nm(cell))

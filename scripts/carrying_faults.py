@@ -13,8 +13,13 @@ from canarm import Rig, State
 from canarm.workers.forking import in_copy
 from canarm_emulator.bench.bench import Bench
 from canarm_emulator.robot.carried import GRIP_LOST, PAD_S, ObjectState
+from canarm_protocol.canopen.dictionary import ANALOGUE_ERROR_VALUE, DIGITAL_ERROR_VALUE, variable_at
+from canarm_protocol.canopen.frames import Cob, Frame
+from canarm_protocol.canopen.sdo import download
 from canarm_protocol.cell import Cell, load_cell
+from canarm_protocol.cell.configuration import card_settings
 from canarm_protocol.cell.sensing import position_steps_rad
+from canarm_protocol.cell.wiring import card_nodes
 
 LAWS = ("mras", "mras-lyapunov", "slotine-li")
 MOTIONS = (
@@ -25,9 +30,13 @@ FIRST_S, LAST_S = 4.0, 9.0
 """Between these the fault begins: within a lap of 5 s, once the joints are homed and on their path."""
 WATCHED_S, AFTER_S = 2.0, 2.0
 """How long the controller has, and how long the cards are then left alone."""
+DEAD_S, STANDS_S, STANDS_DEG = 10.0, 1.0, 0.05
+"""How long the cards are left alone by a controller that has died; and how little a joint turns that stands: half a
+count of a shoulder in that time."""
 TOGETHER_MS = 20.0
 BLOW_MS = 1e3 * PAD_S
 """In which what a joint that jams had of momentum has gone through the hands."""
+AS_AT_HOME = "the same, of a master that renews no error values"
 KINDS = ("jam", "encoder", "silent", "card", "grip", "controller", "none")
 
 Fault = tuple[str, str, dict[str, float]]
@@ -48,6 +57,8 @@ class Outcome:
     """Share of a count that the joint is to turn within `TOGETHER_MS`: what any detector could know by then."""
     lost_ms: float | None = None
     """When a hand lost the object; `BLOW_MS` at most is by the blow of a joint that jams, before anybody can act."""
+    turned_deg: float = math.nan
+    """How far the joint that turned most did so in the last `STANDS_S`."""
 
 
 def faults(cell: Cell, kind: str) -> Iterator[tuple[str, str, list[Fault]]]:
@@ -77,6 +88,18 @@ def faults(cell: Cell, kind: str) -> Iterator[tuple[str, str, list[Fault]]]:
             yield f"the {hand}'s hand opens", hand, [(f"object.{hand}", "grip-opens", {})]
     if kind == "controller":
         yield "the controller dies", "", []
+        yield AS_AT_HOME, "", []
+
+
+def take_home_values(rig: Rig) -> None:
+    """The cards have the error values of the cell's file again, as those of a master that never writes others."""
+    for node in card_nodes(rig.cell):
+        for setting in card_settings(node, rig.cell.bus):
+            if setting.index in (ANALOGUE_ERROR_VALUE, DIGITAL_ERROR_VALUE):
+                variable = variable_at(node.dictionary, setting.index, setting.subindex)
+                assert variable is not None
+                request = next(download(setting.index, setting.subindex, bytes(variable.encode_raw(setting.value))))
+                rig._bench.receive(Frame(Cob.SDO_TO_SERVER + node.card.node_id, request))
 
 
 def drawn_rig(cell: Cell, seed: str) -> tuple[Rig, float, str]:
@@ -97,21 +120,30 @@ def outcome(rig: Rig, group: str, name: str, injected: list[Fault], draw: str) -
     """Go on with the faults: two seconds of the controller, then two of the cards alone."""
     begin_s, before, tick = rig.time_s, len(rig.detections), rig.controller.tick
     due = due_counts(rig, name) if name in rig.cell.joint_names else math.nan
+    if group == AS_AT_HOME:
+        take_home_values(rig)
     for tap, fault, parameters in injected:
         rig.inject(tap, fault, **parameters)
     if injected:
         rig.run(seconds=WATCHED_S)
     bench, grip_n = rig._bench, max((force_n for force_n in _since(rig, begin_s)), default=0.0)
-    while rig.time_s < begin_s + WATCHED_S + AFTER_S:
+    end_s = begin_s + (WATCHED_S + AFTER_S if injected else DEAD_S)
+    stood: list[float] = []
+    while rig.time_s < end_s:
         bench.advance(bench.time_ns + 10_000_000)
         bench.catch_up()
+        if not stood and rig.time_s >= end_s - STANDS_S:
+            stood = [joint.angle_rad for joint in bench.world.state()]
         grip_n = max(grip_n, *map(_length, (object_of(bench).master_force_n, object_of(bench).slave_force_n)))
+    turned = zip(bench.world.state(), stood, strict=True)
+    turned_deg = math.degrees(max(abs(joint.angle_rad - angle_rad) for joint, angle_rad in turned))
     stops = [each for each in rig.detections[before:] if each.reaction.stops]
     stop_ms = (stops[0].tick - tick) * rig.cell.bus.cycle_us / 1000 if stops else None
     detector = stops[0].detector if stops else ""
     lost_s = [each.time_s for each in rig.events if each.event == GRIP_LOST and each.time_s >= begin_s]
     lost_ms = 1e3 * (lost_s[0] - begin_s) if lost_s else None
-    return Outcome(group, name, stop_ms, detector, grip_n, bool(object_of(bench).lost), draw, due, lost_ms)
+    is_lost = bool(object_of(bench).lost)
+    return Outcome(group, name, stop_ms, detector, grip_n, is_lost, draw, due, lost_ms, turned_deg)
 
 
 def object_of(bench: Bench) -> ObjectState:
@@ -171,9 +203,10 @@ def free(rig: Rig, draw: str) -> Outcome:
 
 def table(found: list[Outcome]) -> Iterator[str]:
     """The groups in Markdown."""
-    heads = "fault", "runs", "stopped", "within 20 ms", "a count is due", "median, worst", "grip: median, worst", "lost"
+    times_and_forces = "median, worst", "grip: median, worst"
+    heads = "fault", "runs", "stopped", "within 20 ms", "a count is due", *times_and_forces, "lost", "stand"
     yield f"| {' | '.join(heads)} |"
-    yield "|---|---|---|---|---|---|---|---|"
+    yield f"|{'---|' * len(heads)}"
     for group in dict.fromkeys(each.group for each in found):
         rows = [each for each in found if each.group == group]
         stops = sorted(each.stop_ms for each in rows if each.stop_ms is not None)
@@ -186,9 +219,11 @@ def table(found: list[Outcome]) -> Iterator[str]:
         can = f"{100 * sum(due) / len(due):.0f} %" if due else ""
         low, high = likely(soon, len(rows))
         share = f"{soon}, {100 * low:.0f} to {100 * high:.0f} %"
+        stand = sum(each.turned_deg <= STANDS_DEG and not each.is_lost for each in rows)
         yield (
             f"| {group} | {len(rows)} | {len(stops)} | {share} | {can} | {times} | "
-            f"{grips[len(grips) // 2]:.1f}, {grips[-1]:.1f} N | {lost}{f', {blown} by the blow' * bool(blown)} |"
+            f"{grips[len(grips) // 2]:.1f}, {grips[-1]:.1f} N | "
+            f"{lost}{f', {blown} by the blow' * bool(blown)} | {stand} |"
         )
 
 

@@ -47,6 +47,22 @@ def test_when_the_controller_dies_the_cards_carry_the_arms(seed: str) -> None:
     assert found.grip_n < rig.object.slip_force_n / 2
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", ["500/17", "500/32"])
+def test_far_from_home_arms_stand_by_error_values_of_the_present_pose_alone(seed: str) -> None:
+    """Two of 64 drawn moments in which what carries at home is too much or too little for friction to hold."""
+    rig, at_s, draw = script.drawn_rig(CELL, seed)
+    rig.run(seconds=at_s)
+    rig._bench.load()
+    stands, creeps = (
+        script.in_copy(lambda group=group: script.outcome(rig, group, "", [], draw))
+        for group in ("", script.AS_AT_HOME)
+    )
+    assert not stands.is_lost
+    assert stands.turned_deg <= script.STANDS_DEG
+    assert creeps.is_lost
+
+
 def shoulder_a(rig: Rig) -> float:
     """The current of the slave's shoulder."""
     return abs(rig._bench.world.state()[CELL.joint_names.index("slave_shoulder")].current_a)

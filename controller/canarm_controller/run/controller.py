@@ -19,6 +19,7 @@ from ..supervision.arrivals import OWED_NS, Arrivals
 from ..supervision.detection import DETECTORS
 from ..supervision.supervisor import Supervisor, Verdict
 from .awaited_inputs import AwaitedInputs
+from .carrying import CarryingRefresh
 from .cycle_frames import CycleFrames
 from .homing import HOMING_FAILED, Homing
 from .loop import ControlLoop
@@ -75,6 +76,7 @@ class Controller(SupervisedRun):
         marks = () if loop.search is None else loop.search.marks
         self._preparation = Preparation(cell, nodes, clock, listen_ns, self._begin_loop, marks)
         self._homing: Homing | None = None
+        self._carrying = CarryingRefresh(cell, nodes, loop.arm.gravity) if cell.carry_refresh_cycles else None
         self._is_rezeroed = False
         """Whether the next angles differ from the last ones because joints have been homed."""
         self._frames = CycleFrames(cell, nodes)
@@ -136,13 +138,18 @@ class Controller(SupervisedRun):
                     self._take_time(data)
                 self.close_cycle()
                 self.open_cycle()
-        elif self._homing is not None and self._homing.take(frame):
+        elif self._is_answer(frame):
             pass
         elif self._preparation.is_on:
             if self._preparation.is_answer(frame):
                 self._converse(frame, now_ns)
         elif self.state is _RUNNING or self.verdict is not None:
             self._judge(self._supervisor.message(frame, self.tick))
+
+    def _is_answer(self, frame: Frame) -> bool:
+        """Take a frame that answers what was asked while the loop runs."""
+        homing, carrying = self._homing, self._carrying
+        return (homing is not None and homing.take(frame)) or (carrying is not None and carrying.take(frame))
 
     def _take_time(self, data: bytes) -> None:
         """In lockstep: judge the TIME, and note the delay of the next measurement."""
@@ -208,6 +215,8 @@ class Controller(SupervisedRun):
                 self._control()
         if self.state is _STOPPING:
             self._stop_step()
+        if self._carrying is not None and self._homing is None and self.state in (_RUNNING, _STOPPING):
+            self.outbox += self._carrying.frames(self.tick, self.loop.cycle.position_rad, self._stop.frozen)
 
     def note_missed_deadlines(self, count: int) -> None:
         """The pacer has left out `count` cycles: the wall clock was ahead."""

@@ -60,6 +60,9 @@ class Bus(Table):
     compute_delay_us: Annotated[int, Field(ge=0)] = 500
     boot_ms: Annotated[int, Field(ge=0, le=1000)] = 10
     """Time from NMT reset to a card's boot-up message on the wall clock; in lockstep there is no delay."""
+    carry_refresh_ms: Annotated[int, Field(ge=1, le=10_000)] | None = None
+    """How often the controller writes an error value anew to the cards of robots with `when_lost = "carry"`: what
+    carries the present pose, one object each time. Left out: they keep what the cell says."""
 
     @property
     def cycle_ns(self) -> int:
@@ -196,6 +199,14 @@ class Cell(Table):
         """The robots with what each carries of the object as a part of its last link."""
         loads = {} if self.object is None else self.object.loads()
         return tuple(robot.carrying(loads[robot.name]) if robot.name in loads else robot for robot in self.robot)
+
+    @property
+    def carry_refresh_cycles(self) -> int:
+        """Cycles from one error value that the controller writes anew to the next; 0: it writes none."""
+        interval_ms = self.bus.carry_refresh_ms
+        if interval_ms is None or not any(robot.when_lost == "carry" for robot in self.robot):
+            return 0
+        return -(-interval_ms * 1000 // self.bus.cycle_us)
 
     @property
     def joints(self) -> tuple[Joint, ...]:

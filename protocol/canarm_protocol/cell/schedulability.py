@@ -13,6 +13,7 @@ from .model import Cell
 from .wiring import CardNode, card_nodes
 
 SECOND_NS = 10**9
+SDO_BYTES = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +137,8 @@ def cell_messages(cell: Cell, nodes: Sequence[CardNode] | None = None, with_time
     """The cell's cyclic traffic: SYNC, RPDOs, TPDOs by their transmission type, heartbeats of controller and cards.
 
     `nodes` are the cell's `card_nodes`, if the caller has them. `with_time` adds TIME once per cycle, which carries
-    lockstep time and is on no real bus. SDO and EMCY are not cyclic.
+    lockstep time and is on no real bus. EMCY is not cyclic, and SDO only where error values are written anew as the
+    arms move: a request and its answer, with whichever card.
     """
     nodes = card_nodes(cell) if nodes is None else nodes
     bus = cell.bus
@@ -149,12 +151,26 @@ def cell_messages(cell: Cell, nodes: Sequence[CardNode] | None = None, with_time
             every = layout.transmission_type if layout.kind == "tpdo" and 1 <= layout.transmission_type <= 240 else 1
             name = f"{layout.kind.upper()}{layout.number} of {node.card.name}"
             messages.append(Message(name, layout.cob_id, message_bits(layout.size), every * cycle_ns))
+    messages += _refresh_messages(cell, nodes)
     senders = [("controller", bus.controller_node_id), *((node.card.name, node.card.node_id) for node in nodes)]
     messages += [
         Message(f"heartbeat of {name}", Cob.HEARTBEAT + node_id, message_bits(1), heartbeat_ns)
         for name, node_id in senders
     ]
     return tuple(sorted(messages, key=lambda message: message.priority))
+
+
+def _refresh_messages(cell: Cell, nodes: Sequence[CardNode]) -> list[Message]:
+    """One SDO download at a time. By the lowest node-ID: below all process data and above all heartbeats is any."""
+    every_ns = cell.carry_refresh_cycles * cell.bus.cycle_ns
+    carried = {robot.name for robot in cell.robot if robot.when_lost == "carry"}
+    ids = [node.card.node_id for node in nodes if node.card.robot in carried and node.card.kind.is_output]
+    if not every_ns or not ids:
+        return []
+    return [
+        Message(f"SDO {what} error value", cob + min(ids), message_bits(SDO_BYTES), every_ns)
+        for what, cob in (("answer to an", Cob.SDO_TO_CLIENT), ("write of an", Cob.SDO_TO_SERVER))
+    ]
 
 
 def cell_verdict(cell: Cell, nodes: Sequence[CardNode] | None = None, with_time: bool = False) -> Verdict:
@@ -200,7 +216,11 @@ def _chain(cell: Cell, nodes: Sequence[CardNode], messages: Sequence[Message]) -
     inputs = sum(message_bits(layout.size) for node in nodes for layout in node.tpdos)
     outputs = sum(message_bits(layout.size) for node in nodes for layout in node.rpdos)
     sync = next(message.bits for message in messages if message.can_id == Cob.SYNC)
-    blocking = max(message.bits for message in messages if message.can_id >= Cob.HEARTBEAT)
+    lower = [message for message in messages if message.can_id >= Cob.SDO_TO_CLIENT]
+    blocking, longest = (
+        max(message.bits for message in lower),
+        "SDO" if len({each.bits for each in lower}) > 1 else "heartbeat",
+    )
     scan_us = max((node.card.channel_us * _inputs(node) for node in nodes), default=0)
     total_ns = round((sync + inputs + outputs + 3 * blocking) * bit_ns) + (scan_us + bus.compute_delay_us) * 1000
     sync_us, inputs_us, outputs_us, blocking_us = (
@@ -208,7 +228,7 @@ def _chain(cell: Cell, nodes: Sequence[CardNode], messages: Sequence[Message]) -
     )
     terms = (
         f"SYNC {sync_us} + scan {scan_us} + TPDOs {inputs_us} + computing {bus.compute_delay_us} + RPDOs {outputs_us} "
-        f"+ 3 x {blocking_us} (before each burst the longest heartbeat, on the wire already)"
+        f"+ 3 x {blocking_us} (before each burst the longest {longest}, on the wire already)"
     )
     mark = "" if total_ns <= bus.cycle_ns else ": TOO LONG"
     return total_ns, f"chain of a cycle: {terms} = {total_ns / 1000:.0f} us of {bus.cycle_us} us{mark}"
