@@ -7,7 +7,7 @@ import pytest
 
 from canarm_controller.dynamics import SeveralArms, cell_arm
 from canarm_controller.supervision.nominal import JointNominal, joint_nominals
-from canarm_controller.supervision.overdue import LEAST_CYCLES, SURE_SHARE, OverdueCount, is_counted
+from canarm_controller.supervision.overdue import LATE_SHARE, LEAST_CYCLES, OverdueCount, is_counted
 from canarm_controller.supervision.tachless import sudden_rad
 from canarm_controller.supervision.timing import Timing
 from canarm_protocol.cell import load_cell
@@ -48,14 +48,13 @@ def test_the_elbow_is_judged_by_its_counts_and_a_joint_with_a_tachometer_is_not(
 @pytest.mark.parametrize("counts_s", [50.0, 57.0, 64.0])
 @pytest.mark.parametrize("phase", [0.1, 0.5, 0.9])
 def test_a_jam_shows_soon_after_the_count_that_does_not_come(counts_s: float, phase: float) -> None:
-    """With c = SURE_SHARE of friction, v·t - δ = c·t·(t + Δt)/2, Δt = δ/v + T for a speed that is known to a cycle."""
+    """With c = LATE_SHARE of friction, v·t - δ = c·t·(t + Δt)/2 and Δt = δ/v, after many counts at one speed."""
     jam_s = 3.0 + phase / counts_s
     found_s = drive(OverdueCount(ELBOW, TIMING), jammed(counts_s, jam_s, 4.0, 0.001))
     assert found_s is not None
     last_s = math.floor(counts_s * jam_s) / counts_s
-    before_s, lacking = 1.0 / counts_s + T, SURE_SHARE * FRICTION / STEP
-    speed = 1.0 / before_s
-    half = speed - 0.5 * lacking * before_s
+    before_s, lacking = 1.0 / counts_s, LATE_SHARE * FRICTION / STEP
+    half = counts_s - 0.5 * lacking * before_s
     needed_s = (half - math.sqrt(half**2 - 2.0 * lacking)) / lacking  # the smaller root
     assert max(needed_s, LEAST_CYCLES * T) - 2 * T <= found_s - last_s <= needed_s + 3 * T
     assert found_s - jam_s < 1.0 / counts_s + 0.03
