@@ -102,15 +102,21 @@ def take_home_values(rig: Rig) -> None:
                 rig._bench.receive(Frame(Cob.SDO_TO_SERVER + node.card.node_id, request))
 
 
-def drawn_rig(cell: Cell, seed: str) -> tuple[Rig, float, str]:
-    """A rig, the moment of the fault, and what was drawn: object ±50 %, friction ±30 %, half a count, 0.6 mm."""
-    draw = random.Random(seed)
+def true_robot(cell: Cell, draw: random.Random) -> dict[str, float]:
+    """Object ±50 %, friction ±30 %, half a count, 0.6 mm."""
     assert cell.object is not None
     truth = {"object.mass": cell.object.mass_kg * draw.uniform(0.5, 1.5)}
     truth |= {f"object.base_{axis}": draw.uniform(-0.0006, 0.0006) / math.sqrt(3) for axis in "xyz"}
     for name, joint, step_rad in zip(cell.joint_names, cell.joints, position_steps_rad(cell), strict=True):
         truth[f"{name}.coulomb"] = joint.motor.coulomb_friction_nm * draw.uniform(0.7, 1.3)
         truth[f"{name}.initial_deg"] = joint.home_deg + math.degrees(step_rad) * draw.uniform(-0.5, 0.5)
+    return truth
+
+
+def drawn_rig(cell: Cell, seed: str) -> tuple[Rig, float, str]:
+    """A rig, the moment of the fault, and what was drawn: object ±50 %, friction ±30 %, half a count, 0.6 mm."""
+    draw = random.Random(seed)
+    truth = true_robot(cell, draw)
     law, motion, at_s = draw.choice(LAWS), draw.choice(MOTIONS), draw.uniform(FIRST_S, LAST_S)
     rig = Rig(cell, law, motion, seed=draw.randrange(2**31), truth=truth, history_s=LAST_S + WATCHED_S + 1.0)
     return rig, at_s, f"{seed}: {law}, {motion}, {at_s:.3f} s"
