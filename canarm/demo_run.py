@@ -23,7 +23,7 @@ from .child import START_S, Child, ended_too_early, offered_port, running
 from .options import BENCH_BUS, ROBOT_BUS, ControlOptions, pace_text, wait_text
 from .recording import BENCH, FAILED_RECORDING, PARQUET, Recording, recording_failure
 from .serving import attach_flags
-from .summary import Summary
+from .summary import Summary, after_emergency_stop
 
 SLOWEST = 10.0
 """A run is given up after this many times its robot time, plus START_S."""
@@ -66,7 +66,7 @@ class DemoRun:
         """Why it was interrupted, if it was."""
         self.complaints = ""
         """What the processes have said on stderr, known once it is closed."""
-        self._is_closed = False
+        self._is_closed = self._is_seed_known = False
         self._made, self._with_dashboard = made, with_dashboard
         self._emulator: Child | None = None
         self._controller: Child | None = None
@@ -124,6 +124,10 @@ class DemoRun:
         result = _result(controller)
         if result is None:
             return f"the controller ended with status {controller.status}", False, [str(self.folder)]
+        if not self._is_seed_known:
+            self._is_seed_known = True
+            summary = summary_of({**result, "seed": self.plan.seed, "out": str(self.folder)})
+            recording_failure(self.folder, lambda: update_run_file(self.folder, "summary", summary.as_json()))
         verdict, *details = summary_of({**result, "out": str(self.folder)}).verdict_first()
         return verdict, controller.status == ExitStatus.DONE, details
 
@@ -160,6 +164,9 @@ class DemoRun:
         known = {"seed": plan.seed, "faults": _of_summary(emulator, "faults"), "out": str(self.folder)}
         if FAILED_RECORDING in f"{self.complaints}{_of_summary(emulator, 'reason')}":
             known["broke_off"] = True
+        stopped_in, result = _of_summary(emulator, "emergency_stop_cycle"), _result(controller) or {}
+        if stopped_in is not None and result.get("state") == "failed":
+            known["reason"] = after_emergency_stop(stopped_in * plan.cell.bus.cycle_s, result.get("reason"))
         if plan.cell.object is not None:
             known["object"] = _of_summary(emulator, "object")
         if self.cause is not None and _result(controller) is None:

@@ -16,7 +16,8 @@ from canarm_protocol.runs.run_folder import create_run_folder, new_run_folder
 from canarm_protocol.runs.tentative import Tentative
 
 from .demo_run import DemoPlan, DemoRun, tell
-from .options import SLOWEST_PACE, multiple_or_max, not_negative, pace_text, whole_number
+from .number_checks import possible_seed
+from .options import SLOWEST_PACE, multiple_or_max, pace_text, whole_number
 from .session import make_controller
 from .usage import UsageError
 
@@ -134,7 +135,7 @@ class DemoRuns:
             )
         seed = _number("seed", wanted.seed, whole_number)
         try:
-            not_negative(int, seed)
+            possible_seed(int, seed)
         except ValueError as error:
             raise UsageError(f"seed {wanted.seed}: {error}") from None
         pace = None

@@ -16,6 +16,7 @@ from canarm_protocol.transport.port import BusPort, open_port, parse_bus_options
 from canarm_protocol.transport.socketcand import DEFAULT_PORT
 
 from .misplaced import hint
+from .number_checks import not_negative, positive, possible_seed
 from .open_cell import open_cell
 from .usage import DEFAULT_CELL, DEFAULT_LAW, UsageError, parse_settings
 
@@ -33,31 +34,10 @@ LONGEST_PORT = 20
 """More digits cannot be a port."""
 LONGEST_S = 1e6
 """Eleven days: nobody means a longer wait, and some systems cannot wait longer."""
-LONGEST_RUN_S = 1e9
-"""Thirty years: for a run until Ctrl-C. Its cycles can still be counted and its end waited for."""
-
 SLOWEST_PACE = 0.01
 """The slowest pace: a cycle of 2.5 ms then takes a quarter of a second, too short for anyone to give up on it."""
 DEFAULT_SYNC_TIMEOUT_S = 10.0
 """Longer than the delays of a busy machine, a compiler or paging; a process that ends is noticed at once."""
-
-
-def positive(type_: object, value: float | None) -> None:
-    """Refuse a number of seconds that is not above 0, or absurd."""
-    if value is not None and not 0.0 < value <= LONGEST_RUN_S:
-        raise ValueError(f"must be a number of seconds above 0 and at most {LONGEST_RUN_S:g} s.")
-
-
-def not_negative(type_: object, value: int | None) -> None:
-    """Refuse a number below 0."""
-    if value is not None and value < 0:
-        raise ValueError("must be 0 or more.")
-
-
-def at_least_one(type_: object, value: int | None) -> None:
-    """Refuse a number below 1."""
-    if value is not None and value < 1:
-        raise ValueError("must be 1 or more.")
 
 
 def named_file(type_: object, tokens: Sequence[Token]) -> Path:
@@ -139,7 +119,7 @@ Pace = Annotated[
     ),
 ]
 Address = Annotated[str, Parameter(metavar="HOST:PORT")]
-Seed = Annotated[int, Parameter(converter=whole_number, validator=not_negative, help="Seed of the sensor noise.")]
+Seed = Annotated[int, Parameter(converter=whole_number, validator=possible_seed, help="Seed of the sensor noise.")]
 Words = Annotated[list[str], Parameter(negative=(), metavar="KEY=VALUE", show_default=False)]
 Settings = Annotated[Words, Parameter(consume_multiple=False)]
 """One KEY=VALUE per option."""

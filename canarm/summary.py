@@ -121,6 +121,16 @@ class Summary:
         return "\n".join(lines)
 
 
+AFTER_STOP = "after the emergency stop at "
+
+
+def after_emergency_stop(second: float, reason: str | None) -> str:
+    """Why a run has ended in which an operator pressed the emergency stop at `second`: a controller sees the effect."""
+    if reason is not None and reason.startswith(AFTER_STOP):
+        return reason
+    return f"{AFTER_STOP}{second:.3f} s" + (f": {reason}" if reason else "")
+
+
 def errors_count_later(setting: str) -> str:
     """Why a run of `SETTLING_CYCLES` or fewer has no figure of its errors; `setting` is what makes it longer."""
     return (

@@ -12,6 +12,7 @@ __all__ = [
     "DEFAULT_CELL",
     "DEFAULT_LAW",
     "DEFAULT_TRAJECTORY",
+    "LARGEST_SEED",
     "UsageError",
     "check_number",
     "key_values",
@@ -20,6 +21,8 @@ __all__ = [
 ]
 
 DEFAULT_CELL, DEFAULT_LAW, DEFAULT_TRAJECTORY = "konkuk1", "mras", "sine"
+LARGEST_SEED = 2**63 - 1
+"""What a table of a study holds, and TOML."""
 
 
 def check_number(what: str, value: object, lowest: float = -math.inf) -> None:

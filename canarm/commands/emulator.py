@@ -292,6 +292,7 @@ def _figures(bench: FaultBench, runner: EmulatorRunner) -> dict[str, Any]:
         "stalls": runner.stalls,
         "run_ons": runner.run_ons,
         "faults": bench.device.faults.begun,
+        "emergency_stop_cycle": runner.emergency_stop_cycle,
         **({} if bench.cell.object is None else {"object": bench.world.object_summary()}),
         **({"sync_arrival": runner.sync_intervals.summary()} if bench.clock is Clock.WALL else {}),
         **({} if bench.wire is None else {"wire": _wire_figures(bench.wire, bench.trouble)}),

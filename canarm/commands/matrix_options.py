@@ -10,7 +10,8 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
 
 from ..draws import SEED
-from ..options import CellOptions, Truth, not_negative, whole_number
+from ..number_checks import not_negative
+from ..options import CellOptions, Truth, whole_number
 from ..usage import DEFAULT_LAW, UsageError, parse_settings
 
 if TYPE_CHECKING:

@@ -20,6 +20,7 @@ from canarm_tui.bus.filtering import FrameFilter
 from canarm_tui.bus.plain import after, write_lines
 from canarm_tui.bus.watch import BusWatch
 
+from ..number_checks import not_negative
 from ..open_cell import open_cell
 from ..options import (
     BENCH_BUS,
@@ -32,7 +33,6 @@ from ..options import (
     NamedBus,
     Seconds,
     Words,
-    not_negative,
     parse_address,
     whole_number,
 )

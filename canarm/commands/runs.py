@@ -10,7 +10,8 @@ from cyclopts import App, Parameter
 from canarm_protocol.errors import ExitStatus
 from canarm_protocol.shown import printable, printable_lines, printable_values
 
-from ..options import Flag, named_file, not_negative, whole_number
+from ..number_checks import not_negative
+from ..options import Flag, named_file, whole_number
 from ..runs.again import fault_file_of
 from ..runs.converting import FORMATS, convert
 from ..runs.listing import Listed, list_lines, remove_run, runs_below, size_text, to_prune, why_not_removed

@@ -54,8 +54,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Refuse impossible options before any test runs, and resolve paths against the starting folder."""
     _settle_out(config)
     bus, seed = config.getoption("--canarm-bus"), config.getoption("--canarm-seed")
-    if seed < 0:
-        raise pytest.UsageError(f"--canarm-seed {seed}: must not be negative")
+    if not 0 <= seed < 1 << 63:  # as `LARGEST_SEED` says: nothing is imported before a rig is asked for
+        raise pytest.UsageError(f"--canarm-seed {seed}: must be 0 or more, and at most {2**63 - 1}")
     if bus is not None:
         from ..bus_choice import BusChoice
         from ..usage import UsageError

@@ -23,7 +23,7 @@ from canarm_protocol.cell.model import Cell
 from canarm_protocol.runs.out_folder import OutFolder
 from canarm_protocol.shown import quoted
 
-from ..usage import UsageError, value_text
+from ..usage import LARGEST_SEED, UsageError, value_text
 
 MECHANICS = (".mass", ".viscous", ".coulomb", ".rotor_inertia", ".wire_stiffness")
 """Endings of the truth's keys that can change during a run."""
@@ -67,15 +67,13 @@ class Unused:
 
 
 def checked_seed(seed: object) -> int:
-    """`seed` as a whole number. Raises `UsageError` if it is none, or negative."""
+    """`seed` as a whole number. Raises `UsageError` if it is none, negative, or above `LARGEST_SEED`."""
     if not isinstance(seed, Integral) or isinstance(seed, bool):
         raise UsageError(f"seed {quoted(seed)}: must be a whole number")
     if int(seed) < 0:
         raise UsageError(f"seed {quoted(seed)}: must not be negative")
-    try:
-        str(int(seed))
-    except ValueError:
-        raise UsageError(f"seed {quoted(seed)}: has too many digits") from None
+    if int(seed) > LARGEST_SEED:
+        raise UsageError(f"seed {quoted(seed)}: must be at most {LARGEST_SEED}")
     return int(seed)
 
 

@@ -17,11 +17,11 @@ from canarm_protocol.cell.settings import setting_keys
 from canarm_protocol.errors import CanarmError
 from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.faults.script import FaultScript, parse_faults
-from canarm_protocol.shown import printable
+from canarm_protocol.shown import printable, quoted
 
 from ..open_cell import open_cell
 from ..run_lines import demo_line, emulator_line
-from ..usage import UsageError, value_text
+from ..usage import LARGEST_SEED, UsageError, value_text
 from .run import SCRIPT_TEXT, Run
 
 AFTERWARDS_S = 5.0
@@ -98,10 +98,13 @@ def _common(run: Run) -> tuple[dict[str, Any], list[str]]:
     truth, seed = made.get("truth"), made.get("seed")
     faults = _given(run, "--faults")[:1] or _nameless_faults(run, remarks)
     remarks += _by_hand(run)
+    is_seed = isinstance(seed, int) and not isinstance(seed, bool) and 0 <= seed <= LARGEST_SEED
+    if seed is not None and not is_seed:
+        remarks.append(f"its seed is none that canarm takes: {quoted(seed)}; the line has 0")
     common = {
         "cell": cell,
         "settings": settings,
-        "seed": seed if isinstance(seed, int) and 0 <= seed < 1 << 64 else 0,
+        "seed": seed if is_seed else 0,
         "wire": made.get("wire") is True,
         "truth": [(str(key), str(value)) for key, value in truth.items()] if isinstance(truth, Mapping) else [],
         "faults": faults[0] if faults else None,

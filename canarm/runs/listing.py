@@ -53,7 +53,8 @@ class Listed:
     def as_plain(self) -> dict[str, Any]:
         """For `--json`."""
         said = self.run.summary
-        known = {key: said.get(key) for key in ("cell", "law", "trajectory", "state", "ticks", "reason")}
+        known = {key: said.get(key) for key in ("cell", "law", "trajectory", "state", "ticks")}
+        known["reason"] = self.run.reason
         return {"path": str(self.path), "written": self.written.isoformat(), "bytes": self.size_bytes, **known}
 
 

@@ -42,6 +42,7 @@ from ..rig.findings import Noticed, begun_of
 from ..rig.recorded import DETECTION, RecordedHistory, fault_events, noticed, recorded_joints
 from ..rig.run_plot import Picture, plot_run
 from ..signal_table import JOINED_BY, Columns, joined, read_table
+from ..summary import after_emergency_stop
 from ..usage import UsageError
 
 PARTS = (RUN_FILE, CAN_LOG_FILE, EVENTS_FILE, SIGNALS_FOLDER)
@@ -220,6 +221,21 @@ class Run:
         return plot_run(title or printable(self.path.name), joints, begun_of(self.faults), seen)
 
     @property
+    def reason(self) -> str | None:
+        """Why the run has ended, as it was said; after an emergency stop that too. Not safe to print."""
+        reason = self.summary.get("reason")
+        said = None if reason is None else str(reason)
+        if self.summary.get("state") != "failed":
+            return said
+        pressed = (
+            each["time_s"]
+            for each in self.event_list
+            if each["event"] == "emergency-stop" and each.get("state") == "on" and each["cycle"] >= 0
+        )
+        stopped_s = next(pressed, None)
+        return said if stopped_s is None else after_emergency_stop(stopped_s, said)
+
+    @property
     def headline(self) -> str:
         """The run in a line: what ran, for how long, and how it ended. Safe to print."""
         said, made = self.summary, self.made_by
@@ -228,7 +244,7 @@ class Run:
         what = f"{law} on {motion}" if law else "no controller of ours"
         cycles = said.get("ticks")
         length = f"{cycles} cycles" if isinstance(cycles, int) else "without a summary"
-        reason = f": {said['reason']}" if said.get("reason") else ""
+        reason = f": {self.reason}" if self.reason else ""
         end = said.get("state", "unfinished")
         return printable(f"{cell}, {what}, seed {made.get('seed', '?')}: {end}, {length}{reason}", 300)
 

@@ -5,7 +5,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from ..options import at_least_one, whole_number
+from ..number_checks import at_least_one
+from ..options import whole_number
 
 Jobs = Annotated[
     int | None,

@@ -138,6 +138,7 @@ def test_a_command_starts_without_what_it_does_not_run(command, needed, canarm):
         ("emulator --sync-timeout 0", "--sync-timeout", "above 0"),
         ("demo --sync-timeout soon", "--sync-timeout", "or none"),
         ("demo --seed 1.5", "--seed", "must be a whole number"),
+        ("demo --seed 9223372036854775808", "--seed", "at most 9223372036854775807"),
         ("controller --spin 1.5", "--spin", "must be a whole number"),
         ("demo --pace 0", "--pace", "0.01 or more, or max"),
         ("demo --clock wall --pace 1", "--pace 1", "the wall clock has one pace"),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from canarm import BenchClient, Rig
+from canarm import BenchClient, Rig, open_run
 from canarm.cli import run
 from canarm.fault_text import parse_parameters, status_lines
 from canarm.rig.arguments import RigWarning
@@ -354,6 +354,23 @@ def test_a_demo_names_sets_that_have_never_begun(canarm):
     demo = canarm("demo", "--clock", "sync", "--no-tui", "--seconds", "1", "--faults", "f.toml", "--out", "run")
     assert demo.wait() == 0, demo
     assert [line for line in demo.stderr if "never began" in line] == ["canarm: fault never began: heavier"]
+
+
+def test_a_run_that_an_operator_has_stopped_says_so_in_its_summary(canarm):
+    demo = canarm("demo", "--no-tui", "--json", "--seconds", "3600", "--pace", "1", "--seed", "3", "--out", "run")
+    port = int(demo.wait_for(r"to attach to bench: .* port=(\d+)")[1])
+    with (
+        open_port("canarm", "bench", host="127.0.0.1", port=port) as bus,
+        BenchClient(bus, CELL, limit_s=20.0) as client,
+    ):
+        demo.wait_for("1 of 3600 s")
+        client.emergency_stop()
+        assert demo.wait() == 1, demo
+    (pressed,) = [each for each in open_run(canarm.folder / "run").event_list if each["event"] == "emergency-stop"]
+    said = f"after the emergency stop at {pressed['cycle'] * CELL.bus.cycle_s:.3f} s: "
+    assert (demo.json["state"], demo.json["seed"]) == ("failed", 3)
+    assert demo.json["reason"].startswith(said)
+    assert open_run(canarm.folder / "run").reason == demo.json["reason"]
 
 
 def test_a_fault_that_needs_the_wire_is_refused_without_it(canarm, capsys):

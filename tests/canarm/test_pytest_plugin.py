@@ -143,7 +143,7 @@ def test_a_rig_is_finished_after_its_test(run) -> None:
     [
         ("--canarm-bus=virtul", "must be virtual, or socketcan:vcan0,vcan1"),
         ("--canarm-bus=socketcan:vcan0", "must be virtual, or socketcan:vcan0,vcan1"),
-        ("--canarm-seed=-1", "--canarm-seed -1: must not be negative"),
+        ("--canarm-seed=-1", "--canarm-seed -1: must be 0 or more, and at most 9223372036854775807"),
         ("--canarm-out=a_file", "--canarm-out a_file: File exists; must be a folder to write in"),
         ("--canarm-out=a_file/kept", "--canarm-out a_file/kept: "),
     ],

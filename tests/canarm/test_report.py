@@ -117,10 +117,18 @@ def test_a_detection_after_the_emergency_stop_is_its_doing_and_no_faults(recorde
     fault, stop = spans_of(run)
     assert (fault.what, fault.noticed) == ("joint2.tachometer stuck", None)
     assert (stop.what, stop.end_s) == ("emergency stop", 2.9)
+    assert run.reason is None, "it has ended as planned all the same"
     said = f"The emergency stop was pressed at {first['time_s']:.4f} s and was noticed after 0.0 ms by "
     assert any(line.startswith(said) for line in verdict(run)[1])
     released, on = record_of(run).faults.stops
     assert (on.is_on, on.cycle, released.is_on) == (True, first["cycle"], False), "the dashboard plays it too"
+    document = json.loads((tmp_path / "run" / "run.json").read_text())
+    document["summary"] |= {"state": "failed", "reason": "current-mismatch: joint2"}
+    (tmp_path / "run" / "run.json").write_text(json.dumps(document))
+    failed = open_run(tmp_path / "run")
+    assert failed.reason == f"after the emergency stop at {first['time_s']:.3f} s: current-mismatch: joint2"
+    assert failed.reason in verdict(failed)[1][0]
+    assert failed.reason in failed.headline
     # Without the fault's own events, the stop is the cause.
     events.write_text("\n".join([line for line in lines if '"fault-' not in line] + added) + "\n")
     assert not any("though no fault was injected" in line for line in verdict(open_run(tmp_path / "run"))[1])

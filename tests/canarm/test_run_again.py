@@ -121,6 +121,7 @@ def test_a_hostile_folder_writes_no_other_command(copy: Path, capsys: pytest.Cap
     assert words[:2] == ["canarm", "demo"]
     assert words[words.index("--law") + 1] == shown
     assert any("read it before you run it" in each for each in again.remarks)
+    assert any("its seed is none that canarm takes" in each for each in again.remarks)
     page = report_page([open_run(copy)])
     assert "\x1b" not in page
 

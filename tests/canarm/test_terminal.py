@@ -173,9 +173,10 @@ def test_the_dashboard_of_a_demo_stays_with_the_verdict_and_runs_again_until_it_
     (canarm.folder / "laws.py").write_text(PRINTING_LAW)
     (canarm.folder / "stuck.toml").write_text(STUCK)
     options = ("--law", "laws.py:Printing", "--faults", "stuck.toml", "--out", "run")
-    demo = open_terminal("demo", "--seconds", "1", *options)
+    demo = open_terminal("demo", "--seconds", "1", "--seed", "5", *options)
     demo.wait_for(SHOWN)
     demo.wait_for(re.compile("✓ DONE: konkuk1, laws.py:Printing".encode()))
+    assert run_folder(canarm.folder / "run").run["summary"]["seed"] == 5, "whole before the dashboard is left"
     demo.wait_for(re.compile("◆ detected: tachometer-".encode()))
     assert LEFT not in demo.said
     assert b"xxx" not in demo.said, "what the law prints reaches the terminal"

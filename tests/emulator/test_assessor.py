@@ -159,6 +159,13 @@ def test_a_slow_swing_has_no_stretch_of_constant_speed(dtype: type) -> None:
     assert ripple(angles.astype(dtype).astype(float), np.linspace(0.0, 1.0, 8000)) == 0.0
 
 
+@pytest.mark.parametrize("angles_rad", [ramp(2000, 0.004), 0.002 * (1.0 - np.cos(np.arange(10_000) * PERIOD_S / 4.0))])
+def test_a_joint_that_hardly_moves_has_no_ripple(angles_rad: np.ndarray) -> None:
+    """Its share of a mean speed of nearly nothing would be thousands of percent."""
+    speeds = np.random.default_rng(5).normal(0.001, 0.03, len(angles_rad))
+    assert ripple(angles_rad, speeds) == 0.0
+
+
 def test_a_reference_in_single_precision_is_still_steady() -> None:
     speeds = np.random.default_rng(4).normal(0.5, 0.02, 800)
     references = ramp(800, 0.5, start_rad=1.2).astype(np.float32).astype(float)

@@ -119,9 +119,9 @@ def joint_figures(run: Run) -> dict[str, dict[str, float]]:
 
 def _end(run: Run) -> tuple[bool, list[str]]:
     said = run.summary
-    state, cycles, reason = said.get("state"), said.get("ticks"), said.get("reason")
+    state, cycles, reason = said.get("state"), said.get("ticks"), run.reason
     length = f"after {cycles} cycles" if isinstance(cycles, int) else "after an unknown number of cycles"
-    why = f": {printable(str(reason), 300)}" if reason else ""
+    why = f": {printable(reason, 300)}" if reason else ""
     starved = [printable(str(said["starved"]), 300)] if said.get("starved") else []
     if state == "done":
         return not starved, [*starved, f"The run ended as planned {length}."]

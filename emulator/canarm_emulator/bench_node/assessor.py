@@ -22,6 +22,9 @@ SHORTEST_STRETCH = 100
 STEADY_RAD = 5e-7
 """Steps of a stretch may differ from its first one by this: in single precision a step is known to 2.4e-7 rad. Over the
 shortest stretch that allows an acceleration of less than 1e-3 rad/s² at 2.5 ms."""
+STEADY_SHARE = 0.01
+"""And by this share of it: what creeps by less than `STEADY_RAD` / `STEADY_SHARE` a cycle (0.02 rad/s at 2.5 ms) may as
+well be coming to rest, and a ripple in shares of nearly nothing means nothing."""
 
 
 @dataclass(slots=True)
@@ -44,7 +47,7 @@ class SpeedRipple:
     def add(self, reference_rad: float, speed_rad_s: float) -> None:
         """Take the next cycle (Welford's update)."""
         step = reference_rad - self.last_rad
-        if abs(step - self.step_rad) < STEADY_RAD < abs(step):
+        if abs(step - self.step_rad) < STEADY_RAD < STEADY_SHARE * abs(step):
             self.count += 1
             delta = speed_rad_s - self.mean
             self.mean += delta / self.count

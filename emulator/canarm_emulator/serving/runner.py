@@ -80,6 +80,7 @@ class EmulatorRunner:
         self._queued_syncs = 0
         self._listener_until_ns = 0
         self._next_idle_telemetry_ns = 0
+        self._stopped: tuple[int | None, int | None] = None, None
         self._sent_cycle = -1
         self._recorded_run = 0
         self._write_out_ns = 0
@@ -104,6 +105,12 @@ class EmulatorRunner:
         bench.device.on_emergency_stop = self._emergency_stop
         bench.device.on_power_cycle = self._powered_on
         bench.on_rested = self._rested
+
+    @property
+    def emergency_stop_cycle(self) -> int | None:
+        """The cycle of the present run in which the emergency stop was pressed first; None if it was not."""
+        run, cycle = self._stopped
+        return cycle if run == self._bench.run else None
 
     def run(self) -> None:
         """Power on, call `on_ready`, and serve until `should_stop`. Raises `BusError` when a port's bus is lost.
@@ -328,6 +335,8 @@ class EmulatorRunner:
         self._on_event(event_text(event))
 
     def _emergency_stop(self, is_on: bool) -> None:
+        if is_on and self.emergency_stop_cycle is None and self._bench.cycle >= 0:
+            self._stopped = self._bench.run, self._bench.cycle
         self._note("emergency-stop", state="on" if is_on else "off")
         self._on_event("emergency stop: the supply of all amplifiers is " + ("open" if is_on else "closed again"))
 
