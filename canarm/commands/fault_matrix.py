@@ -73,7 +73,8 @@ def matrix(
         words_of(controller)
     cells = _chosen(nominal, only or (), cell.cell)
     campaign = Campaign(scenarios, cells, controller, 0 if only else FAULT_FREE_RUNS, about)
-    processes, progress = jobs or cores(), Progress()
+    processes = jobs or cores()
+    progress = Progress(processes)
     say = keep_stdout()
     with contextlib.nullcontext() if out is None else claimed(out):
         with_fault, without = campaign.runs

@@ -18,7 +18,7 @@ from canarm_protocol.runs.can_log import log_frames
 from canarm_protocol.runs.run_folder import CAN_LOG_FILE, RunFolderError
 
 from ..options import BusOptions, Flag, MoreBusWords, multiple_or_max, named_file
-from ..runs.again import emulator_again
+from ..runs.again import emulator_again, untold_faults
 from ..runs.decoding import Decoder
 from ..runs.replaying import Answers, of_master, replay_lockstep, replay_timed, without_errors
 from ..runs.run import Run
@@ -83,8 +83,11 @@ def _check(run: Run, law: str | None, trajectory: str | None) -> int:
         raise RunFolderError(f"{run.path}: has no {CAN_LOG_FILE}; there is nothing to compare with")
     with tempfile.TemporaryDirectory() as name:
         found = check_again(run, Path(name) / "again", law, trajectory)
-    for text in run.complaints:
+    untold = untold_faults(run)
+    for text in (each for each in run.complaints if not untold or each not in run.damaged_events):
         _tell(text)
+    if untold:
+        _tell(f"{untold}; repeated without them")
     print(found.text)
     if not found.is_same and (others := differences(run.made_by)):
         _tell(f"its numbers may be rounded otherwise here: it was made with {', '.join(others)}")

@@ -1,6 +1,7 @@
 """`canarm runs`: the run folders that there are: list, show, convert, prune."""
 
 import json
+import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,7 +13,7 @@ from canarm_protocol.shown import printable, printable_lines, printable_values
 
 from ..number_checks import not_negative
 from ..options import Flag, named_file, whole_number
-from ..runs.again import fault_file_of
+from ..runs.again import fault_file_of, untold_faults
 from ..runs.converting import FORMATS, convert
 from ..runs.listing import Listed, list_lines, remove_run, runs_below, size_text, to_prune, why_not_removed
 from ..runs.run import Run
@@ -57,6 +58,8 @@ def show(
     opened = Run(run)
     if faults:
         print(printable_lines(fault_file_of(opened)), end="")
+        if why := untold_faults(opened):
+            print(f"canarm: {why}", file=sys.stderr)
     elif json_:
         print(json.dumps(printable_values(_plain(opened))))
     else:
@@ -126,14 +129,18 @@ def prune(
     if not chosen:
         print(f"nothing to remove: {_why_none(base, len(there), keep, older_than)}")
         return ExitStatus.DONE
-    print(f"{removed} runs, {size_text(freed)}{'' if yes or not removed else '; --yes removes them'}")
+    print(
+        f"{removed} run{'s' * (removed != 1)}, {size_text(freed)}{'' if yes or not removed else '; --yes removes them'}"
+    )
     return ExitStatus.FAILED if failed else ExitStatus.DONE
 
 
 def _why_none(base: Path, there: int, keep: int | None, older_than: int | None) -> str:
     kept = "" if keep is None else f", and the newest {keep} are kept"
     of = "none of the others" if kept else "none"
-    older = "" if older_than is None else f", and {of} was written more than {older_than} days ago"
+    older = (
+        "" if older_than is None else f", and {of} was written more than {older_than} day{'s' * (older_than != 1)} ago"
+    )
     return f"{there} run{'s' * (there != 1)} below {printable(str(base))}{kept}{older}"
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ..study.objective import Objective
     from ..study.plan import Study
     from ..study.running import Runner
+    from ..workers.progress import Progress
 
 STUDIES = Path("studies")
 Say = Any
@@ -77,10 +78,11 @@ def study(
     processes = jobs or cores()
     runner = on_this_machine(processes) if scheduler is None else on_cluster(scheduler)
     where = f"{processes} at a time" if scheduler is None else f"on {printable(scheduler)}"
+    progress = Progress(processes if scheduler is None else 1)
     say = keep_stdout()
     if tune:
-        return _tune(planned, objective, tune, folder, runner, say, json_)
-    return _run(planned, folder, runner, where, say, json_)
+        return _tune(planned, objective, tune, folder, runner, progress, say, json_)
+    return _run(planned, folder, runner, progress, where, say, json_)
 
 
 def _tune(
@@ -89,19 +91,20 @@ def _tune(
     keys: list[str],
     folder: Path,
     runner: "Runner",
+    progress: "Progress",
     say: Say,
     json_: bool,
 ) -> int:
     from ..study.description import description
     from ..study.journal import Journal
     from ..study.tuning import gains_of, lines_of, tuned
-    from ..workers.progress import Progress
 
-    gains, progress = gains_of(planned, keys, objective), Progress()
+    gains = gains_of(planned, keys, objective)
     about = {**description(planned), "tune": [str(gain) for gain in gains], "objective": str(objective)}
     about |= {"evaluations": objective.evaluations, "search_seed": objective.seed}
     with Journal(folder, about) as journal:
-        progress.note(f"{len(gains)} gains, at most {objective.evaluations} sets of them, {len(planned)} runs each")
+        each = f"{len(planned)} run{'s' * (len(planned) != 1)} each"
+        progress.note(f"{len(gains)} gains, at most {objective.evaluations} sets of them, {each}")
         progress.note(f"objective: {objective}")
         found = tuned(planned, objective, gains, journal, runner, progress)
     if found is None:
@@ -115,23 +118,24 @@ def _tune(
     return ExitStatus.DONE
 
 
-def _run(planned: "Study", folder: Path, runner: "Runner", where: str, say: Say, json_: bool) -> int:
+def _run(
+    planned: "Study", folder: Path, runner: "Runner", progress: "Progress", where: str, say: Say, json_: bool
+) -> int:
     from ..study.description import description
     from ..study.journal import Journal
     from ..study.running import run_study
-    from ..workers.progress import Progress
 
-    progress = Progress()
     with Journal(folder, description(planned)) as journal:
         done = len(journal.places)
         before = f", {done} of them done before" if done else ""
-        progress.note(f"{planned.title}: {len(planned)} runs of {planned.base.seconds:g} s{before}; {where}")
+        many = "s" * (len(planned) != 1)
+        progress.note(f"{planned.title}: {len(planned)} run{many} of {planned.base.seconds:g} s{before}; {where}")
         begun_s = time.monotonic()
         is_whole = run_study(planned, journal, runner, progress)
         ran = len(journal.places) - done
         if not is_whole:
             progress.leave()
-            progress.note(f"interrupted: {len(journal.places)} of {len(planned)} runs are done; again to go on")
+            progress.note(f"interrupted: {len(journal.places)} of {len(planned)} run{many} are done; again to go on")
         return _end(planned, journal, ran, time.monotonic() - begun_s, is_whole, say, json_)
 
 

@@ -17,6 +17,7 @@ from canarm_protocol.cell.settings import setting_keys
 from canarm_protocol.errors import CanarmError
 from canarm_protocol.faults.fault_toml import as_toml
 from canarm_protocol.faults.script import FaultScript, parse_faults
+from canarm_protocol.runs.run_folder import RunFolderError
 from canarm_protocol.shown import printable, quoted
 
 from ..open_cell import open_cell
@@ -76,9 +77,12 @@ def emulator_again(run: Run) -> Again | None:
 def fault_file_of(run: Run) -> str:
     """The faults that were declared before cycle 0, as the text of one fault file.
 
-    Raises `UsageError` where there are none, or no file can say them, and `FaultError` for what is no script.
+    Raises `UsageError` where there are none, or no file can say them, `RunFolderError` where nothing tells of any, and
+    `FaultError` for what is no script.
     """
     texts = [text for each in _scripts(run, before=True) if (text := _text(each.get(SCRIPT_TEXT)))]
+    if not texts and (why := untold_faults(run)):
+        raise RunFolderError(f"{run.path}: {why}")
     if not texts:
         raise UsageError(f"{run.path}: no faults were declared before it began")
     scripts = [parse_faults(text) for text in texts]
@@ -87,6 +91,17 @@ def fault_file_of(run: Run) -> str:
     if not all(script.is_parallel or len(script.sets) == 1 for script in scripts):
         raise UsageError(f"{run.path}: {len(scripts)} scripts that wait for one another; no one file says them")
     return as_toml(FaultScript(tuple(each for script in scripts for each in script.sets), is_parallel=True))
+
+
+def untold_faults(run: Run) -> str:
+    """Why nobody can tell which faults, or which others, were declared; empty if the events are whole. Safe to show."""
+    found = bool(_scripts(run, before=True))
+    if not run.damaged_events:
+        return ""
+    which = "which others" if found else "which faults"
+    why = f"{which} were declared cannot be told: {printable('; '.join(run.damaged_events))}"
+    named = _given(run, "--faults")
+    return why if found or not named else f"{why}; its command line has --faults {printable(named[0])}"
 
 
 def _common(run: Run) -> tuple[dict[str, Any], list[str]]:
@@ -101,6 +116,8 @@ def _common(run: Run) -> tuple[dict[str, Any], list[str]]:
     is_seed = isinstance(seed, int) and not isinstance(seed, bool) and 0 <= seed <= LARGEST_SEED
     if seed is not None and not is_seed:
         remarks.append(f"its seed is none that canarm takes: {quoted(seed)}; the line has 0")
+    if why := untold_faults(run):
+        remarks.append(why)
     common = {
         "cell": cell,
         "settings": settings,

@@ -75,6 +75,8 @@ class Run:
         self.path, self._library = path, library
         self.complaints: list[str] = []
         """What could not be read so far, a line each."""
+        self.damaged_events: list[str] = []
+        """Those complaints that say that events are lost; known when `event_list` has been read."""
         try:
             is_folder = path.is_dir()
         except OSError as error:
@@ -150,7 +152,15 @@ class Run:
     @cached_property
     def event_list(self) -> list[dict[str, Any]]:
         """The events, in the order of their times."""
-        return event_lines(self.path / EVENTS_FILE, self._complain)
+        path, damage = self.path / EVENTS_FILE, self.damaged_events
+        events = event_lines(path, damage.append)
+        if not path.exists():
+            damage.append(f"{EVENTS_FILE}: is missing")
+        elif not events and not damage and len(self.controller.get(JOINED_BY, ())):  # its states are events
+            damage.append(f"{EVENTS_FILE}: has no event")
+        for text in damage:
+            self._complain(text)
+        return events
 
     @property
     def events(self) -> Any:

@@ -43,7 +43,7 @@ def show_lines(run: Run) -> Iterator[str]:
     if len(events) > MOST_EVENTS:
         yield f"and {len(events) - MOST_EVENTS} events more"
     for text in run.complaints:
-        yield f"cannot be read: {text}"
+        yield f"not whole: {text}"
     yield from again_lines(run)
 
 

@@ -79,7 +79,7 @@ class Findings:
     def outcome(self) -> Iterable[str]:
         """Counts and figures in words."""
         ends = ", ".join(f"{count} {printable(state, 40)}" for state, count in self.states.items())
-        yield f"{self.runs} runs: {ends}"
+        yield f"{self.runs} run{'s' * (self.runs != 1)}: {ends}"
         for name, title in METRICS.items():
             values = self.columns[name][self.known(name)]
             if len(values):

@@ -45,8 +45,8 @@ def _head(study: Study, found: Findings) -> str:
     axes = "; ".join(printable(str(axis), 120) for axis in study.axes)
     said = "".join(f"<p>{escaped(line)}</p>" for line in found.outcome())
     missing = len(study) - found.runs
-    part = f"<p>{missing} runs are still to be done.</p>" if missing else ""
-    how = f"{study.sample.value} of {len(study)} runs of {study.base.seconds:g} s each: {axes}"
+    part = f"<p>{missing} {'runs are' if missing != 1 else 'run is'} still to be done.</p>" if missing else ""
+    how = f"{study.sample.value} of {len(study)} run{'s' * (len(study) != 1)} of {study.base.seconds:g} s each: {axes}"
     return f'<p class="soft">{escaped(how)}</p>\n<div class="verdict{"" if is_good else " bad"}">{said}{part}</div>'
 
 

@@ -11,12 +11,19 @@ TENTHS = 10
 
 
 class Progress:
-    """Called after every run; see `run_campaign`."""
+    """Called after every run; see `run_campaign`. `jobs` runs go on at a time.
 
-    def __init__(self) -> None:
+    The first run of each process takes longer, for it starts the process; so the time that is left is reckoned from
+    those after them, as soon as there are as many.
+    """
+
+    def __init__(self, jobs: int = 1) -> None:
+        self._jobs = jobs
         self._is_terminal = sys.stderr is not None and sys.stderr.isatty()
         self._begun_s: float | None = None
         self._before = 0
+        self._warm: tuple[float, int] | None = None
+        """When every process had done a run, and how many were done then."""
         self._told = 0
 
     def note(self, text: str) -> None:
@@ -29,9 +36,14 @@ class Progress:
         now_s = time.monotonic()
         if self._begun_s is None:
             self._begun_s, self._before = now_s, done
+        if self._warm is None and done >= self._before + self._jobs:
+            self._warm = now_s, done
         if sys.stderr is None or done <= self._before:
             return
-        left_s = (now_s - self._begun_s) * (total - done) / (done - self._before)
+        since_s, since = self._begun_s, self._before
+        if self._warm is not None and done >= self._warm[1] + self._jobs:
+            since_s, since = self._warm
+        left_s = (now_s - since_s) * (total - done) / (done - since)
         if self._is_terminal:
             bar = "#" * (BAR * done // total)
             end = "\n" if done == total else ""

@@ -157,7 +157,7 @@ def test_of_a_damaged_run_is_shown_what_can_be_read(
     damage(copy)
     assert canarm(["runs", "show", str(copy)]) == 1
     told = capsys.readouterr()
-    assert "cannot be read: " in told.out
+    assert "not whole: " in told.out
     assert told.err == ""
     assert "executed" not in told.out
     assert all(line.isprintable() for line in told.out.splitlines())
@@ -351,7 +351,7 @@ def test_what_is_somebodys_own_is_not_pruned(
     assert "of-a-run; left: can0-by-me.log, signals/notes.csv, signals/sub" in said
     for name in ("no-record", "another-robots", "measured"):
         assert f"left {base / name}: neither run.json nor signals say that a run has left it" in said
-    assert "\n1 runs, " in said
+    assert "\n1 run, " in said
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks of folders there")

@@ -171,3 +171,60 @@ def test_a_master_replayed_to_the_emulator_that_the_line_makes_is_answered_the_s
     assert emulator.wait() == 0
     assert "the cards have answered as recorded: " in replayed.complaint
     assert (recorded / "can0.log").read_bytes() == (canarm.folder / "second" / "can0.log").read_bytes()
+
+
+def without(folder: Path) -> None:
+    (folder / "events.jsonl").unlink()
+
+
+def unreadable(folder: Path) -> None:
+    without(folder)
+    (folder / "events.jsonl").mkdir()
+
+
+def emptied(folder: Path) -> None:
+    (folder / "events.jsonl").write_text("")
+
+
+def cut_short(folder: Path) -> None:
+    """Within the first line, which declares the faults."""
+    (folder / "events.jsonl").write_text((folder / "events.jsonl").read_text()[:40])
+
+
+@pytest.mark.parametrize(
+    ("damage", "why"),
+    [
+        (without, "events.jsonl: is missing"),
+        (unreadable, "events.jsonl: cannot be read: "),
+        (emptied, "events.jsonl: has no event"),
+        (cut_short, "events.jsonl: its last line is cut off and left out"),
+    ],
+)
+def test_where_no_event_tells_of_faults_nobody_says_that_there_were_none(
+    copy: Path, damage: Any, why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    document = json.loads((copy / "run.json").read_text())
+    document["emulator"] = {"command_line": ["canarm", "emulator", "--faults", "stuck.toml"]}
+    (copy / "run.json").write_text(json.dumps(document))
+    damage(copy)
+    untold = f"which faults were declared cannot be told: {why}"
+    assert canarm_here(["runs", "show", str(copy), "--faults"]) != 0
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert untold in said.err
+    assert "its command line has --faults stuck.toml" in said.err
+    assert canarm_here(["runs", "show", str(copy)]) == 1
+    assert untold in capsys.readouterr().out
+    assert canarm_here(["replay", str(copy), "--check"]) == 1, "the faults are missing in the repetition"
+    said = capsys.readouterr()
+    assert untold in said.err
+    assert "differs first" in said.out
+
+
+def test_faults_that_are_told_by_damaged_events_may_not_be_all(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with (copy / "events.jsonl").open("a") as file:
+        file.write("no event\n")
+    assert canarm_here(["runs", "show", str(copy), "--faults"]) == 1
+    said = capsys.readouterr()
+    assert len(parse_faults(said.out).sets) == 2
+    assert "which others were declared cannot be told: events.jsonl: 1 line is no event and left out" in said.err

@@ -67,7 +67,7 @@ def test_prune_says_why_nothing_would_go(tmp_path: Path, capsys: pytest.CaptureF
             rig.run(0.01)
     for words, why in (
         (["--keep", "2"], "and the newest 2 are kept"),
-        (["--older-than", "1"], "and none was written more than 1 days ago"),
+        (["--older-than", "1"], "and none was written more than 1 day ago"),
         (["--keep", "1", "--older-than", "1"], "the newest 1 are kept, and none of the others was written more than 1"),
     ):
         assert canarm_here(["runs", "prune", str(tmp_path), *words]) == 0

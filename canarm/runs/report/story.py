@@ -102,7 +102,7 @@ def verdict(run: Run) -> tuple[bool, list[str]]:
     is_good, lines = _end(run)
     lines += [*_tracking(run), *_cycles(run), *_gaps(run), *_faults(run)]
     if run.complaints:
-        lines.append(f"Of its folder, this cannot be read: {'; '.join(run.complaints)}.")
+        lines.append(f"Its folder is not whole: {'; '.join(run.complaints)}.")
     return is_good and not run.complaints, lines
 
 

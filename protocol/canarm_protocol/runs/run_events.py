@@ -37,8 +37,8 @@ def event_lines(path: Path, complain: Callable[[str], None] = lambda text: None)
     """The events in a file, in the order of their times; none if there is no file.
 
     Every event has `time_s` (a number; minus infinity where it is not known, which is only before cycle 0), `event`
-    (a text) and `cycle`; all its other numbers are finite. `complain` is told of lines that are no events. A last line
-    without an end is still being written.
+    (a text) and `cycle`; all its other numbers are finite. `complain` is told of lines that are no events, and of a
+    last one without an end.
     """
     try:
         text = read_text(path, LARGEST_EVENTS, "a list of events", "JSON lines")
@@ -47,8 +47,8 @@ def event_lines(path: Path, complain: Callable[[str], None] = lambda text: None)
     except (OSError, ValueError) as error:
         complain(f"{path.name}: cannot be read: {getattr(error, 'strerror', None) or error}")
         return []
-    events, bad = [], 0
-    for line in text[: text.rfind("\n") + 1].splitlines():
+    events, bad, end = [], 0, text.rfind("\n") + 1
+    for line in text[:end].splitlines():
         event = _event(line)
         if event is None:
             bad += 1
@@ -56,6 +56,8 @@ def event_lines(path: Path, complain: Callable[[str], None] = lambda text: None)
             events.append(event)
     if bad:
         complain(f"{path.name}: {bad} {'line is' if bad == 1 else 'lines are'} no event and left out")
+    if end < len(text):
+        complain(f"{path.name}: its last line is cut off and left out")
     return sorted(events, key=lambda event: float(event["time_s"]))
 
 
