@@ -96,8 +96,10 @@ robots: setup ## Write docs/robots.md again: every law on arms of 1 to 7 joints;
 ablation: setup ## Write docs/ablation.md anew: what each term of the laws is worth; takes minutes (ARGS="--jobs 4")
 	$(BIN)/python scripts/ablation.py $(ARGS)
 
-paper: setup ## Write docs/papers.md anew: what the first paper shows, measured on this bench; takes half a minute
+paper: setup ## Write docs/papers.md anew, and its page: what the first paper shows, measured on this bench; takes a minute
 	$(BIN)/python scripts/paper.py $(ARGS)
+	@$(MAKE) --no-print-directory check-docs
+	@echo build/site/papers.html
 
 pictures: setup ## Draw the pictures of README and docs anew, from runs with a fault
 	$(BIN)/python scripts/dashboard_picture.py
