@@ -7,7 +7,7 @@ import pytest
 
 from canarm_controller.dynamics import SeveralArms, cell_arm
 from canarm_controller.supervision.nominal import JointNominal, joint_nominals
-from canarm_controller.supervision.overdue import LATE_SHARE, LEAST_CYCLES, OverdueCount, is_counted
+from canarm_controller.supervision.overdue import KNOWN_SHARE, LEAST_CYCLES, SURE_SHARE, OverdueCount, is_counted
 from canarm_controller.supervision.tachless import sudden_rad
 from canarm_controller.supervision.timing import Timing
 from canarm_protocol.cell import load_cell
@@ -45,19 +45,37 @@ def test_the_elbow_is_judged_by_its_counts_and_a_joint_with_a_tachometer_is_not(
     assert not any(map(is_counted, joint_nominals(konkuk, [cell_arm(konkuk.laden, konkuk.joint_names)])))
 
 
+def late_s(counts_s: float, share: float, before_s: float) -> float:
+    """When v·t - δ = c·t·(t + Δt)/2 after the last count, with c that share of friction: the smaller root."""
+    lacking = share * FRICTION / STEP
+    half = counts_s - 0.5 * lacking * before_s
+    return (half - math.sqrt(half**2 - 2.0 * lacking)) / lacking
+
+
 @pytest.mark.parametrize("counts_s", [50.0, 57.0, 64.0])
 @pytest.mark.parametrize("phase", [0.1, 0.5, 0.9])
 def test_a_jam_shows_soon_after_the_count_that_does_not_come(counts_s: float, phase: float) -> None:
-    """With c = LATE_SHARE of friction, v·t - δ = c·t·(t + Δt)/2 and Δt = δ/v, after many counts at one speed."""
+    """At the latest by the last two counts, whose speed is known to a cycle: Δt = δ/v + T. At the earliest by all."""
     jam_s = 3.0 + phase / counts_s
     found_s = drive(OverdueCount(ELBOW, TIMING), jammed(counts_s, jam_s, 4.0, 0.001))
     assert found_s is not None
     last_s = math.floor(counts_s * jam_s) / counts_s
-    before_s, lacking = 1.0 / counts_s, LATE_SHARE * FRICTION / STEP
-    half = counts_s - 0.5 * lacking * before_s
-    needed_s = (half - math.sqrt(half**2 - 2.0 * lacking)) / lacking  # the smaller root
-    assert max(needed_s, LEAST_CYCLES * T) - 2 * T <= found_s - last_s <= needed_s + 3 * T
+    by_two_s = late_s(1.0 / (1.0 / counts_s + T), SURE_SHARE, 1.0 / counts_s + T)
+    by_all_s = late_s(counts_s, KNOWN_SHARE, 1.0 / counts_s)
+    assert max(by_all_s, LEAST_CYCLES * T) - 2 * T <= found_s - last_s <= by_two_s + 3 * T
     assert found_s - jam_s < 1.0 / counts_s + 0.03
+
+
+def test_all_counts_together_tell_sooner_than_the_last_two() -> None:
+    """At 35 a second, of a joint that is known for 6 s, and of one that has just begun."""
+    known, fresh = (
+        drive(OverdueCount(ELBOW, TIMING), jammed(35.0, jam_s, jam_s + 1.0, 0.001)) for jam_s in (6.01, 1.01)
+    )
+    assert known is not None
+    by_all_s = late_s(35.0, KNOWN_SHARE, 1.0 / 35.0)
+    last_s = math.floor(35.0 * 6.01) / 35.0
+    assert by_all_s - 2 * T <= known - last_s <= by_all_s + 4 * T
+    assert fresh is None or fresh - math.floor(35.0 * 1.01) / 35.0 > known - last_s + 4 * T
 
 
 def test_a_sound_joint_never_is_late() -> None:

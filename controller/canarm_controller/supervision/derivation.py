@@ -17,7 +17,7 @@ from .detection import DETECTORS, named_for
 from .following import NORMAL_FACTOR
 from .grip_watch import FIRST_S, OBJECT_LOST, SURE, TAKEN_UP_S, TIMES, UNSURE, grip_limits
 from .nominal import JointNominal, joint_nominals, sensor_nominal
-from .overdue import HELD_SHARE, LATE_SHARE, is_counted
+from .overdue import HELD_SHARE, SURE_SHARE, is_counted
 from .reach import Reach
 from .sensor_less import BLIND_FACTOR, PERSISTENT_CYCLES
 from .tachless import STUCK_FACTOR, UNLEARNED_SHARE, least_travel_rad, sudden_rad
@@ -166,7 +166,7 @@ def _position_rows(
         stuck += f"{_deg(least)} at low speeds, after readings that the model has foreseen"
         if is_counted(nominal):
             friction_rad_s2 = nominal.coulomb_nm * nominal.mobility_per_kg_m2[1]
-            stuck += f"; or a count so late that {LATE_SHARE * friction_rad_s2:.3g} rad/s2 would have to be lacking, "
+            stuck += f"; or a count so late that {SURE_SHARE * friction_rad_s2:.3g} rad/s2 would have to be lacking, "
             stuck += (
                 f"or not there while {HELD_SHARE * friction_rad_s2:.3g} are (less in poses and grips of less mobility)"
             )
