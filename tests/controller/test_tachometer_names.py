@@ -93,3 +93,16 @@ def test_a_code_that_stood_rightly_on_a_stretch_of_constant_speed_is_found_when_
         is_wrong = abs(speeds[begun:] - speeds[begun]) > FLOOR_RAD_S
         assert is_wrong.any()
         assert first.tick <= begun + int(is_wrong.argmax()) + 10
+
+
+@pytest.mark.parametrize("joint", ["joint2", "joint3"])
+def test_a_tachometer_that_steps_while_the_arm_surprises_is_no_acceleration(joint: str) -> None:
+    """The wire of joint 3 swings a little at this moment, so that accelerations are being measured already."""
+    truth = {
+        "joint2.coulomb": 0.0899981, "joint2.viscous": 0.0621389, "joint3.wire": 1, "joint3.wire_stiffness": 58.294,
+        "joint3.coulomb": 0.125495, "joint3.viscous": 0.03707, "joint3.mass": 0.428525,
+    }  # fmt: skip
+    with Rig("konkuk1", law="slotine-li", seed=649873593, truth=truth) as rig:
+        rig.inject(f"{joint}.tachometer", "offset", at=7.305)
+        rig.run(seconds=7.4)
+        assert (rig.detections[0].detector, rig.detections[0].where) == ("tachometer-jump", joint)

@@ -3,6 +3,7 @@
 Owns the planned motion and its length; feedback, and what the model lacks, are elsewhere.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,13 +11,14 @@ from ..dynamics import Arm
 
 LONGEST_S, SHORTEST_S = 0.125, 0.05
 """Bounds of the time from the first cycle to rest; within them, as fast as the amplifiers can."""
-SMOOTH_S, LONGEST_SMOOTH_S = 0.08, 0.11
+SMOOTH_S, LONGEST_SMOOTH_S = 0.08, 0.1
 """The same of a smooth way: the longer, the less it swings, but the arm is to stand within 100 ms, and its torque is
-two cycles late. After 81 % of its way it has 5 % of its speed. Where the amplifiers need longer, a ramp is shorter."""
+two cycles late. After 84 % of its way it has 5 % of its speed. Where the amplifiers need longer, a ramp is shorter."""
 RAMP_SHARE = 0.8
 """Share of the amplifier's current that braking may use: the rest is for model errors."""
-SMOOTH_PEAK = 1.875
-"""Highest deceleration of the smooth way over that of a ramp: 30·s²(1 - s)² at s = 1/2."""
+EASE, LEAST_EASE = 0.47, 0.1
+"""Share of the smooth way in which the deceleration comes, and again in which it goes; between, it is constant. Less
+where the amplifiers need the time; with least it is a ramp."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +34,8 @@ class Moment:
 class Braking:
     """From `speed_rad_s` to rest, all joints at the same time.
 
-    A ramp is the shortest way. On elastic wires it sets the links swinging on motors that stand. There the speed is a
-    polynomial of the fifth degree that begins with the present acceleration and ends without any, and the motor leads
+    A ramp is the shortest way. On elastic wires it sets the links swinging on motors that stand. There the deceleration
+    comes and goes as half a swing of a cosine, from the present acceleration to none, and the motor leads
     its link by what the wire is twisted by: the link's motion is a flat output of an elastic joint (Spong 1987).
     `compliance_rad_nm` is the wires', 0 of a rigid one; `lacking_nm` what the model's torque is short of; `load_kg_m2`
     (joints, joints) what a payload adds to the arm's inertia.
@@ -47,10 +49,16 @@ class Braking:
         self._arm, self._compliance, self._load = arm, compliance_rad_nm, load_kg_m2
         self._speed, self._start = tuple(speed_rad_s), tuple(start_rad_s2)
         self._rest = Moment(*[(0.0,) * len(self._speed)] * 4)
-        ramp_per_s, smooth_per_s = self._rates_per_s(position_rad, lacking_nm)
-        self._is_smooth = any(compliance_rad_nm) and smooth_per_s * LONGEST_SMOOTH_S >= 1.0
-        per_s = min(smooth_per_s, 1.0 / SMOOTH_S) if self._is_smooth else min(ramp_per_s, 1.0 / SHORTEST_S)
-        length_s = min(1.0 / per_s, LONGEST_S) if per_s > 0.0 else LONGEST_S
+        ramp_per_s = self._ramp_per_s(position_rad, lacking_nm)
+        self._is_smooth = any(compliance_rad_nm) and ramp_per_s * LONGEST_SMOOTH_S * (1.0 - LEAST_EASE) > 1.0
+        length_s = min(1.0 / ramp_per_s, LONGEST_S) if ramp_per_s > 0.0 else LONGEST_S
+        self._ease = EASE
+        if self._is_smooth:
+            ramp_s = length_s
+            length_s = min(max(ramp_s / (1.0 - EASE), SMOOTH_S), LONGEST_SMOOTH_S)
+            self._ease = min(1.0 - ramp_s / length_s, EASE)
+        else:
+            length_s = max(length_s, SHORTEST_S)
         self.cycles = max(round(length_s / period_s), 1)
         """Length of the way."""
         self._length_s = self.cycles * period_s
@@ -91,22 +99,17 @@ class Braking:
 
     def _smooth(self, s: float, length_s: float) -> Moment:
         speed, acceleration, jerk, snap = [], [], [], []
+        gone, rate, change, curve = _eased(s, self._ease)
         for v, start in zip(self._speed, self._start, strict=True):
             a = start * length_s
-            speed.append(
-                v * (1.0 - s**3 * (10.0 - 15.0 * s + 6.0 * s**2)) + a * s * (1.0 - s**2 * (6.0 - 8.0 * s + 3.0 * s**2))
-            )
-            acceleration.append(
-                (-30.0 * v * (s - s**2) ** 2 + a * (1.0 - s**2 * (18.0 - 32.0 * s + 15.0 * s**2))) / length_s
-            )
-            jerk.append(
-                -s * (v * (60.0 - 180.0 * s + 120.0 * s**2) + a * (36.0 - 96.0 * s + 60.0 * s**2)) / length_s**2
-            )
-            snap.append(-(v * (60.0 - 360.0 * s + 360.0 * s**2) + a * (36.0 - 192.0 * s + 180.0 * s**2)) / length_s**3)
+            speed.append(v * (1.0 - gone) + a * s * (1.0 - s**2 * (6.0 - 8.0 * s + 3.0 * s**2)))
+            acceleration.append((a * (1.0 - s**2 * (18.0 - 32.0 * s + 15.0 * s**2)) - v * rate) / length_s)
+            jerk.append(-(v * change + a * s * (36.0 - 96.0 * s + 60.0 * s**2)) / length_s**2)
+            snap.append(-(v * curve + a * (36.0 - 192.0 * s + 180.0 * s**2)) / length_s**3)
         return Moment(speed, acceleration, jerk, snap)
 
-    def _rates_per_s(self, position_rad: Sequence[float], lacking_nm: Sequence[float]) -> tuple[float, float]:
-        """The inverse of the time that the amplifiers need, by a ramp and by the smooth way.
+    def _ramp_per_s(self, position_rad: Sequence[float], lacking_nm: Sequence[float]) -> float:
+        """The inverse of the time that the amplifiers need for a ramp.
 
         What a ramp costs over going on at constant speed is inverse to its length.
         """
@@ -115,7 +118,7 @@ class Braking:
         standing_nm = arm.torque_nm(position_rad, rest, rest)
         pushed_nm = arm.torque_nm(position_rad, rest, [-speed for speed in self._speed])
         load_nm = self._loaded([-speed for speed in self._speed])
-        hardest = SMOOTH_PEAK / SHORTEST_S
+        hardest = 1.0 / ((1.0 - EASE) * SHORTEST_S)
         rows = zip(
             going_on_nm, standing_nm, pushed_nm, load_nm, lacking_nm, arm.torque_per_ampere, arm.max_current_a,
             strict=True,
@@ -125,4 +128,20 @@ class Braking:
             room = RAMP_SHARE * per_ampere * highest_a - (going_on + lacking if cost > 0.0 else -going_on - lacking)
             if cost:
                 hardest = min(hardest, max(room, 0.0) / abs(cost))
-        return hardest, hardest / SMOOTH_PEAK
+        return hardest
+
+
+def _eased(s: float, ease: float) -> tuple[float, float, float, float]:
+    """Share of the speed that is gone at the share `s` of the way, and its three derivatives by `s`."""
+    if s > 0.5:
+        gone, rate, change, curve = _eased(1.0 - s, ease)
+        return 1.0 - gone, rate, -change, curve
+    peak = 1.0 / (1.0 - ease)
+    if s >= ease:
+        return peak * (s - 0.5 * ease), peak, 0.0, 0.0
+    omega = math.pi / ease
+    swing, lag = math.sin(omega * s), math.cos(omega * s)
+    return (
+        0.5 * peak * (s - swing / omega), 0.5 * peak * (1.0 - lag),
+        0.5 * peak * omega * swing, 0.5 * peak * omega**2 * lag,
+    )  # fmt: skip

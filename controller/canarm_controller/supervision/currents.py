@@ -41,10 +41,10 @@ SUPPLY_SHARE = 0.85
 class CurrentWatch:
     """One joint: the sense gives |i| at its own time after SYNC; the command acts at SYNC, through the winding.
 
-    Two ways to differ: by `current_mismatch_a`, or by a difference that flutters, as it does when the current follows
-    an old command or noise. Then the arm votes, by the speed that the difference causes if it is the amplifier's. What
-    had built up before has been learned as acceleration bias already, as fast as `_slow_a` follows it; only what has
-    come since is due.
+    Two ways to differ: by what moves the joint visibly (`current_mismatch_a` at most), or by a difference that
+    flutters, as it does when the current follows an old command or noise. Then the arm votes, by the speed that the
+    difference causes if it is the amplifier's. What had built up before has been learned as acceleration bias already,
+    as fast as `_slow_a` follows it; only what has come since is due.
     """
 
     __slots__ = (
@@ -71,6 +71,7 @@ class CurrentWatch:
         "_learned_a",
         "_limit_a",
         "_model",
+        "_moving_a",
         "_ohm",
         "_period_s",
         "_pushed_nm",
@@ -96,6 +97,7 @@ class CurrentWatch:
         self._report = report
         self._step_a, self._end_codes = sense.step, sense.end_codes
         self._limit_a, self._flutter_limit_a = limits.current, limits.flutter
+        self._moving_a = limits.moving_current
         self._full_a = NOTED_FACTOR * limits.current
         self._weight = math.exp(-sense.skew_s / joint.winding_s)
         self._supply_v, self._ohm = joint.supply_v, joint.winding_ohm / SUPPLY_SHARE
@@ -139,7 +141,7 @@ class CurrentWatch:
         self._flutter_a = flutter_a
         slow_a = self._slow_a
         self._slow_a = slow_a + self._slow_gain * (off_a - slow_a)
-        limit_a = self._limit_a + allowed_a
+        limit_a = self._moving_a + allowed_a
         is_within = -limit_a < off_a < limit_a
         if is_within and flutter_a < (0.5 * self._flutter_limit_a if self.cycles else self._flutter_limit_a):
             if self.cycles and self._beyond_cycles and self._flutter_cycles >= BRIEF_CYCLES:
@@ -220,7 +222,7 @@ class CurrentWatch:
         """Not decided yet: report it, and decide after a time limit."""
         flutters = self._flutter_a > self._flutter_limit_a
         self._flutter_cycles = max(self._flutter_cycles + (1.0 if flutters else -CALMING), 0.0)
-        self._readings += abs(off_a) > 0.5 * self._limit_a
+        self._readings += abs(off_a) > 0.5 * self._moving_a
         if self._beyond_cycles or abs(off_a) > self._limit_a:
             self._haste = min(max(abs(off_a) / self._full_a, self._haste), 1.0)
             self._beyond_cycles += self._haste

@@ -220,6 +220,9 @@ def _current_rows(nominal: JointNominal, derived: Thresholds, limits: Supervisio
         f"{100 * limit.CURRENT_SHARE:g} % of {nominal.max_current_a:g} A, at least {limit.CURRENT_SIGMAS:g} deviations"
     )
     why = _source("current_mismatch_a", limits.current_mismatch_a, why)
+    if derived.moving_current < derived.current:
+        visible = f"{100 * limit.VISIBLE_SHARE:g} % of the fastest speed within {1e3 * limit.VISIBLE_S:g} ms"
+        why += f"; from {_ampere(derived.moving_current)} on, half of what makes {visible}, if the arm goes with it"
     for name in names:
         yield Row(name, _ampere(derived.current), why + reach.beyond_amplifier(derived.current))
         why = "the same, and the arm does not care"

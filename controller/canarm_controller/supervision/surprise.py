@@ -41,6 +41,8 @@ class SurpriseWatch:
         self._joints, self._per_ampere, self._limits, self._currents = joints, per_ampere, limits, currents
         self._timing, self._expected, self._report = timing, expected, report
         self._begun: list[tuple[float, float, float]] = []
+        self._had_stepped: list[bool] = []
+        """Which joints' speeds had stepped when the present assessment began."""
         self._at = self._left = 0
         self._applied_nm = [0.0] * len(joints)
         self._against = [0] * len(joints)
@@ -135,6 +137,7 @@ class SurpriseWatch:
         self._begun = [
             (speed, joint.model_rad_s, joint.bias) for speed, joint in zip(speed_rad_s, self._joints, strict=True)
         ]
+        self._had_stepped = [joint.mode is Mode.STEP for joint in self._joints]
         self._applied_nm = [0.0] * len(self._joints)
         for current in self._currents:
             if current is not None:
@@ -147,9 +150,14 @@ class SurpriseWatch:
         is_unexpected = False
         elapsed_s = self._timing.assessed_s
         extra = []
-        for joint, speed, (old_speed, old_model, old_bias) in zip(self._joints, speed_rad_s, self._begun, strict=True):
+        # What steps within an assessment is a sensor or the arm, as is decided elsewhere; the next one begins after it.
+        steps = [
+            joint.mode is Mode.STEP and not had for joint, had in zip(self._joints, self._had_stepped, strict=True)
+        ]
+        rows = zip(self._joints, speed_rad_s, self._begun, steps, strict=True)
+        for joint, speed, (old_speed, old_model, old_bias), has_stepped in rows:
             off = (speed - old_speed - (joint.model_rad_s - old_model)) / elapsed_s - old_bias
-            extra.append(0.0 if joint.mode is Mode.NO_TACHOMETER else off)
+            extra.append(0.0 if joint.mode is Mode.NO_TACHOMETER or has_stepped else off)
             joint.is_agitated = False
         inertia, mobility = self._expected.inertia, self._expected.mobility
         missing_nm = [sum([part * off for part, off in zip(row, extra, strict=True)]) for row in inertia]
@@ -164,7 +172,7 @@ class SurpriseWatch:
         for index in least_expected:
             joint, limits, own = self._joints[index], self._limits[index], mobility[index][index]
             unexpected = missing_nm[index] * own
-            if joint.mode not in (Mode.SOUND, Mode.STEP):
+            if joint.mode not in (Mode.SOUND, Mode.STEP) or steps[index]:
                 continue
             excused = turned[index] + self._shaken_rad_s2(index, turned) + joint.behind_rad_s2
             if unexpected * self._rebounds[index] < 0.0:

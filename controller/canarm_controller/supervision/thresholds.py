@@ -68,6 +68,8 @@ LASTING_SHARE_OF_FALL, LASTING_FACTOR = 0.9, 3.0
 than this factor on the limit of unexpected accelerations."""
 CURRENT_SHARE, CURRENT_SIGMAS = 0.05, 8.0
 """Share of the amplifier's full scale, half of a fault; never below the noise of the sense."""
+VISIBLE_SHARE, VISIBLE_S = 0.05, 0.025
+"""Share of the fastest speed by which a joint must not come to be faster or slower within this time, unnoticed."""
 FLUTTER_SHARE, FLUTTER_SIGMAS = 0.2, 5.0
 """Share of that limit (15 of konkuk1's 75 mA), and deviations of noise: 5 mA occur; offset and gain errors cause no
 more. Above it, the current does not follow the command."""
@@ -127,6 +129,8 @@ class Thresholds:
     stuck_turned: float
     """The same for a joint that stands, rad/s: its friction may be anything."""
     current: float
+    moving_current: float
+    """A difference of the currents, A, that moves the joint visibly before it is as large as `current`."""
     told_current: float
     sudden_current: float
     flutter: float
@@ -177,6 +181,7 @@ def thresholds(joint: JointNominal, limits: Supervision, timing: Timing, falling
         stuck_drift=payload_turn_rad_s3(joint),
         stuck_turned=turned_nm(joint) * joint.mobility_per_kg_m2[1],
         current=current_a,
+        moving_current=moving_current_a(joint, current_a),
         told_current=told_a,
         sudden_current=SUDDEN_FACTOR * told_a,
         flutter=flutter_limit_a(joint, current_a),
@@ -315,6 +320,14 @@ def current_limit_a(joint: JointNominal) -> float:
     """How far measured and commanded current may differ."""
     noise = CURRENT_SIGMAS * joint.current.noise if joint.current else 0.0
     return max(CURRENT_SHARE * joint.max_current_a, noise)
+
+
+def moving_current_a(joint: JointNominal, current_a: float) -> float:
+    """A current that makes half of a visible speed in the time in which that has to be noticed: then the arm tells."""
+    per_ampere_rad_s2 = joint.torque_per_ampere * joint.mobility_per_kg_m2[1]
+    moving = 0.5 * VISIBLE_SHARE * joint.fastest_rad_s / (VISIBLE_S * per_ampere_rad_s2)
+    noise = CURRENT_SIGMAS * joint.current.noise if joint.current else 0.0
+    return min(current_a, max(moving, noise))
 
 
 def flutter_limit_a(joint: JointNominal, current_a: float) -> float:
