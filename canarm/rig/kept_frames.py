@@ -32,9 +32,10 @@ class KeptFrames:
 
     def take(self, records: Sequence[Record]) -> None:
         """Keep the frames of `records`."""
-        extend = self._fields.extend
-        for time_ns, (can_id, data, is_extended, is_remote), _ in records:
-            extend((time_ns, can_id, data, is_extended, is_remote))
+        append, extend = self._fields.append, self._fields.extend
+        for time_ns, frame, _ in records:
+            append(time_ns)
+            extend(frame)
 
     def stamped(self) -> list[StampedFrame]:
         """What is kept, oldest first."""

@@ -24,14 +24,20 @@ class Arrivals:
         self._owed = dict.fromkeys(cob_ids, 0)
         """How many are owed, and in `_left` for how many cycles more."""
         self._left = dict.fromkeys(cob_ids, 0)
+        self._is_any_owed = False
 
     def open_cycle(self, missing: Collection[int]) -> None:
         """SYNC is sent; `missing` did not arrive in the cycle that ends."""
+        if not missing and not self._is_any_owed:
+            return
+        self._is_any_owed = False
         for cob_id, left in self._left.items():
             if cob_id in missing:
+                self._is_any_owed = True
                 self._left[cob_id] = self._owed_cycles
                 self._owed[cob_id] = min(self._owed[cob_id] + 1, self._owed_cycles)
             elif left:
+                self._is_any_owed = True
                 self._left[cob_id] = left - 1
                 if left == 1:
                     self._owed[cob_id] = 0

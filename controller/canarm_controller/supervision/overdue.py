@@ -236,7 +236,8 @@ class CountWatch:
 
     def take(self, position_rad: Sequence[float], accelerations: Sequence[float]) -> None:
         """The readings of a cycle, and the model's accelerations since the last one."""
-        self._taken = position_rad, accelerations
+        if self._joints:
+            self._taken = position_rad, accelerations
 
     def follow(self, reference_rad: Sequence[float]) -> None:
         """Judge the cycle, once its reference is known."""

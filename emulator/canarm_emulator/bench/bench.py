@@ -139,7 +139,11 @@ class Bench(BenchTime):
         slaves = self.slaves if faults is None and not self._off else bus.hearers(origin, now_ns)
         if missed_by:
             slaves = [slave for slave in slaves if slave.bus_name not in missed_by]
-        pdos = [(slave, layout) for slave in slaves for layout in slave.on_sync(frame.data, now_ns)]
+        asked = [slave.on_sync(frame.data, now_ns) for slave in slaves]
+        if asked != self._asked or slaves != self._askers:
+            self._asked, self._askers = asked, list(slaves)
+            self._pdos = [(slave, layout) for slave, own in zip(slaves, asked, strict=True) for layout in own]
+        pdos = self._pdos
         self.nodes.hurry()
         if is_operational:
             self._count_cycle(now_ns)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from canarm_protocol.canopen.dictionary import eds_text, load_dictionary
 from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.canopen.pdo import PdoLayout
 from canarm_protocol.cell.model import Card, Cell
 from canarm_protocol.clock import Clock
 
@@ -73,6 +74,10 @@ class BenchTime(ABC):
         self._next_sync_ns = 0
         self._may_move_on = False
         self._last_cycle_ns = 0
+        self._askers: list[Slave] = []
+        self._asked: list[list[PdoLayout]] = []
+        """The TPDOs that the last SYNC asked each of `_askers` for, and `_pdos` all of them: the same nearly always."""
+        self._pdos: list[tuple[Slave, PdoLayout]] = []
         self._scan = InputScan(self.rack, self.world, self.hooks)
         self._time = Timeline(self.world)
         self.nodes = CardNodes(self._time, self.hooks, self._nmt)

@@ -44,6 +44,7 @@ Emit = Callable[[int, Frame], None]
 
 SILENT_STATES = (NmtState.STOPPED, NmtState.BOOT_UP)
 """States without SDO and EMCY, in which SYNC has no effect."""
+_OPERATIONAL = NmtState.OPERATIONAL  # looking it up is slow
 
 
 class Slave:
@@ -203,7 +204,7 @@ class Slave:
         A SYNC whose length does not fit 0x1019 is reported by EMCY 0x8240 and acts all the same; one whose counter is
         not from 1 to 0x1019 acts like one without.
         """
-        if self.state in SILENT_STATES:
+        if self.state is not _OPERATIONAL and self.state in SILENT_STATES:
             return []
         pdos = self.pdos
         if len(data) != pdos.sync_length:

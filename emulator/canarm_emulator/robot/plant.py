@@ -5,7 +5,7 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, Self
@@ -66,11 +66,13 @@ class Plant:
         "_model",
         "_option",
         "_position",
+        "_positions",
         "_set_position",
         "_slack_wires",
         "_step_s",
         "_tendon_damping",
         "_truth",
+        "_velocities",
         "_velocity",
         "angle",
         "compliance",
@@ -89,6 +91,8 @@ class Plant:
         # Setting elements of a memoryview takes a third of the time of an array's.
         self._position = self._data.qpos
         self._set_position, self._velocity = _elements(self._data.qpos), _elements(self._data.qvel)
+        self._positions: Callable[[], Any] = self._set_position.tolist
+        self._velocities: Callable[[], Any] = self._velocity.tolist
         self._applied = _elements(self._data.qfrc_applied)
         forces = own_gravity(cell, self._model)
         if forces is not None:
@@ -179,8 +183,9 @@ class Plant:
         if step_s != self._step_s:
             self._option.timestep = self._step_s = step_s
         mujoco.mj_step(self._model, self._data)
-        self.speed = speed = list(self._velocity)
-        self.angle = [ahead - half_s * rate for ahead, rate in zip(position, speed, strict=True)]
+        ahead, speed = self._positions(), self._velocities()
+        self.speed = speed
+        self.angle = [ahead[dof] - half_s * rate for dof, rate in enumerate(speed)]
         if self.grips is not None:
             self.grips.look(step_s)
 
