@@ -15,8 +15,9 @@ from canarm_protocol.canopen.frames import Cob, ErrorCode, Frame, NmtState, hear
 from canarm_protocol.canopen.pdo import PdoLayout
 from canarm_protocol.cell.configuration import SYNC_COUNTER
 from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.output_frames import OutputFrames
 from canarm_protocol.cell.sensing import joint_sensors
-from canarm_protocol.cell.wiring import CardNode, DirectionBits, InputSlot, OutputFrames, input_slots
+from canarm_protocol.cell.wiring import CardNode, DirectionBits, InputSlot, input_slots
 from canarm_protocol.clock import Clock
 
 from .cards import JogError, access_object, error_register, input_text, output_text, read_outputs

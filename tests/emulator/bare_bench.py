@@ -8,7 +8,8 @@ from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame, sync_frame
 from canarm_protocol.canopen.sdo import download
 from canarm_protocol.cell.cell_file import load_cell
-from canarm_protocol.cell.wiring import OutputFrames, card_nodes
+from canarm_protocol.cell.output_frames import OutputFrames
+from canarm_protocol.cell.wiring import card_nodes
 from canarm_protocol.clock import Clock
 
 CELL = load_cell("konkuk1")

@@ -5,7 +5,8 @@ from canarm_emulator.faults.turns import SetState
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.frames import Frame, NmtCommand, nmt_frame, sync_frame
 from canarm_protocol.cell.cell_file import load_cell
-from canarm_protocol.cell.wiring import OutputFrames, card_nodes
+from canarm_protocol.cell.output_frames import OutputFrames
+from canarm_protocol.cell.wiring import card_nodes
 from canarm_protocol.clock import Clock
 from canarm_protocol.faults.script import parse_faults
 

@@ -16,7 +16,8 @@ from canarm_protocol.canopen.sdo import AbortCode, SdoAborted, download, upload
 from canarm_protocol.cell import bench_objects as objects
 from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.cell.export import export_eds
-from canarm_protocol.cell.wiring import OutputFrames, card_nodes
+from canarm_protocol.cell.output_frames import OutputFrames
+from canarm_protocol.cell.wiring import card_nodes
 from canarm_protocol.runs.run_folder import create_run_folder
 from tests.emulator.bench_sdo import NODE, Client
 

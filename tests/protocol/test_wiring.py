@@ -10,8 +10,9 @@ from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.cards import Codec
 from canarm_protocol.cell.cell_file import load_cell, parse_cell, shipped_cells
 from canarm_protocol.cell.model import Quantity
+from canarm_protocol.cell.output_frames import OutputFrames
 from canarm_protocol.cell.sensing import joint_sensors
-from canarm_protocol.cell.wiring import InputSlot, OutputFrames, card_nodes, input_slots
+from canarm_protocol.cell.wiring import InputSlot, card_nodes, input_slots
 
 CELL = load_cell("konkuk1")
 NODES = card_nodes(CELL)

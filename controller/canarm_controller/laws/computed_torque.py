@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from canarm_protocol.cell.model import Control
+from canarm_protocol.compiling import mypyc_attr
 
 from ..dynamics import Arm
 from ..estimation.arm_model import arm_model
@@ -12,6 +13,7 @@ from .base import ControlLaw, Cycle
 from .standing import StandingHold
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class ComputedTorque(ControlLaw):
     """All joints decoupled by the nominal model, so that each error obeys ë + 2ζωn·ė + ωn²·e = 0, e = q - q_d.
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal
 
 from canarm_protocol.cell.model import Control
+from canarm_protocol.compiling import mypyc_attr
 
 from ..dynamics import Arm
 from .base import ControlLaw, Cycle
@@ -15,6 +16,7 @@ LOWEST, HIGHEST = 0.35, 3.0
 """α and β are projected into [LOWEST, HIGHEST] times the model's a and b."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Mras(ControlLaw):
     """A reference model for each joint, to which two gains adapt, and a bias current for what gains cannot remove.
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal
 
 from canarm_protocol.cell.model import Control, MrasLyapunovGains
+from canarm_protocol.compiling import mypyc_attr
 
 from ..dynamics import Arm
 from ..errors import LawError
@@ -17,6 +18,7 @@ LOWEST, HIGHEST = 0.35, 3.0
 """Kp and Kv are projected into [LOWEST, HIGHEST] times their nominal values."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class MrasLyapunov(ControlLaw):
     """A reference model for each joint; the gains that adapt to it are those of the feedback itself.
 

@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from canarm_protocol.cell.model import Control
+from canarm_protocol.compiling import mypyc_attr
 
 from ..dynamics import Arm
 from .base import ControlLaw, Cycle
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Pd(ControlLaw):
     """τ = J·ωn²·(q_d - q) + 2ζωn·J·(q̇_d - q̇) + feed-forward, J the joint's nominal effective inertia.
 

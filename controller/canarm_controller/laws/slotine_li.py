@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from canarm_protocol.cell.model import Control
+from canarm_protocol.compiling import mypyc_attr
 
 from ..dynamics import Arm
 from ..errors import LawError
@@ -16,6 +17,7 @@ LOWEST, HIGHEST = 0.3, 3.0
 """Every parameter is projected into [LOWEST, HIGHEST] times its nominal value."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class SlotineLi(ControlLaw):
     """The arm's model in the loop, linear in parameters a that adapt until the sliding variable s stays zero.
 

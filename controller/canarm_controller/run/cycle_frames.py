@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from canarm_protocol.canopen.frames import Frame, NmtState, heartbeat_frame, sync_frame
 from canarm_protocol.cell.configuration import SYNC_COUNTER
 from canarm_protocol.cell.model import Cell
-from canarm_protocol.cell.wiring import CardNode, OutputFrames
+from canarm_protocol.cell.output_frames import OutputFrames
+from canarm_protocol.cell.wiring import CardNode
 
 from .loop import OFF
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from canarm_protocol.cards.kind import highest_code
+from canarm_protocol.compiling import mypyc_attr
 
 from ..robot.truth import AdcTruth
 from .plugged import Samples
@@ -25,6 +26,7 @@ def output_fractions(bits: int, nonlinearity: float) -> list[float]:
     return [(code + nonlinearity * bow * full_scale) * per_code for code, bow in enumerate(bows)]
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Converter:
     """An A/D converter that starts when it is told to and is done after `conversion_ns`.
 

@@ -3,11 +3,14 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
+from canarm_protocol.compiling import mypyc_attr
+
 from ..signals import Distortion
 from .converters import output_fractions
 from .registers import OPEN_BUS
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class DacConverters(ABC):
     """Converters of `bits` bits. `on_output(channel, fraction)` is told of every change of I_out / I_ref.
 

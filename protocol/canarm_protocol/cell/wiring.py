@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..canopen.dictionary import Dictionary, default_value, load_dictionary
-from ..canopen.frames import Frame, data_frame
 from ..canopen.pdo import (
     COMMUNICATION,
     DISABLED,
@@ -18,7 +17,7 @@ from ..canopen.pdo import (
     pdo_numbers,
     read_layout,
 )
-from ..cards import Codec, Wire
+from ..cards import Codec
 from ..cards.sc300 import DirectionBits as DirectionBits
 from .model import Card, Cell, Command, Quantity
 from .sensing import channel_scale
@@ -115,45 +114,6 @@ def input_slots(cell: Cell, nodes: Sequence[CardNode]) -> tuple[InputSlot, ...]:
 def _object_of(card: Card, number: int) -> tuple[int, int]:
     place = card.kind.place(card, number)
     return place.index, place.subindex
-
-
-Part = tuple[int, int]
-"""A joint, and how far its code is shifted in the value of an object."""
-
-
-class OutputFrames:
-    """Packs DAC codes and direction bits of all joints into the cards' RPDOs."""
-
-    def __init__(self, cell: Cell, nodes: Sequence[CardNode]) -> None:
-        self._frames: list[tuple[PdoLayout, bool, list[Part], list[list[Part]]]] = []
-        """For each RPDO: its layout, whether it carries directions, and the part of each object; or instead of the
-        latter, where an object has several parts, all parts of each object."""
-        for node in nodes:
-            card = node.card
-            parts: dict[tuple[int, int], list[Part]] = {}
-            for channel in card.channel:
-                place, joint = card.kind.place(card, channel.number), cell.far_joint(card, channel)
-                shift = place.start_bit + card.codec.shift
-                parts.setdefault((place.index, place.subindex), []).append((joint, shift))
-            for layout in node.rpdos:
-                objects = [parts[mapped.index, mapped.subindex] for mapped in layout.objects]
-                is_single = all(len(each) == 1 for each in objects)
-                only, several = ([each[0] for each in objects], []) if is_single else ([], objects)
-                self._frames.append((layout, card.kind.takes is Wire.DIRECTION, only, several))
-
-    def frames(self, codes: Sequence[int], directions: Sequence[int]) -> list[Frame]:
-        """The RPDOs that carry DAC `codes` and 2-bit `directions`, one of each per joint."""
-        frames = []
-        for layout, is_direction, only, several in self._frames:
-            source = directions if is_direction else codes
-            values = [source[joint] << shift for joint, shift in only]
-            for parts in several:
-                value = 0
-                for joint, shift in parts:
-                    value |= source[joint] << shift
-                values.append(value)
-            frames.append(data_frame(layout.cob_id, layout.pack(*values)))
-        return frames
 
 
 def command_codec(cell: Cell, joint: int) -> Codec:
