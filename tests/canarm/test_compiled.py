@@ -95,12 +95,13 @@ def test_without_libraries_nothing_is_stale(tree: Path) -> None:
 
 
 @pytest.mark.parametrize("folder", compiled.PACKAGES.values())
-def test_modules_to_be_compiled_are_there_and_nobody_derives_from_their_classes(folder: str) -> None:
+def test_modules_to_be_compiled_are_there_and_classes_that_others_derive_from_say_so(folder: str) -> None:
     names = compiled.included(ROOT / folder)
     assert names == sorted(set(names))
     for name in names:
         text = (ROOT / folder / name).read_text(encoding="utf-8")
-        assert DERIVED_FROM.isdisjoint(re.findall(r"^class (\w+)", text, re.MULTILINE))
+        classes = re.findall(r"^(@mypyc_attr.*\n(?:@.*\n)*)?class (\w+)", text, re.MULTILINE)
+        assert DERIVED_FROM.isdisjoint(name for says_so, name in classes if not says_so)
 
 
 def test_without_a_compiler_one_line_says_what_is_needed(

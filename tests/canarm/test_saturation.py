@@ -7,6 +7,7 @@ import pytest
 
 from canarm import Rig
 from canarm.rig.rig import State
+from tests.hooked_law import hook_law
 
 HEAVY_KG, NOMINAL_KG = 2.1, 0.6
 LIMIT_A = 1.5
@@ -25,19 +26,19 @@ def overloaded():
     """A rig that has run 5.12 s overloaded, with the law's internals of every tick and whether it saturated before."""
     with Rig("konkuk1", law="mras", truth={"joint3.mass": HEAVY_KG}) as rig:
         rows = []
-        cycle, law = rig.controller.loop.cycle, rig.controller.loop.law
-        update = law.update
+        loop = rig.controller.loop
+        cycle, law = loop.cycle, loop.law
 
         def watched(given):
             saturated = list(given.saturated)
             before = {name: list(values) for name, values in law.internals().items()}
-            torque = update(given)
+            torque = law.update(given)
             rows.append((saturated, before, {name: list(values) for name, values in law.internals().items()}))
             return torque
 
-        law.update = watched
+        hook_law(loop, watched)
         rig.run(5.12)
-        law.update = update
+        loop.law = law
         assert cycle.tick == 2047
         yield rig, rows
 

@@ -13,6 +13,7 @@ from canarm_protocol.cell.cell_file import load_cell
 from canarm_protocol.clock import Clock
 from canarm_protocol.errors import BusError
 from canarm_protocol.transport.port import BusPort, Discarded
+from tests.hooked_law import hook_law
 
 SYNC, TIME, HEARTBEAT = 0x080, 0x100, 0x700
 
@@ -98,14 +99,14 @@ class Setup:
 
     def slow_law(self, takes_s: Callable[[int], float]) -> None:
         """Let the law take so long in each cycle."""
-        law = self.controller.loop.law
-        update = law.update
+        loop = self.controller.loop
+        law = loop.law
 
         def slow(cycle: Cycle) -> Sequence[float]:
             self.sleep(takes_s(cycle.tick))
-            return update(cycle)
+            return law.update(cycle)
 
-        law.update = slow
+        hook_law(loop, slow)
 
     def run(self, spin_ns: int = 0, pace: float = math.inf) -> RunResult:
         self.started_ns = self.clock.now_ns

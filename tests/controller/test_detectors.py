@@ -11,6 +11,7 @@ from canarm_controller.run.state import State
 from canarm_controller.supervision.detection import DETECTORS, Reaction
 from canarm_emulator.robot.truth import Truth
 from canarm_protocol.canopen.frames import Emergency, Frame
+from tests.hooked_law import hook_law
 
 POTENTIOMETER, TACHOMETER, CURRENT_SENSE = 0, 2, 4
 """Place of joint2's channel among the ADC's; joint3's is the next."""
@@ -323,7 +324,7 @@ class _Failing:
 
 
 def _break_law(result: Any) -> Callable[[Any], None]:
-    return lambda pair: setattr(pair.controller.loop.law, "update", _Failing(result))
+    return lambda pair: hook_law(pair.controller.loop, _Failing(result))
 
 
 def _fail_recording(pair: Any) -> None:

@@ -15,6 +15,7 @@ from canarm import Rig
 from canarm.new_cell import Request, write_cell
 from canarm.new_cell.arms import made_up_arm
 from canarm_controller.supervision.detection import DETECTORS, Reaction
+from tests.hooked_law import hook_law
 from tests.resolutions import cell_of_encoders, homed
 
 AT_S, CYCLE_S, AT = 3.25, 0.0025, 1300
@@ -45,7 +46,7 @@ def breaks_law(result: object) -> Callable[[Any], None]:
             raise result
         return result
 
-    return lambda rig: setattr(rig.controller.loop.law, "update", update)
+    return lambda rig: hook_law(rig.controller.loop, update)
 
 
 def disk_full() -> NoReturn:
