@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal
 
 from canarm_protocol.cell.model import Control
-from canarm_protocol.compiling import mypyc_attr
 
 from ..cycle import Cycle
 from ..dynamics import Arm
@@ -13,7 +12,6 @@ from ..dynamics import Arm
 __all__ = ["ControlLaw", "Cycle"]
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 class ControlLaw(ABC):
     """A servo controller for all joints of an arm: measured state in, joint torques out, once per cycle.
 
