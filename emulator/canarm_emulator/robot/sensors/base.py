@@ -11,7 +11,6 @@ from typing import Protocol
 from canarm_protocol.cards.kind import highest_code
 from canarm_protocol.cell.sensing import WiredSensor
 from canarm_protocol.cell.sensors import AnalogueSensor, Quantity, Sensor
-from canarm_protocol.compiling import mypyc_attr
 
 from ...signals import Distortion
 from ..stages import Stage
@@ -47,7 +46,6 @@ class Moment:
         self.step_s = 0.0
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 @dataclass(frozen=True, slots=True)
 class Source(ABC):
     """The true sensor of a joint. On the wire to its card it gives 0 to `highest`, in volts or counts."""
@@ -61,7 +59,6 @@ class Source(ABC):
         """Its output at `within` (0 to 1) of the step, with a standard normal `deviate` as noise."""
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 @dataclass(frozen=True, slots=True)
 class AnalogueSource(Source):
     """A wire to an ADC pin: volts = zero_v + gain · (rad, rad/s or A), limited to 0..highest, noise included."""
