@@ -17,16 +17,29 @@ from compiled import ROOT, CompileError
 
 CONTROLLER = (
     "arrivals",
+    "computed_torque",
     "controller_states",
     "detectors",
     "encoder_alarms",
     "feedforward",
     "inputs",
+    "law_loading",
+    "laws",
     "loop",
+    "mras_lyapunov",
+    "observer",
+    "overdue",
     "supervisor",
 )
-TESTS = ("tests/emulator", *(f"tests/controller/test_{name}.py" for name in CONTROLLER), "tests/protocol/test_pdo.py")
-"""All of the emulator, and what of the controller runs in every cycle."""
+TESTS = (
+    "tests/emulator",
+    *(f"tests/controller/test_{name}.py" for name in CONTROLLER),
+    "tests/protocol/test_pdo.py",
+    "tests/protocol/test_wiring.py",
+    "tests/canarm/test_deriving.py",
+    "tests/canarm/test_garbage.py",
+)
+"""All of the emulator, what of the controller runs in every cycle, and what users derive from."""
 FILES = ("can0.log", "memory.bin")
 RUNS = {
     "mras, sine": ["--seconds", "3"],

@@ -24,7 +24,7 @@ class KeptFrames:
     """The last `size` frames; all with None.
 
     Field by field, one after the other: tuples that are kept would all be visited again and again by the collector of
-    cyclic garbage, which took a tenth of a cycle.
+    cyclic garbage, which took a tenth of the cycles of a short run.
     """
 
     def __init__(self, size: int | None) -> None:

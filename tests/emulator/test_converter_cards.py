@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from canarm_emulator.bench.bench import Bench
 from canarm_emulator.cards.adc import DATA_HIGH, DATA_LOW, END_OF_CONVERSION, STATUS, AdcCard
 from canarm_emulator.cards.dac import DacCard
-from canarm_emulator.cards.plugged import Samples
+from canarm_emulator.cards.plugged import Plugged, Samples
 from canarm_emulator.cards.registers import OPEN_BUS
 from canarm_emulator.robot.truth import AdcTruth, Truth
 from canarm_protocol.canopen.dictionary import eds_text
@@ -140,15 +140,23 @@ def test_what_the_master_sets_is_accepted_and_the_inputs_come_in_that_form(bits:
     assert not {0x294, 0x394} - set(sent)
 
 
-def watch_starts(card: Any, times_ns: list[int]) -> None:
+class WatchedCard:
+    """A card whose conversions are noted when they start; else it is `card`."""
+
+    def __init__(self, card: Any, times_ns: list[int]) -> None:
+        self._card, self._times_ns = card, times_ns
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._card, name)
+
+    def convert(self, begin_ns: int, samples: Samples, volts: list[float]) -> Any:
+        self._times_ns.extend(begin_ns + offset_ns for _, offset_ns, _ in samples)
+        return self._card.convert(begin_ns, samples, volts)
+
+
+def watch_starts(plugged: Plugged, times_ns: list[int]) -> None:
     """Note when a card's conversions start."""
-    convert = card.convert
-
-    def noted(begin_ns: int, samples: Samples, volts: list[float]) -> Any:
-        times_ns.extend(begin_ns + offset_ns for _, offset_ns, _ in samples)
-        return convert(begin_ns, samples, volts)
-
-    card.convert = noted
+    plugged.device._card = WatchedCard(plugged.registers, times_ns)  # type: ignore[attr-defined]
 
 
 def test_two_adc_cards_convert_at_the_same_time_and_each_sends_when_it_is_done() -> None:
@@ -157,7 +165,7 @@ def test_two_adc_cards_convert_at_the_same_time_and_each_sends_when_it_is_done()
     bench = bench_of(cell)
     started: dict[int, list[int]] = {0x14: [], 0x15: []}
     for node_id, times_ns in started.items():
-        watch_starts(bench.rack.cards[node_id].registers, times_ns)
+        watch_starts(bench.rack.cards[node_id], times_ns)
     for node in card_nodes(cell):
         bench.receive(nmt_frame(NmtCommand.START, node.card.node_id))
     bench.records.clear()
