@@ -32,9 +32,10 @@ from .arguments import (
     known_arguments,
 )
 from .findings import Begun, Detected, Noticed, ask_detected, begun_of, check_question
+from .picture import Picture
 from .rig_faults import FaultControl, FaultSource
 from .rig_joint import SIGNALS, Joints
-from .run_plot import Picture, plot_run
+from .run_plot import plot_run
 
 
 class AnyRig(FaultControl):

@@ -46,14 +46,23 @@ class Branching:
             try:
                 return True, pickle.dumps(result)
             except Exception as error:
-                why = f"branch: what came of it cannot be handed over: {named_error(error)}"
-                return False, pickle.dumps(UsageError(why))
+                return False, pickle.dumps(_unfit(error))
 
         is_result, said = in_copy(live)
-        given = pickle.loads(said)
+        try:
+            given = pickle.loads(said)
+        except Exception as error:
+            raise _unfit(error) from None
         if is_result:
             return cast(_Result, given)
         raise given
+
+
+def _unfit(error: Exception) -> UsageError:
+    return UsageError(
+        "branch: what the function returned cannot be handed over: return numbers, arrays or a DataFrame, not the rig "
+        f"or its parts ({named_error(error)})"
+    )
 
 
 def _as_bytes(error: BaseException) -> bytes:

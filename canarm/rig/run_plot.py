@@ -1,6 +1,6 @@
 """A picture of a run: every joint's angles and currents over time, with faults and detections.
 
-Decides what is drawn; `line_plot` makes SVG of it.
+Decides what is drawn; `picture` keeps it, and `line_plot` makes SVG of it.
 """
 
 import math
@@ -11,14 +11,17 @@ import numpy as np
 
 from canarm_protocol.shown import quoted
 
-from ..line_plot import Curve, Mark, Panel, draw, fitting
+from ..line_plot import Curve, Mark, Panel, fitting
 from ..usage import UsageError
 from .findings import HALF_NS, Begun, Noticed
+from .picture import Picture, picture_of
 from .rig_joint import Floats, RigJoint
 
 COLUMNS = 600
 """A longer curve is drawn as this many pairs of minimum and maximum, more than the picture has pixels."""
 PANEL_HEIGHT = 150
+LARGEST = 1e15
+"""No figure of a robot is larger: what is, of a damaged record, is left out as infinity is, and all others are seen."""
 BEFORE_S, AFTER_S = 0.3, 0.5
 """Time shown before the first fault, and after the last detection."""
 BLUE, ORANGE, GREEN, VIOLET, GREY = range(5)
@@ -36,15 +39,6 @@ _PANELS: tuple[tuple[str, tuple[tuple[Any, ...], ...]], ...] = (
     ("current, A", (("current", "current_a", BLUE), ("command", "command_a", ORANGE, 1.0, True))),
 )
 """Title of each panel; label, signal, colour, factor and dashes of each curve."""
-
-
-class Picture(str):
-    """An SVG picture as text, which notebooks show."""
-
-    __slots__ = ()
-
-    def _repr_svg_(self) -> str:
-        return str(self)
 
 
 def plot_run(
@@ -69,7 +63,7 @@ def plot_run(
             axis = fitting(_values(curves, 1))
             panels.append(Panel(f"{name}: {what}", axis, PANEL_HEIGHT, tuple(curves), shown))
             times_s += _values(curves, 0)
-    return Picture(draw(title, "time, s", fitting(times_s), panels))
+    return picture_of(title, "time, s", fitting(times_s), panels)
 
 
 def _window(begun: Sequence[Begun], noticed: Sequence[Noticed]) -> tuple[float, float]:
@@ -95,8 +89,10 @@ def _curve(
     is_dashed: bool = False,
 ) -> Curve:
     span = joint.span(signal)
-    inside = (span.time_s >= low_s - HALF_NS) & (span.time_s <= high_s + HALF_NS)
-    times_s, values = _thinned(span.time_s[inside], span.value[inside] * scale)
+    inside = (span.time_s >= low_s - HALF_NS) & (span.time_s <= high_s + HALF_NS) & (np.abs(span.time_s) <= LARGEST)
+    value = span.value[inside]
+    value = np.where(np.abs(value) <= LARGEST, value, np.nan)
+    times_s, values = _thinned(span.time_s[inside], value * scale)
     return Curve(label, tuple(zip(times_s.tolist(), values.tolist(), strict=True)), colour, is_dashed)
 
 
@@ -106,7 +102,7 @@ def _thinned(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
         return times_s, values
     length = -(-len(values) // COLUMNS)
     starts = np.arange(0, len(values), length)
-    low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
+    low, high = np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)  # past what is no number
     return np.repeat(times_s[starts], 2), np.column_stack((low, high)).ravel()
 
 

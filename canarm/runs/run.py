@@ -39,8 +39,9 @@ from ..libraries import check_library, data_frame
 from ..notebook import display
 from ..recording import FAILED_RECORDING
 from ..rig.findings import Noticed, begun_of
+from ..rig.picture import Picture
 from ..rig.recorded import DETECTION, RecordedHistory, fault_events, noticed, recorded_joints
-from ..rig.run_plot import Picture, plot_run
+from ..rig.run_plot import plot_run
 from ..signal_table import JOINED_BY, Columns, joined, read_table
 from ..summary import after_emergency_stop
 from ..usage import UsageError
@@ -146,8 +147,11 @@ class Run:
 
     @property
     def signals(self) -> Any:
-        """`columns` as a DataFrame. Raises `MissingLibraryError`."""
-        return data_frame(self.columns, self._library)
+        """`columns` as a DataFrame, in which cycles are integers. Raises `MissingLibraryError`."""
+        cycles = self.columns.get(JOINED_BY, np.empty(0))
+        is_whole = JOINED_BY in self.columns and (cycles == np.floor(cycles)).all()  # not so in a damaged table
+        whole = {JOINED_BY: cycles.astype(np.int64)} if is_whole else {}
+        return data_frame(self.columns | whole, self._library)
 
     @cached_property
     def event_list(self) -> list[dict[str, Any]]:
@@ -167,8 +171,8 @@ class Run:
         """The events as a DataFrame: time_s, cycle, source, event, and their details as one text."""
         rows = self.event_list
         columns: dict[str, Any] = {
-            "time_s": [each["time_s"] for each in rows],
-            "cycle": [each["cycle"] for each in rows],
+            "time_s": np.array([each["time_s"] for each in rows], dtype=np.float64),
+            "cycle": np.array([each["cycle"] for each in rows], dtype=np.int64),
             "source": [str(each.get("source", "")) for each in rows],
             "event": [each["event"] for each in rows],
             "details": [details_of(each, TOLD) for each in rows],

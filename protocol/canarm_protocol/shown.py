@@ -33,6 +33,14 @@ def quoted(value: object) -> str:
         return f"(a value of type {printable(type(value).__name__)})"
 
 
+def name_of(code: object) -> str:
+    """What a function, a class or what can be called like one is named; "a function" if it has no name."""
+    name = getattr(code, "__name__", None)
+    if name is None and hasattr(code, "func"):  # functools.partial
+        return name_of(code.func)
+    return "a function" if name == "<lambda>" else str(name or type(code).__name__)
+
+
 def first_line(error: object) -> str:
     """What a library says that went wrong, an exception or its text: the first line that says anything."""
     lines = (" ".join(line.split()) for line in str(error).splitlines())

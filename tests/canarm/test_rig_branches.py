@@ -2,6 +2,7 @@
 
 import os
 import signal
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -65,8 +66,33 @@ def test_what_a_branch_raises_is_raised_here() -> None:
             rig.branch(lambda rig: 1 / 0)
         with pytest.raises(UsageError, match="branch: Unpicklable: no"):
             rig.branch(refuse)
-        with pytest.raises(UsageError, match="cannot be handed over"):
-            rig.branch(lambda rig: lambda: None)
+
+
+class Fragile:
+    """Can be written, and not read."""
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return int, ("no number",)
+
+
+@pytest.mark.parametrize(
+    "do",
+    [
+        lambda rig: rig,
+        lambda rig: rig.joints,
+        lambda rig: rig.joints["joint2"],
+        lambda rig: {"rig": [rig]},
+        lambda rig: lambda: None,
+        lambda rig: Fragile(),
+    ],
+    ids=["rig", "joints", "joint", "within", "function", "fragile"],
+)
+def test_what_cannot_leave_a_branch_is_answered_by_what_can(do: Callable[[PlainRig], object]) -> None:
+    with Rig() as rig:
+        rig.run(0.01)
+        with pytest.raises(UsageError, match="return numbers, arrays or a DataFrame, not the rig or its parts"):
+            rig.branch(do)
+        assert rig.branch(lambda rig: rig.to_dataframe()).shape[0] == 4
 
 
 def test_a_branch_that_is_killed_says_so_and_the_run_goes_on() -> None:

@@ -1,5 +1,6 @@
 """What a rig is asked in the wrong way is answered with the argument, its value, and what would be right."""
 
+import functools
 from collections.abc import Iterator
 from typing import Any
 
@@ -85,6 +86,66 @@ def test_a_wrong_argument_is_named_with_its_value(rig: Rig, ask: Any, message: s
     with pytest.raises(CanarmError) as raised:
         ask(rig)
     assert message in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        lambda t: {"joint2": 0.1, "joint3": 0.2},
+        lambda t: ("a", "b"),
+        lambda t: None,
+        lambda t: 0.1,
+        lambda t: (0.1, 0.2, 0.3),
+        lambda t: (0.1, None),
+        lambda t: (0.1, float("nan")),
+        lambda t: [0.1] * (1 + (t > 1.0)),
+    ],
+)
+def test_a_function_that_is_no_motion_is_told_what_to_return(given: Any) -> None:
+    with pytest.raises(TrajectoryError) as raised:
+        Rig("konkuk1", trajectory=given)
+    wanted = "trajectory: the function must return 2 finite angles in rad for a time in s, in the order joint2, joint3"
+    assert str(raised.value).startswith(f"{wanted}; it has returned ")
+
+
+@pytest.mark.parametrize("given", [42, 1.5, True, np.float64(2.0), object()])
+def test_what_is_no_motion_at_all_is_told_what_could_be(given: Any) -> None:
+    with pytest.raises(TrajectoryError, match="must be a name, a file, a DataFrame, an array or a function"):
+        Rig("konkuk1", trajectory=given)
+
+
+def rest(time_s: float) -> tuple[float, float]:
+    return 0.1, 0.2
+
+
+POSES = np.tile([0.1, 0.2], (400, 1))
+COLUMNS = {"time_s": [0.0, 1.0, 2.0], "joint2_deg": [1.0, 1.0, 1.0], "joint3_deg": [2.0, 2.0, 2.0]}
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "named"),
+    [
+        (lambda t: (0.1, 0.2), "a function"),
+        (rest, "rest"),
+        (functools.partial(rest), "rest"),
+        (POSES, "an array of 400 rows"),
+        (POSES[:5].tolist(), "an array of 5 rows"),
+        (COLUMNS, "a dict"),
+        ("sine", "sine"),
+    ],
+)
+def test_a_rig_says_what_its_motion_is(trajectory: Any, named: str) -> None:
+    with Rig(trajectory=trajectory) as rig:
+        rig.run(0.01)
+        assert repr(rig) == f"<Rig konkuk1, mras on {named}, seed 0: running, 4 cycles kept>"
+        assert rig.summary().trajectory == named
+
+
+def test_a_rig_says_what_its_law_and_its_table_are() -> None:
+    pandas = pytest.importorskip("pandas")
+    with Rig(law=lambda cycle: (0.0, 0.0), trajectory=pandas.DataFrame(COLUMNS)) as rig:
+        rig.run(0.01)
+        assert repr(rig).startswith("<Rig konkuk1, a function on a DataFrame, ")
 
 
 def test_the_known_names_are_listed_once(rig: Rig) -> None:

@@ -1,9 +1,12 @@
 """The charts of a report as files, SVG and PNG, for papers and slides. What they show is decided elsewhere."""
 
+import io
 import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+from canarm_protocol.runs.own_file import replace_file
 
 from ...libraries import load_library
 from .charts import Chart
@@ -20,7 +23,7 @@ SETTINGS = {"svg.hashsalt": "canarm", "svg.fonttype": "none", "font.size": 9.0, 
 def draw_figures(charts: Sequence[Chart], folder: Path) -> list[Path]:
     """Write every chart into `folder`, which is made. Returns the paths.
 
-    Raises `MissingLibraryError` without matplotlib, and `OSError`.
+    Raises `MissingLibraryError` without matplotlib, and `OSError` with the name of a file that cannot be written.
     """
     library = load_library("matplotlib", "--figures")
     figures = load_library("matplotlib.figure", "--figures")
@@ -33,7 +36,9 @@ def draw_figures(charts: Sequence[Chart], folder: Path) -> list[Path]:
             for kind in FORMATS:
                 path = folder / f"{number:02d}-{_slug(chart.title)}.{kind}"
                 metadata = {"Date": None} if kind == "svg" else {"Software": None}
-                figure.savefig(path, format=kind, dpi=DPI, metadata=metadata)
+                drawn = io.BytesIO()
+                figure.savefig(drawn, format=kind, dpi=DPI, metadata=metadata)
+                replace_file(path, drawn.getvalue())
                 written.append(path)
     return written
 

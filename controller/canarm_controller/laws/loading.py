@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import get_args, get_type_hints
 
 from canarm_protocol.cell.model import Control
-from canarm_protocol.shown import named_error, printable, quoted
+from canarm_protocol.shown import name_of, named_error, printable, quoted
 
 from ..cycle import Cycle
 from ..dynamics import Arm
@@ -50,7 +50,7 @@ def load_law(spec: object) -> type[ControlLaw]:
 
 def law_name(spec: object) -> str:
     """The law's name in summaries."""
-    return str(spec) if isinstance(spec, str | Path) else str(getattr(spec, "__name__", type(spec).__name__))
+    return str(spec) if isinstance(spec, str | Path) else name_of(spec)
 
 
 def _named_law(spec: str) -> type[ControlLaw]:

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from canarm_protocol.shown import named_error
+from canarm_protocol.shown import named_error, quoted
 
 from ..errors import TrajectoryError
 from .base import Bools, Trajectory, pose_text, start_pose
@@ -144,16 +144,25 @@ class FunctionTrajectory(OwnBeginning):
 
     def _angles(self, time_s: Floats) -> Floats:
         try:
-            angles = real_numbers([self._function(time) for time in time_s.tolist()])
-        except TrajectoryError:
-            raise
+            given = [self._function(time) for time in time_s.tolist()]
         except Exception as error:
             raise TrajectoryError(f"trajectory: the function fails: {named_error(error)}") from error
+        try:
+            angles = real_numbers(given)
+        except TrajectoryError:
+            raise
+        except Exception:  # whatever numpy makes of what is no number
+            raise self._unfit(given) from None
         if angles.shape != (len(time_s), len(self.amplitude_rad)) or not np.isfinite(angles).all():
-            raise TrajectoryError(
-                f"trajectory: the function must return {len(self.amplitude_rad)} finite angles in rad for a time in s"
-            )
+            raise self._unfit(given)
         return angles
+
+    def _unfit(self, given: Sequence[object]) -> TrajectoryError:
+        names = self.limits.joint_names
+        return TrajectoryError(
+            f"trajectory: the function must return {len(names)} finite angles in rad for a time in s, in the order "
+            f"{', '.join(names)}; it has returned {quoted(given[0])}"
+        )
 
     def _at(self, time_s: Floats) -> Reference:
         h = DIFFERENCE_S

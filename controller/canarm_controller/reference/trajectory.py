@@ -12,7 +12,7 @@ import numpy as np
 
 from canarm_protocol.cell.arm import Joint
 from canarm_protocol.cell.model import Cell
-from canarm_protocol.shown import first_line, printable, quoted
+from canarm_protocol.shown import first_line, name_of, printable, quoted
 
 from ..errors import TrajectoryError
 from .base import Blended, Bools, Trajectory, blend_from
@@ -193,8 +193,16 @@ def _file_of(spec: str, built_in: Sequence[str]) -> tuple[Path, Interpolation | 
 
 
 def trajectory_name(spec: object) -> str:
-    """The trajectory's name in summaries."""
-    return str(spec) if isinstance(spec, str | Path) else str(getattr(spec, "__name__", type(spec).__name__))
+    """The trajectory's name in summaries: of an object without a name, what it is."""
+    if isinstance(spec, str | Path):
+        return str(spec)
+    if hasattr(spec, "keys"):  # a DataFrame is no Mapping
+        return f"a {type(spec).__name__}"
+    if callable(spec):
+        return name_of(spec)
+    rows = np.shape(spec)[0] if isinstance(spec, np.ndarray) and spec.ndim else None
+    rows = len(spec) if isinstance(spec, list | tuple) else rows
+    return type(spec).__name__ if rows is None else f"an array of {rows} rows"
 
 
 def _given(spec: Any, limits: Limits) -> Trajectory:
@@ -211,6 +219,10 @@ def _given(spec: Any, limits: Limits) -> Trajectory:
         raise TrajectoryError(
             f"trajectory: {type(spec).__name__} is none; must be a name, a file, a DataFrame, an array or a function"
         ) from None
+    if not angles.ndim:
+        raise TrajectoryError(
+            f"trajectory {quoted(spec)}: is none; must be a name, a file, a DataFrame, an array or a function"
+        )
     joints = len(limits.joint_names)
     if angles.ndim != 2 or angles.shape[1] != joints or len(angles) < 3:
         turned = angles.ndim == 2 and angles.shape[0] == joints != angles.shape[1]
