@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from canarm_protocol.errors import CanarmError
 from canarm_protocol.runs.packing import SUFFIX
+from canarm_protocol.runs.parts import parts_of
 from canarm_protocol.runs.run_events import LATEST_S
-from canarm_protocol.runs.run_folder import parts_of
 from canarm_protocol.shown import first_line, printable
 
 from .libraries import load_library
@@ -55,6 +55,9 @@ def _read_part(path: Path, complain: Callable[[str], None]) -> Columns:
             return {}
         if not path.is_file():
             raise ValueError("is no regular file")
+        if not path.stat().st_size:
+            complain(f"{path.name}: is empty: the record broke off")
+            return {}
         if path.stat().st_size > LARGEST_TABLE:
             raise ValueError(f"is larger than {LARGEST_TABLE} bytes")
         with path.open("rb") as file:

@@ -71,9 +71,9 @@ def show(
 def convert_(
     run: Annotated[Path, Parameter(name="RUN", converter=named_file, help="A run folder.")],
     /,
-    *formats: Annotated[str, Parameter(name="FORMAT", help="blf, mcap, mf4, parquet.", show_env_var=False)],
+    *formats: Annotated[str, Parameter(name="FORMAT", help="blf, csv, mcap, mf4, parquet.", show_env_var=False)],
 ) -> int:
-    """Write a run in the formats of other tools, into its folder. Parquet takes the place of the CSV files."""
+    """Write a run in formats of other tools, into its folder. Parquet takes the place of CSV, csv that of Parquet."""
     opened = Run(run)
     if not formats or (unknown := [each for each in formats if each not in FORMATS]):
         said = f"{printable(unknown[0])}: " if formats else ""

@@ -3,28 +3,31 @@
 Nothing is computed here: times count as in the run's own files.
 """
 
+import contextlib
 import io
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import can
+import numpy as np
+from numpy.typing import NDArray
 
 from canarm_protocol.canopen.frames import ERROR_FLAG, Frame
 from canarm_protocol.errors import CanarmError
 from canarm_protocol.runs.can_log import log_frames
 from canarm_protocol.runs.own_file import replace_file
 from canarm_protocol.runs.packing import SUFFIX, pack
+from canarm_protocol.runs.parts import part_of, parts_of
 from canarm_protocol.runs.run_folder import (
     BENCH_LOG_FILE,
     CAN_LOG_FILE,
     LOG_START_S,
     SIGNALS_FOLDER,
     RunFolderError,
-    part_of,
-    parts_of,
+    row_format,
 )
 from canarm_protocol.shown import first_line
 
@@ -95,9 +98,9 @@ def _to_mf4(run: Run) -> list[Path]:
         if signals and len(columns["time_s"]):
             file.append(signals, comment=table)
     path = run.path / "signals.mf4"
-    draft = path.with_name(f".{path.name}.mf4")
-    Path(file.save(draft, overwrite=True)).replace(path)
-    file.close()
+    with _drafted(path, path.with_name(f".{path.name}.mf4")) as draft:
+        file.save(draft, overwrite=True)
+        file.close()
     return [frames, path]
 
 
@@ -138,7 +141,7 @@ def _to_mcap(run: Run) -> list[Path]:
 
 
 def _to_parquet(run: Run) -> list[Path]:
-    """The parts of the signals that are still CSV. Of signals that are whole, the CSV file becomes the last part."""
+    """The parts of the signals that are still CSV; what stands in the CSV file itself becomes the last part."""
     load_library("pyarrow", "Parquet")
     written = []
     for table in TABLES:
@@ -149,26 +152,73 @@ def _to_parquet(run: Run) -> list[Path]:
             text = last.read_bytes()
             head = text[: text.find(b"\n") + 1]
             if len(head) < len(text):
-                part = part_of(path, len(parts) + 1)
+                part = _next_part(path, parts)
                 last.replace(part)
                 try:
-                    replace_file(path, head)
                     written.append(_packed(part))
                 except (OSError, RunFolderError):  # a full disk: all is as it was
                     part.replace(path)
                     raise
+            elif parts:
+                last.unlink()
     return written
 
 
 def _packed(part: Path) -> Path:
     try:
         return pack(part)
+    except OSError:
+        raise
     except Exception as error:  # whatever a damaged file makes of the library
         raise RunFolderError(f"{part}: cannot be packed: {first_line(error)}") from None
 
 
+def _to_csv(run: Run) -> list[Path]:
+    """The parts of the signals that are Parquet, as CSV with the digits that they have; a single part is the file."""
+    parquet = load_library("pyarrow.parquet", "CSV of Parquet")
+    written = []
+    for table in TABLES:
+        path = run.path / SIGNALS_FOLDER / f"{table}.csv"
+        packed = [part for part in parts_of(path, SUFFIX) if part.suffix == SUFFIX]
+        texts = [_unpacked(part, parquet) for part in packed]
+        *parts, last = parts_of(path, SUFFIX)
+        if len(parts) == 1 and texts and not last.exists():
+            written.append(texts[0].rename(path))
+        else:
+            written += texts
+    return written
+
+
+def _unpacked(part: Path, parquet: Any) -> Path:
+    """Replace a Parquet file by CSV, whose path is returned: the shortest text of each number that it has."""
+    try:
+        table = parquet.read_table(part)
+        names, columns = table.column_names, [_shortest(column.to_numpy()) for column in table.columns]
+        if names[:2] != ["cycle", "time_s"]:
+            raise ValueError("has no columns cycle and time_s")
+    except Exception as error:  # whatever a damaged file makes of the library
+        raise RunFolderError(f"{part}: cannot be unpacked: {first_line(error)}") from None
+    rows = map(row_format(len(names) - 2).__mod__, zip(*columns, strict=True))
+    path = part.with_suffix(".csv")
+    replace_file(path, (",".join(names) + "\n" + "".join(rows)).encode("ascii", errors="backslashreplace"))
+    part.unlink()
+    return path
+
+
+def _shortest(column: NDArray[Any]) -> list[float]:
+    """Numbers of single precision as the doubles that are written alike: 0.1 and not 0.100000001."""
+    return list(column.astype("U32").astype(np.float64).tolist() if column.dtype == np.float32 else column.tolist())
+
+
+def _next_part(path: Path, parts: Sequence[Path]) -> Path:
+    """The part after the last of `parts`, of which some may have been lost."""
+    last = int(parts[-1].stem.rpartition("-")[2]) if parts else 0
+    return part_of(path, last + 1)
+
+
 FORMATS: Mapping[str, Callable[[Run], list[Path]]] = {
     "blf": _to_blf,
+    "csv": _to_csv,
     "mcap": _to_mcap,
     "mf4": _to_mf4,
     "parquet": _to_parquet,
@@ -178,12 +228,22 @@ FORMATS: Mapping[str, Callable[[Run], list[Path]]] = {
 
 def _frames_file(run: Run, log: str, suffix: str, writer: Callable[..., Any]) -> Path:
     path = (run.path / log).with_suffix(suffix)
-    draft = path.with_name(f".draft-{path.name}")
-    with writer(draft) as file:
+    with _drafted(path, path.with_name(f".draft-{path.name}")) as draft, writer(draft) as file:
         for time_ns, frame in log_frames(run.path / log):
             file.on_message_received(_message_of(time_ns, frame))
-    draft.replace(path)
     return path
+
+
+@contextlib.contextmanager
+def _drafted(path: Path, draft: Path) -> Iterator[Path]:
+    """What is written into `draft` takes the place of `path`, whole or not at all. Raises `OSError`, which names it."""
+    try:
+        yield draft
+        draft.replace(path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from None
 
 
 def _message_of(time_ns: int, frame: Frame) -> can.Message:

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from canarm_protocol.runs.own_file import is_held
+from canarm_protocol.runs.parts import LONGEST_PART
 from canarm_protocol.runs.run_events import runs_of
-from canarm_protocol.runs.run_folder import LONGEST_PART, RUN_FILE, SIGNALS_FOLDER, SUMMARY, RunFolderError
+from canarm_protocol.runs.run_folder import RUN_FILE, SIGNALS_FOLDER, SUMMARY, RunFolderError
 from canarm_protocol.shown import printable
 
 from .run import MAKERS, PARTS, Run

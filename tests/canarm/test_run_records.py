@@ -16,7 +16,7 @@ from canarm.cli import run as canarm_here
 from canarm.libraries import how_to_get
 from canarm.recording import parse_recording
 from canarm.rig.arguments import RigWarning
-from canarm_protocol.runs.run_folder import part_of, parts_of
+from canarm_protocol.runs.parts import part_of, parts_of
 
 ROOT = Path(__file__).parents[2]
 

@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from ..canopen.frames import Frame
-from .run_folder import LOG_START_S, parts_of
+from .parts import parts_of
+from .run_folder import LOG_START_S
 
 _LINE = re.compile(
     rb"\((\d{1,10})\.(\d{6})\) \S{1,20} (?:([0-9A-F]{3})|([0-9A-F]{8}))#(?:(R)([0-8]?)|((?:[0-9A-F]{2}){0,8}))\s*"

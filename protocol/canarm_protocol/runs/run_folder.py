@@ -18,6 +18,7 @@ from ..canopen.frames import Frame
 from ..errors import ProtocolError
 from ..text_file import parse_json, read_text
 from .own_file import append_lines, hold_folder, locked, open_own, replace_file
+from .parts import has_parts, part_of
 from .tentative import Tentative
 
 RUN_FILE, EVENTS_FILE, CAN_LOG_FILE, SIGNALS_FOLDER = "run.json", "events.jsonl", "can0.log", "signals"
@@ -49,7 +50,7 @@ def create_run_folder(path: Path, reuse: bool = False, made: Tentative | None = 
 
     Raises `RunFolderError`; nothing has then been made.
     """
-    if not reuse and any((path / file).exists() for file in (CAN_LOG_FILE, CONTROLLER_SIGNALS)):
+    if not reuse and ((path / CAN_LOG_FILE).exists() or has_parts(path / CONTROLLER_SIGNALS)):
         raise _taken(path)
     for planted in (path / SIGNALS_FOLDER, path / RUN_FILE):
         if planted.is_symlink():
@@ -160,27 +161,7 @@ class Rotation:
     bytes: int
     on_part: Callable[[Path], None] = lambda path: None
     takes_last: bool = False
-    """Whether what is left at the end is a part as well; the log then has nothing but its head."""
-
-
-LONGEST_PART = 9
-"""Digits in the number of a part; at least four are written."""
-
-
-def part_of(path: Path, number: int) -> Path:
-    """The part of a log, from 1 on."""
-    return path.with_name(f"{path.stem}-{number:04d}{path.suffix}")
-
-
-def parts_of(path: Path, *others: str) -> list[Path]:
-    """The parts of a log in their order, and the log itself. A part may have one of the suffixes `others` instead."""
-    found: dict[int, Path] = {}
-    for suffix in (path.suffix, *reversed(others)):
-        for each in path.parent.glob(f"{path.stem}-[0-9][0-9][0-9][0-9]*{suffix}"):
-            number = each.name[len(path.stem) + 1 : -len(suffix)]
-            if number.isascii() and number.isdigit() and len(number) <= LONGEST_PART:
-                found[int(number)] = each
-    return [*(found[number] for number in sorted(found)), path]
+    """Whether what is left at the end is a part as well; the log itself is then gone."""
 
 
 class _LineFile:
@@ -203,6 +184,11 @@ class _LineFile:
         path, append = self._place, self._appends
         try:
             self._file = os.fdopen(open_own(path, append=append), "ab" if append else "wb", buffering=0)
+            try:
+                append_lines(self._file.fileno(), self._head.encode("ascii", errors="backslashreplace"))
+            except OSError:
+                self._file.close()
+                raise
         except OSError as error:
             raise RunFolderError(f"{path}: cannot be written: {error.strerror}") from None
 
@@ -224,8 +210,19 @@ class _LineFile:
         part = part_of(self._place, self.parts)
         self._place.replace(part)
         self._open()
-        append_lines(self._file.fileno(), self._head.encode("ascii"))
         rotation.on_part(part)
+
+    def _end_parts(self, rotation: Rotation) -> None:
+        """Nothing stays under the log's own name, unless nothing has been written at all."""
+        if os.fstat(self._file.fileno()).st_size > len(self._head):
+            self._file.close()
+            self.parts += 1
+            part = part_of(self._place, self.parts)
+            self._place.replace(part)
+            rotation.on_part(part)
+        elif self.parts:
+            self._file.close()
+            self._place.unlink()
 
     def write_out(self) -> None:
         """Write what has gathered, if anything has. Raises `OSError`."""
@@ -239,7 +236,7 @@ class _LineFile:
         try:
             self.write_out()
             if self._rotation is not None and self._rotation.takes_last:
-                self._rotate(self._rotation)
+                self._end_parts(self._rotation)
         finally:
             self._file.close()
 
@@ -319,14 +316,18 @@ class CanLog(_LineFile):
                 append_lines(self._file.fileno(), b"".join(block))
 
 
+def row_format(columns: int) -> str:
+    """The text of a row of signals, with so many columns after cycle and time."""
+    return "%d,%.6f" + ",%.9g" * columns + "\n"
+
+
 class SignalLog(_LineFile):
     """Signals of a run as CSV, one row per cycle; the first columns are `cycle` and `time_s`, and names have units."""
 
     def __init__(self, path: Path, columns: Sequence[str], rotation: Rotation | None = None) -> None:
-        super().__init__(path, rotation=rotation)
         self._head = ",".join(("cycle", "time_s", *columns)) + "\n"
-        append_lines(self._file.fileno(), self._head.encode("ascii", errors="backslashreplace"))
-        self._format = "%d,%.6f" + ",%.9g" * len(columns) + "\n"
+        super().__init__(path, rotation=rotation)
+        self._format = row_format(len(columns))
 
     def write(self, cycle: int, time_ns: int, values: Iterable[float]) -> None:
         """Append one row; `time_ns` counts from cycle 0."""
