@@ -118,7 +118,7 @@ async def test_where_nothing_is_recorded_the_reason_is_shown(cell, loop, clock):
         app.drain()
         app.drain()
         app.redraw()
-        assert "the emulator was started without --out DIR" in app._answer.text
+        assert "the emulator was started without --out DIR" in app.answer.text
 
 
 FIGURES = [
@@ -144,4 +144,6 @@ async def test_the_figures_of_two_joints_fit_the_smallest_terminal(cell, loop, c
 async def test_before_the_end_there_is_no_summary(cell, loop, clock, report):
     async with watching(cell, loop, clock) as (app, press):
         report(app, clock, 3200, RUNNING)
-        assert "there is no summary yet" in await press("h")
+        app.action_outcome()
+        assert "there is no summary yet" in app.answer.text
+        assert "there is no summary yet" not in await press(), "the controller was lost meanwhile"

@@ -97,6 +97,7 @@ def test_one_set_is_cleared_or_all(dashboard, loop):
 
 
 def test_the_emergency_stop_goes_on_and_off(dashboard, loop):
+    dashboard.drain()
     for is_on in (True, False):
         dashboard.desk.stop(is_on, dashboard.answers.append)
         dashboard.drain(times=3)
@@ -184,6 +185,14 @@ def test_a_lost_bus_is_a_reason(dashboard, loop):
     dashboard.desk.clear(None, dashboard.answers.append)
     dashboard.drain(times=2)
     assert dashboard.answers[-1].reason == "not connected: -i loop -c bench: the server closed the connection"
+
+
+def test_a_stop_that_a_broken_bus_does_not_take_is_not_called_sent(dashboard, loop):
+    dashboard.drain(times=2)
+    loop.is_broken = True
+    dashboard.desk.stop(True, dashboard.answers.append)
+    why = "-i loop -c bench: the server closed the connection"
+    assert dashboard.answers == [Refusal(f"emergency stop NOT sent: {why}")], "at once"
 
 
 def test_what_no_one_foresaw_is_a_reason_too(dashboard, loop, monkeypatch):

@@ -45,4 +45,4 @@ async def test_a_picture_goes_to_the_folder_where_one_is_and_says_so(cell, port,
         await pilot.pause()
         (picture,) = tmp_path.glob("*.svg")
         assert "<svg" in picture.read_text()
-        assert picture.name in app._answer.text
+        assert picture.name in app.answer.text

@@ -1,5 +1,6 @@
 """Keys while a recorded run plays: what only a live run can do is said, and n reaches all that has happened."""
 
+import asyncio
 import contextlib
 from dataclasses import replace
 
@@ -32,11 +33,21 @@ async def played(record, clock):  # noqa: F811
         yield app, press
 
 
-@pytest.mark.parametrize("key", ["f", "e", "x", "R", "w", "r", "Q"])
+@pytest.mark.parametrize("key", ["f", "e", "x", "R", "w", "r"])
 async def test_a_key_that_needs_a_bench_says_that_this_is_a_record(record, clock, key):  # noqa: F811
     async with played(record, clock) as (_, press):
         assert NOBODY not in await press()
         assert NOBODY in await press(key)
+
+
+@pytest.mark.parametrize("key", ["q", "Q"])
+async def test_a_record_is_left_by_either_key_for_nothing_runs(record, clock, key):  # noqa: F811
+    async with played(record, clock) as (app, _):
+        assert len(app.screen_stack) == 1
+        app.simulate_key(key)
+        while app.is_running:
+            await asyncio.sleep(0)
+    assert app.return_code == 0
 
 
 async def test_the_cards_are_not_offered_by_hand_and_t_says_why(record, clock):  # noqa: F811

@@ -175,4 +175,4 @@ async def test_while_a_run_goes_on_it_is_not_run_again(cell, clock, runs, port):
         await pilot.press("r")
         assert len(app.screen_stack) == 1
         app.redraw()
-        assert "Q ends it" in app._answer.text
+        assert "Q ends it" in app.answer.text

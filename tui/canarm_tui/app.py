@@ -30,7 +30,7 @@ from .event_texts import stopped_by
 from .events_view import EventsPane
 from .fault_desk import FaultDesk, Refusal
 from .fault_screens import Chosen, ClearScreen
-from .fault_texts import answer_word, panel_lines
+from .fault_texts import panel_lines
 from .faults import Faults
 from .feed import Feed
 from .header import header_words
@@ -59,8 +59,6 @@ IDLE_NS = 1_000_000_000
 """Without new cycles, ages and counters are drawn this often, so that watching an idle bench is cheap."""
 WORDS_NS = 200_000_000
 """Nobody reads numbers that change more often."""
-ANSWER_NS = 6_000_000_000
-"""How long the bench's answer to a request stays below the header."""
 FIRST = VIEWS[0]
 NO_RUN = "the run is over: nobody would detect a fault; r runs again"
 EARLIER = "{} is over, and its traces are not kept here: canarm tui plays its folder"
@@ -114,7 +112,7 @@ class DashboardApp(RunControls):
         record: Record | None = None,
         config: Path | None = None,
     ) -> None:
-        super().__init__(again, in_background)
+        super().__init__(again, in_background, clock_ns)
         self.register_theme(SAFE)
         self._config = config
         theme = None if config is None else remembered_theme(config)
@@ -137,15 +135,12 @@ class DashboardApp(RunControls):
         self.view = FIRST
         """What is on the screen."""
         self._scene: Scene | None = None
-        self._clock_ns = clock_ns
         self._on_start, self._until, self._signals = on_start, until, signals
         self._outcome_of, self._ended = outcome_of, BenchOutcome(self.desk, cell.bus.cycle_s)
         self.outcome: Outcome | None = None
         """How the run has ended, once it has."""
         self._connections = 0
         self._asked_law: tuple[object, ...] = ()
-        self._answer: texts.Word | None = None
-        self._answer_until_ns = 0
         self._news = News(IDLE_NS)
         self._words_ns = 0
         self._words: tuple[object, ...] = ()
@@ -231,7 +226,7 @@ class DashboardApp(RunControls):
         """Draw new data at once; without any, ages and counters every `IDLE_NS`."""
         news = (
             *(self.link.state, self.feed.changes, self.feed.faults, self.desk.faults, self.desk.refusal),
-            *(self.desk.recording, self._answer, self.outcome, [source.changes for source in self.context.sources]),
+            *(self.desk.recording, self.answer, self.outcome, [source.changes for source in self.context.sources]),
         )
         if self._news.is_due(news, self._clock_ns()):
             self.redraw()
@@ -242,9 +237,7 @@ class DashboardApp(RunControls):
             return  # a last timer tick, while the screen closes
         snapshot, screen = self.feed.snapshot(self._clock_ns()), self.screen_stack[0]
         notice = screen.query_one("#notice", WordLine)
-        said = texts.notice(self.link, snapshot, self.is_starting)
-        if said is None and self._clock_ns() < self._answer_until_ns:
-            said = self._answer
+        said = self._said.notice(texts.notice(self.link, snapshot, self.is_starting), self._clock_ns())
         if said is None and self._complaints:
             said = texts.Word(f"▲ {'; '.join(self._complaints)}", texts.Tone.WARNING)
         notice.set_class(said is not None, "-shown")
@@ -334,7 +327,7 @@ class DashboardApp(RunControls):
             return NO_RUN if self._again is not None and self.outcome is not None else ""
 
         if refusal():
-            self.tell(Refusal(refusal()))
+            self.tell(Refusal(refusal()), lambda: bool(refusal()))
             return
 
         def remark() -> str:
@@ -353,11 +346,6 @@ class DashboardApp(RunControls):
 
         faults = self.desk.faults or Faults()
         self.push_screen(ClearScreen(faults.set_names, faults.waiting), clear)
-
-    def tell(self, answer: str | Refusal | None) -> None:
-        """Show an answer of the bench, or of ours, for a while."""
-        if answer is not None:
-            self._answer, self._answer_until_ns = answer_word(answer), self._clock_ns() + ANSWER_NS
 
     def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:
         """The commands of the palette, as "area: action"."""

@@ -4,7 +4,6 @@ One conversation at a time, in the background and with a time-out; `poll` delive
 waits. Time is passed in. What is drawn is not known here.
 """
 
-import contextlib
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
@@ -22,6 +21,7 @@ from canarm_protocol.faults.wire_figures import WireFigures
 from canarm_protocol.shown import named_error
 from canarm_protocol.transport.port import BusPort
 
+from .errors import NotConnectedError
 from .fault_catalogue import FaultKind, Tap, catalogue_of, injection
 from .faults import Faults, FaultSignal, faults_of
 from .link import InBackground
@@ -34,6 +34,8 @@ RETRY_NS = 5_000_000_000
 """Time to the next read after one that the bench did not answer."""
 LIMIT_S = 3.0
 """Time limit for one answer of the bench."""
+
+NOT_SENT, NOT_CONFIRMED = "emergency stop NOT sent: {}", "emergency stop sent, and NOT confirmed: {}"
 
 T = TypeVar("T")
 
@@ -166,18 +168,28 @@ class FaultDesk:
         """Emergency stop: open the supplies of all amplifiers, or close them again.
 
         To open them, one frame goes out at once, on the channel that needs no claim: a conversation that is on may take
-        seconds. The conversation that follows says whether it has been heard.
+        seconds. The conversation that follows says whether it has been heard. That it cannot go out is said at once.
         """
         if is_on:
             request = next(download(EMERGENCY_STOP, 0, b"\1"))
-            with contextlib.suppress(BusError):
+            try:
                 self._link.send([Frame(sdo_channel(self._cell.bus.bench_node_id, 0)[0], request)])
+            except NotConnectedError:
+                then(Refusal(NOT_SENT.format("no bench is connected")))
+                return
+            except BusError as error:
+                then(Refusal(NOT_SENT.format(error)))
+                return
 
         def job(client: BenchClient) -> str:
             client.emergency_stop(is_on)
             return "emergency stop: the supply of all amplifiers is " + ("open" if is_on else "closed again")
 
-        self._do(job, then)
+        def confirmed(answer: str | Refusal) -> None:
+            is_unsure = is_on and isinstance(answer, Refusal)
+            then(Refusal(NOT_CONFIRMED.format(answer.reason)) if is_unsure else answer)
+
+        self._do(job, confirmed)
 
     def reset(self, then: Callable[[str | Refusal], None]) -> None:
         """Power-on reset of the robot: faults and emergency stop gone, arms parked, every card boots."""

@@ -15,6 +15,7 @@ from canarm_protocol.canopen.pdo import PdoLayout
 from canarm_protocol.cell.bench_objects import (
     CONTROLLER_STATES,
     DIVIDER,
+    ENDED,
     HOMING,
     INTERNALS,
     SDO_CHANNELS,
@@ -133,6 +134,11 @@ class Feed:
         if self._report is None or self._is_silent(self._wall_ns):
             return False
         return CONTROLLER_STATES.get(self._report[2]) in RUNNING
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the controller has said last that its run has ended."""
+        return self._report is not None and CONTROLLER_STATES.get(self._report[2]) in ENDED
 
     @property
     def cycle(self) -> int | None:

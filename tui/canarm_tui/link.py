@@ -17,6 +17,7 @@ from canarm_protocol.errors import BusError
 from canarm_protocol.shown import named_error
 from canarm_protocol.transport.port import BusPort, Discarded
 
+from .errors import NotConnectedError
 from .shared_port import SharedPort
 
 LISTENER_NODE_ID = 0x31
@@ -116,9 +117,9 @@ class Link:
         self.state, self.reason, self._due_ns = LinkState.CONNECTING, None, None
 
     def send(self, frames: Sequence[Frame]) -> None:
-        """Send frames at once, whatever conversation goes on. Raises `BusError` without a bus."""
+        """Send frames at once, whatever conversation goes on. Raises `BusError`, `NotConnectedError` without a bus."""
         if self._port is None:
-            raise BusError(f"not connected: {self.reason or self.where}")
+            raise NotConnectedError(f"not connected: {self.reason or self.where}")
         self._port.send(frames)
 
     def lend(self) -> AbstractContextManager[BusPort]:
@@ -127,7 +128,7 @@ class Link:
         """
         port = self._port
         if port is None:
-            raise BusError(f"not connected: {self.reason or self.where}")
+            raise NotConnectedError(f"not connected: {self.reason or self.where}")
         return port.lend()
 
     def close(self) -> None:

@@ -48,7 +48,7 @@ class Player:
         self.speed = 1.0
         self.law, self.internal_names = record.law, record.internal_names
         self.plan: RunPlan | None = None
-        self.is_running = False
+        self.is_running = self.has_ended = False
         """It has no controller that could be asked."""
         self.controllers = 0
         self.faults: FaultSignal | None = None

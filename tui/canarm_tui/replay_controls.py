@@ -1,24 +1,23 @@
 """The keys that play a recorded run. A base of the dashboard; without a player none of them is there."""
 
-from abc import abstractmethod
 from typing import ClassVar
 
 from textual.binding import Binding, BindingType
 from textual.events import Key
 from textual.screen import ModalScreen
 
+from .answers import AnsweringApp
 from .fault_desk import Refusal
 from .player import NOBODY, Player
-from .steady import SteadyApp
 
 ACTIONS = ("skip", "faster", "event")
-LIVE_ACTIONS = ("inject", "clear", "stop", "stop_anyway", "reset", "again", "record", "leave_and_stop")
-LIVE_KEYS = ("f", "x", "e", "ctrl+e", "R", "r", "w", "Q", "t", "j")
+LIVE_ACTIONS = ("inject", "clear", "stop", "stop_anyway", "reset", "again", "record")
+LIVE_KEYS = ("f", "x", "e", "ctrl+e", "R", "r", "w", "t", "j")
 """Those of what only a live run can do, where no view has taken them for something else."""
 NO_FURTHER, NONE_BEFORE = "there is no further event; N goes to the one before", "there is no event before; n goes on"
 
 
-class ReplayControls(SteadyApp):
+class ReplayControls(AnsweringApp):
     """`player` is None unless a recorded run is shown."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -54,10 +53,6 @@ class ReplayControls(SteadyApp):
         """A key that nobody has taken: of a live run's it is said why it does nothing."""
         if self.player is not None and event.key in LIVE_KEYS and not isinstance(self.screen, ModalScreen):
             self.tell(Refusal(NOBODY))
-
-    @abstractmethod
-    def tell(self, answer: str | Refusal | None) -> None:
-        """Show an answer for a while."""
 
     def _playing(self) -> Player:
         assert self.player is not None

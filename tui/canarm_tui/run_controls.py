@@ -21,12 +21,15 @@ from .outcome import Outcome, OutcomeScreen, with_cause
 from .player import NoLink, Player
 from .replay_controls import ReplayControls
 from .run_again import Again, AgainScreen, NextRun
+from .texts import Tone, Word
 from .views import Context
 
 LEFT = "the dashboard was left"
 STOPPED = "stopped from the dashboard"
 NO_AGAIN = "a controller is started outside: canarm controller, with the address above; a demo runs again by itself"
 NOT_OVER = "there is no summary yet: no run has ended"
+NOT_AT_END = "the summary comes at the end of the record"
+ON_ITS_WAY = Word("… the summary is on its way: what ran is ending", Tone.WARNING)
 STILL_RUNNING = "the run goes on; r runs again when it is over, and Q ends it"
 
 
@@ -56,8 +59,8 @@ class RunControls(ReplayControls):
     left_by = LEFT
     """How the user has left, in a few words."""
 
-    def __init__(self, again: Again | None, in_background: InBackground) -> None:
-        super().__init__()
+    def __init__(self, again: Again | None, in_background: InBackground, clock_ns: Callable[[], int]) -> None:
+        super().__init__(clock_ns)
         self._again, self._in_background = again, in_background
         self._answers: deque[Callable[[], None]] = deque()
         self._gathered = Gathered()
@@ -94,7 +97,10 @@ class RunControls(ReplayControls):
         self.leave("Ctrl-C in the dashboard")
 
     def action_leave_and_stop(self) -> None:
-        """Ask whether to leave and stop what runs, and do it."""
+        """Ask whether to leave and stop what runs, and do it; nothing runs where a record plays."""
+        if self.player is not None:
+            self.leave(LEFT)
+            return
         is_demo = self._again is not None and self._again.ends_here
 
         def leave(is_wanted: bool | None) -> None:
@@ -130,10 +136,16 @@ class RunControls(ReplayControls):
     def action_outcome(self) -> None:
         """Show all of the summary of a run that is over."""
         if self.outcome is None:
-            self.tell(Refusal(NOT_OVER))
+            self._tell_not_over(NOT_OVER if self.player is None else NOT_AT_END)
         else:
             shown = with_cause(self.outcome, self.cause) or self.outcome
             self.push_screen(OutcomeScreen(shown, self._again is not None))
+
+    def _tell_not_over(self, why: str) -> None:
+        """That there is no outcome yet: the processes of a run go on for some seconds when it has ended."""
+        has_ended = self.feed.has_ended
+        answer = ON_ITS_WAY if has_ended else Refusal(why)
+        self.tell(answer, lambda: self.outcome is None and self.feed.has_ended is has_ended)
 
     def action_record(self) -> None:
         """Stop recording, or go on with it."""
@@ -154,7 +166,7 @@ class RunControls(ReplayControls):
         if self._again is None:
             self.tell(Refusal(NO_AGAIN))
         elif self.outcome is None:
-            self.tell(Refusal(STILL_RUNNING))
+            self._tell_not_over(STILL_RUNNING)
         else:
             self.push_screen(AgainScreen(self._again, self._start_again), self.tell)
 
