@@ -1,5 +1,7 @@
 """Plots against dots, labels and times worked out by hand."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -75,3 +77,17 @@ def test_times_stand_where_they_belong():
     assert time_row(0.0, 10.0, 40) == "╵0 s" + " " * 16 + "╵5 s" + " " * 16
     assert time_row(0.0, 1.0, 5) == " " * 5, "there is no room"
     assert time_row(0.25, 0.35, 60).split("╵")[1].strip() == "0.26 s"
+
+
+@pytest.mark.parametrize("cells", [24, 30, 36, 43, 60, 90])
+def test_there_are_two_times_wherever_the_stretch_ends(cells):
+    """Two labels of up to eight characters, such as ╵119.5 s, and a blank between them have room in 24 cells."""
+    for tenths in range(0, 1200, 7):
+        for span_s in (0.1, 1.0, 10.0, 60.0, 120.0):
+            end_s = tenths / 10 + span_s
+            row = time_row(end_s - span_s, end_s, cells)
+            labels = re.findall(r"╵(\d+(?:\.\d+)?) s(?= |$)", row)
+            assert len(labels) == row.count("╵") >= 2, (row, end_s, span_s)
+            starts = [place for place, letter in enumerate(row) if letter == "╵"]
+            for start, label in zip(starts, labels, strict=True):
+                assert abs(end_s - span_s + start * span_s / cells - float(label)) <= span_s / cells + 1e-9

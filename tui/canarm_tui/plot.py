@@ -20,7 +20,9 @@ from .texts import Tone, Word
 LABEL_WIDTH = 7
 MARKED = (Tone.GOOD, Tone.WARNING, Tone.BAD, Tone.PLAIN)
 """Tones of signs at the top of a plot."""
-LEAST_BETWEEN_TIMES = 12
+LEAST_BETWEEN_TIMES, LEAST_TIMES = 12, 2
+MOST_STEPS = 4
+"""Steps that are tried until there are two times: more decimals are wider."""
 LEAST_RANGE = 2e-3
 """Share of a value by which the ends of a scale differ at least: as far as its labels can tell."""
 
@@ -135,19 +137,41 @@ def scale_labels(low: float, high: float, rows: int, inside: Sequence[float] = (
 
 
 def time_row(first_s: float, last_s: float, cells: int) -> str:
-    """The axis of time below the cells: round numbers of seconds, each beginning where it belongs."""
+    """The axis of time below the cells: round numbers of seconds, each beginning where it belongs.
+
+    Two at least, where two have room: a single one gives no scale.
+    """
     seconds = last_s - first_s
     if cells < LEAST_BETWEEN_TIMES or not seconds > 0.0:
         return " " * cells
     step = nice_scale(seconds * LEAST_BETWEEN_TIMES / cells)
-    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    found = _times(first_s, last_s, cells, step)
+    for _ in range(MOST_STEPS):
+        if len(found) >= LEAST_TIMES:
+            break
+        step = nice_scale(0.4 * step)  # the next smaller one of 1, 2, 5, …
+        closer = _times(first_s, last_s, cells, step)
+        found = next(kept for every in range(1, len(closer) + 2) if not _do_touch(kept := closer[::every])) or found
     line = [" "] * cells
+    for cell, label in found:
+        line[cell : cell + len(label)] = label
+    return "".join(line)
+
+
+def _times(first_s: float, last_s: float, cells: int, step: float) -> list[tuple[int, str]]:
+    """The labels that fit, every `step` seconds, each with the cell of its sign."""
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    found = []
     for number in range(math.ceil(first_s / step - 1e-9), math.floor(last_s / step + 1e-9) + 1):
         label = f"╵{number * step:.{decimals}f} s"
-        cell = int((number * step - first_s) / seconds * cells)
+        cell = int((number * step - first_s) / (last_s - first_s) * cells)
         if cell + len(label) <= cells:
-            line[cell : cell + len(label)] = label
-    return "".join(line)
+            found.append((cell, label))
+    return found
+
+
+def _do_touch(labels: Sequence[tuple[int, str]]) -> bool:
+    return any(cell + len(label) >= after for (cell, label), (after, _) in itertools.pairwise(labels))
 
 
 def columns_of(cells: int, span: int) -> int:
