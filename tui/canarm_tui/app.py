@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
-from textual.widgets import ContentSwitcher, Footer
+from textual.widgets import ContentSwitcher
 
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.decoding import robot_book
@@ -37,6 +37,7 @@ from .header import header_words
 from .help import HelpScreen
 from .inject_screen import InjectScreen
 from .joints_view import JointsPane
+from .keys_line import KeysLine
 from .link import InBackground, Link, in_thread
 from .news import News
 from .outcome import Outcome, OutcomePanel, with_cause
@@ -158,7 +159,7 @@ class DashboardApp(RunControls):
                 yield pane
         yield FaultPanel()
         yield WordLine(id="counters")
-        yield Footer(show_command_palette=False)
+        yield KeysLine()
 
     def on_load(self) -> None:
         """Signals end it from now on: the first words are on the terminal before all widgets stand."""

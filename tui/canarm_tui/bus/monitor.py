@@ -10,9 +10,10 @@ from typing import Any, ClassVar
 from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
-from textual.widgets import ContentSwitcher, Footer
+from textual.widgets import ContentSwitcher
 
 from ..help import HelpScreen
+from ..keys_line import KeysLine
 from ..news import News
 from ..snapshot import Snapshot
 from ..steady import SteadyApp
@@ -75,7 +76,7 @@ class MonitorApp(SteadyApp):
                 pane = view.make(self.bus)
                 pane.id = view.pane_id
                 yield pane
-        yield Footer(show_command_palette=False)
+        yield KeysLine()
 
     def on_mount(self) -> None:
         """Open the bus and start the timers."""
