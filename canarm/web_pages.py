@@ -5,6 +5,7 @@ What a page sends is judged here: anything on this machine can connect. What is 
 
 import asyncio
 import contextlib
+import logging
 import signal
 import socket
 import sys
@@ -22,6 +23,8 @@ ICON = (
 """An arm of two links."""
 END_S = 5.0
 """How long the dashboard of a page may take to end once its page is gone; then it is killed."""
+LIBRARY, NOT_STARTED = "textual-serve", "Application failed to start"
+"""The library's logger, and what it says of every dashboard that ends before it has drawn anything."""
 USUAL_SIZE = 80, 24
 MOST_COLUMNS, MOST_ROWS = 1000, 400
 """Of a page: beyond that no screen is legible, and a dashboard holds all of its cells in memory."""
@@ -66,6 +69,25 @@ def page_server(library: Any, command: str, url: str, title: str, pages: Path) -
     """
     from aiohttp import WSMsgType, web
 
+    class Dashboard(library.AppService):  # type: ignore[misc]  # the library has no types
+        """The dashboard of a page. One that ends before it has drawn anything is told here, and not by the library."""
+
+        has_started = is_ended = False
+
+        async def run(self) -> None:
+            await super().run()
+            if not self.has_started and not self.is_ended:
+                _say("the dashboard of a page did not start")
+                await self.remote_close()
+
+        async def on_data(self, payload: bytes) -> None:
+            self.has_started = True
+            await super().on_data(payload)
+
+        async def on_meta(self, data: bytes) -> None:
+            self.has_started = True
+            await super().on_meta(data)
+
     class Server(library.Server):  # type: ignore[misc]  # the library has no types
         def run(self, listening: socket.socket) -> None:
             loop = asyncio.new_event_loop()
@@ -100,7 +122,7 @@ def page_server(library: Any, command: str, url: str, title: str, pages: Path) -
             _refuse_strangers(request, url)
             page = web.WebSocketResponse(heartbeat=15)
             await page.prepare(request)
-            dashboard = library.AppService(
+            dashboard = Dashboard(
                 self.command,
                 write_bytes=page.send_bytes,
                 write_str=page.send_str,
@@ -137,6 +159,7 @@ def page_server(library: Any, command: str, url: str, title: str, pages: Path) -
         if request.headers.get("Origin", own) != own or f"http://{request.headers.get('Host')}" != own:
             raise web.HTTPForbidden(text=f"only for pages of {own}")
 
+    logging.getLogger(LIBRARY).addFilter(_is_no_news)
     server = Server(command, "127.0.0.1", 0, title, public_url=url, templates_path=pages)
     for page in (Path(library.__file__).parent / "templates").glob("*.html"):
         parts = page.read_text(encoding="utf-8").split("<link")
@@ -145,8 +168,13 @@ def page_server(library: Any, command: str, url: str, title: str, pages: Path) -
     return server
 
 
+def _is_no_news(record: logging.LogRecord) -> bool:
+    """Whether the library's log says what is said here: a page that is left early is no error of its dashboard."""
+    return record.getMessage() != NOT_STARTED
+
+
 async def _end(dashboard: Any) -> None:
-    process = dashboard._process
+    dashboard.is_ended, process = True, dashboard._process
     if process is None:
         return
     try:

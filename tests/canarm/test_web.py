@@ -6,6 +6,7 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from canarm import web_pages
 from canarm.web_pages import MOST_COLUMNS, MOST_ROWS, first_size, sane_size
 from canarm_protocol.cell import load_cell
 from canarm_protocol.faults.bench_client import BenchClient
@@ -170,6 +172,36 @@ def test_no_dashboard_outlives_its_page_or_the_server(canarm: Commands, number: 
     asyncio.run(look())
     server.wait()
     wait_until(lambda: not canarm.remaining(), "end of all dashboards")
+    assert "failed to start" not in server.complaint, "a page that is left early is no error"
+
+
+@pytest.mark.parametrize(("words", "said"), [("false", ["the dashboard of a page did not start"]), ("sleep 60", [])])
+def test_a_dashboard_that_ends_before_it_has_drawn_is_told_unless_its_page_was_left(
+    words: str, said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    import textual_serve.server
+    from aiohttp.web import AppRunner, SockSite
+
+    told: list[str] = []
+    monkeypatch.setattr(web_pages, "_say", told.append)
+    monkeypatch.setattr(web_pages, "END_S", 0.01)
+    listening = socket.create_server(("127.0.0.1", 0))
+    url = f"http://127.0.0.1:{listening.getsockname()[1]}"
+
+    async def look() -> None:
+        server = web_pages.page_server(textual_serve.server, f"exec {words}", url, "", tmp_path)
+        server.dashboards = set()
+        runner = AppRunner(await server._make_app())
+        await runner.setup()
+        await SockSite(runner, listening).start()
+        async with aiohttp.ClientSession() as session, session.ws_connect(f"{url}/ws") as page:
+            if said:
+                assert (await page.receive()).type is aiohttp.WSMsgType.CLOSE, "at once"
+        await runner.cleanup()
+
+    asyncio.run(look())
+    assert told == said
+    assert not caplog.records
 
 
 def test_a_dashboard_ends_when_its_server_hangs_up() -> None:
