@@ -94,6 +94,23 @@ async def test_a_bench_that_does_not_answer_is_named_and_asked_again_later(app, 
         assert any("no wire model runs" in word.text for line in app.query_one(WirePane).lines for word in line)
 
 
+async def test_on_a_low_screen_the_cyclic_frames_are_scrolled_to(app, loop, clock):
+    async with app.run_test(size=(80, 24)) as pilot:
+        await looked_at(app, loop, clock, pilot)
+        pane = app.query_one(WirePane)
+        pane.lines = wire_lines(FIGURES)
+        for _ in range(2):
+            app.redraw()
+            await pilot.pause()
+        lines = screen_lines(app)[pane.region.y : pane.region.bottom]
+        assert any("080 SYNC" in line for line in lines)
+        assert lines[-1].strip(), "no line is left empty"
+        await pilot.press("end")
+        app.redraw()
+        await pilot.pause()
+        assert any("heartbeat of adc" in line and " % of " in line for line in screen_lines(app))
+
+
 async def test_the_view_at_every_size(app, loop, clock):
     async with app.run_test(size=SIZES[0]) as pilot:
         await looked_at(app, loop, clock, pilot)

@@ -1,4 +1,4 @@
-"""What a large screen has of the wire besides the bench's figures: the cell's traffic by analysis, and past loads.
+"""What the view of the wire has besides the bench's figures: the cell's traffic by analysis, and past loads.
 
 Pure functions from values to lines of words.
 """

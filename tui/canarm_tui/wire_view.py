@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 from textual.app import ComposeResult
+from textual.containers import VerticalScroll
 from textual.content import Content
 from textual.widgets import Static
 
@@ -72,7 +73,11 @@ def _count(name: str, count: int) -> Word:
 class WirePane(Pane):
     """Asks the bench from time to time while it is looked at."""
 
-    DEFAULT_CSS = "WirePane { padding: 0 1; } WirePane Static { height: auto; }"
+    DEFAULT_CSS = """
+    WirePane { padding: 0 0 0 1; }
+    WirePane VerticalScroll { scrollbar-size-vertical: 1; }
+    WirePane Static { height: auto; padding: 0 1 0 0; }
+    """
 
     def __init__(self, cell: Cell, desk: FaultDesk | None) -> None:
         super().__init__()
@@ -88,8 +93,9 @@ class WirePane(Pane):
         return traffic_lines(self._cell)
 
     def compose(self) -> ComposeResult:
-        """One text."""
-        yield Static(id="wire")
+        """One text, to be scrolled where it is longer than the screen."""
+        with VerticalScroll():
+            yield Static(id="wire")
 
     def show(self, scene: Scene) -> None:
         """Show what the bench has said last, and ask again when it is time."""
@@ -106,8 +112,8 @@ class WirePane(Pane):
         self.query_one(Static).update(Content("\n").join(parts))
 
     def _filled(self, width: int, rows: int) -> list[Line]:
-        """The figures, and what else there is room for."""
-        shown = fitted(self.lines, [self._traffic], rows)
+        """The figures and the cyclic frames, and past loads if there is room for them."""
+        shown = [*self.lines, [], *self._traffic]
         room = min(rows - len(shown) - 2, MOST_ROWS)
         if self._loads and room >= LEAST_ROWS and width > 0:
             shown = fitted(shown, [load_lines(self._loads, width, room)], rows)
@@ -132,6 +138,7 @@ VIEW: View[Context] = View(
     help="""\
 What the bench works out of the robot's bus with its wire model (--wire): load with stuff bits, the slowest frame, error
 frames, frames lost in bus-off; each card's transmit and receive error counters and its state. Below, who is attached.
-Where there is room: the worst cases of the cell's cyclic frames by analysis, as canarm check has them, and past loads.
+Then the worst cases of the cell's cyclic frames by analysis, as canarm check has them (↑ ↓ scroll to what does not
+fit) and, where there is room, past loads.
 The bench is asked once a second while this is looked at.""",
 )
