@@ -9,6 +9,7 @@ from canarm_protocol.canopen.frames import Frame, NmtState, heartbeat_frame
 from canarm_tui.feed import Feed
 
 LSB_RAD = math.radians(270.0 / 255.0)
+CYCLE_NS = 2_500_000
 RUNNING = 2
 """Of the bench's object 0x2112."""
 S = 1_000_000_000
@@ -162,6 +163,23 @@ def test_while_cycles_stand_still_the_present_angle_is_shown_and_no_error(feed, 
     assert snapshot.joints[0].rms_lsb == pytest.approx(1.0, abs=1e-4)
     feed.receive(wire.reference(12) + wire.telemetry(12, LSB_RAD), 2)
     assert feed.snapshot(2).joints[0].error_lsb == pytest.approx(1.0, abs=1e-4)
+
+
+def test_a_measurement_is_not_shown_beside_an_angle_that_is_not_its_own(feed, wire):
+    """A robot that was switched off and on stands elsewhere: until somebody measures there, nothing is measured."""
+    measured = wire.pdos.measured[0]
+
+    def cycle(number, angle_rad, measured_rad):
+        frame = Frame(measured.cob_id, measured.pack(measured_rad, 0.0))
+        return [*wire.telemetry(number, angle_rad), *wire.reference(number), (number * CYCLE_NS, frame)]
+
+    feed.receive(cycle(8, -0.23, -0.22), 0)
+    assert feed.snapshot(0).joints[0].measured_rad == pytest.approx(-0.22)
+    feed.receive(wire.telemetry(8, 0.35), 1)
+    joint = feed.snapshot(1).joints[0]
+    assert (joint.angle_rad, math.isnan(joint.measured_rad)) == (pytest.approx(0.35), True)
+    feed.receive(cycle(12, 0.35, 0.34), 2)
+    assert feed.snapshot(2).joints[0].measured_rad == pytest.approx(0.34)
 
 
 def test_references_that_never_came_are_counted_for_every_joint(feed, wire):

@@ -29,7 +29,8 @@ class JointReader:
     ) -> tuple[JointNow, ...]:
         """The joints at the end of `window`; `error_lsb` (n, joints) are its errors.
 
-        `idle` (joints, COLUMNS) is what the bench says while cycles stand still: no reference belongs to that.
+        `idle` (joints, COLUMNS) is what the bench says while cycles stand still: no reference belongs to that, and no
+        measurement, for nobody measures.
         """
         return tuple(self._joint(joint, window, error_lsb, idle) for joint in range(len(self._limit_a)))
 
@@ -51,7 +52,7 @@ class JointReader:
         now = window.values[row, joint].tolist()
         reference_rad, error, measured_rad = now[Column.REFERENCE], float(errors[row]), now[Column.MEASURED]
         if idle is not None:
-            now, reference_rad, error = idle[joint].tolist(), np.nan, np.nan
+            now, reference_rad, error, measured_rad = idle[joint].tolist(), np.nan, np.nan, np.nan
         command = now[Column.COMMAND]
         code = command / self._step_a[joint]
         return JointNow(

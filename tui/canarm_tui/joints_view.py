@@ -239,7 +239,7 @@ VIEW: View[Context] = View(
     make=lambda context: JointsPane(context.cell),
     help="""\
 Angle, reference and error belong to the same cycle: the newest whose reference has arrived.
-While no cycles come, the angle is the present one, without reference and error.
+While no cycles come, the angle is the present one, without reference, error and measurement.
 error          true angle minus reference, in steps (LSB) of the joint's position sensor
 RMS            of the error over the last 10 s of the run
 of limit       the motor's current against the amplifier's limit; ▲ and a sign: the command is at it, that way

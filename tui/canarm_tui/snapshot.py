@@ -18,7 +18,8 @@ from .history import History
 class JointNow:
     """A joint at one cycle: the newest whose reference is known, or the newest at all if none of the last 0.5 s is.
 
-    While cycles stand still, it is the joint as the bench saw it last, and there is no reference.
+    While cycles stand still, it is the joint as the bench saw it last, and there is no reference and no
+    measurement.
 
     What is not known is NaN. Errors are true minus reference angle in steps (LSB) of the joint's position sensor.
     """
