@@ -62,7 +62,8 @@ class Listed:
 def runs_below(base: Path) -> list[Listed]:
     """The runs in `base` and below, oldest first. Raises `RunFolderError` if there is no such folder."""
     if not base.is_dir():
-        raise RunFolderError(f"{base}: there is no such folder; runs are recorded below runs/ unless --out says where")
+        what = "is no folder" if base.exists() else "there is no such folder"
+        raise RunFolderError(f"{base}: {what}; runs are recorded below runs/ unless --out says where")
     found = [_listed(path) for path in _folders(base, DEEPEST)]
     return sorted(found, key=lambda each: (each.written, str(each.path)))
 

@@ -83,7 +83,8 @@ class Run:
         except OSError as error:
             raise RunFolderError(f"{printable(str(path), 80)}: cannot be read: {error.strerror}") from None
         if not is_folder:
-            raise RunFolderError(f"{path}: there is no such folder; a run is a folder with {RUN_FILE}")
+            what = "is no folder" if path.exists() else "there is no such folder"
+            raise RunFolderError(f"{path}: {what}; a run is a folder with {RUN_FILE}")
         if not any((path / part).exists() for part in PARTS):
             raise RunFolderError(f"{path}: is no run folder: it has none of {', '.join(PARTS)}")
 

@@ -422,6 +422,8 @@ def test_a_record_of_a_controller_alone_is_shown_as_far_as_it_goes(copy: Path) -
     ("words", "said"),
     [
         (["nowhere"], "there is no such folder"),
+        (["/dev/zero"], "/dev/zero: is no folder; a run is a folder with run.json"),
+        (["run/run.json"], "run/run.json: is no folder"),
         (["run", "-i", "virtual"], "a recorded run is played, and no bus is opened"),
         (["run", "--web", "--web-port", "70000"], "must be a port, 0 to 65535"),
         (["run"], "is no terminal, and the dashboard needs one"),
