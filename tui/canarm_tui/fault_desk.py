@@ -186,8 +186,9 @@ class FaultDesk:
             return "emergency stop: the supply of all amplifiers is " + ("open" if is_on else "closed again")
 
         def confirmed(answer: str | Refusal) -> None:
-            is_unsure = is_on and isinstance(answer, Refusal)
-            then(Refusal(NOT_CONFIRMED.format(answer.reason)) if is_unsure else answer)
+            if is_on and isinstance(answer, Refusal):
+                answer = Refusal(NOT_CONFIRMED.format(answer.reason))
+            then(answer)
 
         self._do(job, confirmed)
 
