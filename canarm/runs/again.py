@@ -7,9 +7,11 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import PurePath
 from typing import Any
 
 from canarm_controller.laws.loading import LAWS
+from canarm_controller.reference.trajectory import named_motions
 from canarm_emulator.serving.recording import SCRIPT
 from canarm_protocol.cell.cell_file import shipped_cells
 from canarm_protocol.cell.model import Cell
@@ -29,7 +31,7 @@ AFTERWARDS_S = 5.0
 """A run of unknown length that has stopped itself gets so much more: it has to stop by itself again."""
 LONGEST_S = 1e6
 LONGEST_LINE = 2000
-NAMELESS_CELL, NAMELESS_FAULTS = "CELL.toml", "faults.toml"
+NAMELESS_CELL, NAMELESS_FAULTS, NAMELESS_MOTION = "CELL.toml", "faults.toml", "MOTION.csv"
 _BY_HAND = {"truth": "the truth was changed", "emergency-stop": "the emergency stop", "power-cycle": "the power cycle"}
 
 
@@ -56,10 +58,14 @@ def demo_again(run: Run) -> Again | None:
     common, remarks = _common(run)
     if law not in LAWS:
         remarks.append(f"its law is code, {printable(law)}: read it before you run it")
+    motion = _text(run.summary.get("trajectory")) or _text(made.get("trajectory"))
+    if motion is not None and _is_of_python(run, motion):
+        remarks.append(f"its motion was given in Python, {printable(motion)}: --trajectory has to name a file of it")
+        motion = NAMELESS_MOTION
     line = demo_line(
         seconds=seconds,
         law=law,
-        trajectory=_text(run.summary.get("trajectory")) or _text(made.get("trajectory")),
+        trajectory=motion,
         feedforward=_text(run.summary.get("feedforward")) or _text(made.get("feedforward")),
         **common,
     )
@@ -149,6 +155,15 @@ def _by_hand(run: Run) -> Iterator[str]:
 def _scripts(run: Run, before: bool) -> list[dict[str, Any]]:
     """The fault scripts that came before cycle 0, or the later ones."""
     return [each for each in run.event_list if each["event"] == SCRIPT and (each["cycle"] < 0) is before]
+
+
+def _is_of_python(run: Run, motion: str) -> bool:
+    """Whether a rig was given a function, an array or a table: neither a named motion nor a file."""
+    try:
+        known = named_motions(run.cell)
+    except CanarmError:
+        return False
+    return "rig" in run.configuration and motion.partition(":")[0] not in known and not PurePath(motion).suffix
 
 
 def _cell(run: Run) -> tuple[str, list[tuple[str, str]]]:

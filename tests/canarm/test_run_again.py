@@ -7,6 +7,7 @@ import signal
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from canarm import Rig, open_run
@@ -171,6 +172,25 @@ def test_a_master_replayed_to_the_emulator_that_the_line_makes_is_answered_the_s
     assert emulator.wait() == 0
     assert "the cards have answered as recorded: " in replayed.complaint
     assert (recorded / "can0.log").read_bytes() == (canarm.folder / "second" / "can0.log").read_bytes()
+
+
+def test_a_motion_that_was_given_in_python_is_no_file_that_the_line_could_name(tmp_path: Path) -> None:
+    table = tmp_path / "motion.csv"
+    table.write_text("time_s,joint2_deg,joint3_deg\n0,20,0\n1,21,1\n2,21,1\n")
+    for trajectory, named in (
+        (lambda t: (0.35, 0.0), "MOTION.csv"),
+        (np.tile([0.35, 0.0], (400, 1)), "MOTION.csv"),
+        (table, str(table)),
+        ("trapezoid", "trapezoid"),
+    ):
+        folder = tmp_path / f"of {type(trajectory).__name__}"
+        with Rig(law="pd", trajectory=trajectory, out=folder) as rig:
+            rig.run(0.02)
+        again = demo_again(open_run(folder))
+        assert again is not None
+        words = shlex.split(again.line)
+        assert words[words.index("--trajectory") + 1] == named
+        assert any("its motion was given in Python, a" in each for each in again.remarks) is (named == "MOTION.csv")
 
 
 def without(folder: Path) -> None:
