@@ -88,8 +88,7 @@ class JointsPane(Pane):
     def on_joints_table_chosen(self, event: JointsTable.Chosen) -> None:
         """The chosen joint is the one that is looked at."""
         self._joint = event.joint
-        if self._is_over:
-            self._set_out()
+        self._set_out()
         self.query_one(Traces).reveal(self._joint)
 
     def on_trace_pointed(self, event: Trace.Pointed) -> None:
@@ -185,7 +184,7 @@ class JointsPane(Pane):
         traces = self.query_one(Traces)
         traces.display = not (is_narrow and has_picture)
         self._columns = 1 + (width >= TWO_SIGNALS_FROM) + (width >= THREE_SIGNALS_FROM)
-        traces.set_out(self._columns, self._joint if self._is_over else None)
+        traces.set_out(self._columns, self._joint, self._is_over)
         self._draw()
 
     def _draw(self) -> None:

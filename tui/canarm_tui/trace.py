@@ -135,7 +135,7 @@ class Trace(Drawn):
             super().__init__()
             self.cycle = cycle
 
-    DEFAULT_CSS = "Trace { height: 1fr; min-height: 5; margin: 0 1 0 0; }"
+    DEFAULT_CSS = "Trace { height: 1fr; margin: 0 1 0 0; }"
 
     def __init__(self, name: str, place: int) -> None:
         super().__init__(id=f"trace-{name}-{place}")
