@@ -127,8 +127,9 @@ class DashboardApp(RunControls):
             self.feed = self.player = player = Player(record)
             self.link = no_link = NoLink(record)
             self.desk, outcome_of = RecordDesk(player, no_link, record, in_background), player.outcome
-        if record is not None and record.frames is not None:
-            bus = RecordedWatch(robot_book(cell), record.frames, lambda: player.cycle, record.where, cell.bus.bitrate)
+        if record is not None:
+            frames = record.frames or (lambda: iter(()))
+            bus = RecordedWatch(robot_book(cell), frames, lambda: player.cycle, record.where, cell.bus.bitrate)
         bus = bus or robot_watch(cell, None, in_background)
         memory, self._complaints = (None, ()) if record is None else (record.memory, record.complaints)
         self.context = Context(cell, self.feed, bus, [bus], [self.feed.notices], self.desk, hand, memory)
@@ -295,6 +296,7 @@ class DashboardApp(RunControls):
         self.view = next(view for view in VIEWS if view.name == name)
         self.screen_stack[0].query_one(ContentSwitcher).current = self.view.pane_id
         self._pane().chosen()
+        self.drain_sources()
         if self.is_paused and self._scene is not None:
             self._pane().show(self._scene)
         self.redraw()

@@ -6,6 +6,7 @@ import pytest
 from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.decoding import robot_book
 from canarm_tui import DashboardApp
+from canarm_tui.bus import recorded_watch
 from canarm_tui.bus.recorded_watch import MOST_AT_ONCE, RecordedWatch
 from canarm_tui.bus.sdo_screen import SdoScreen
 from canarm_tui.history import COLUMNS, History
@@ -75,9 +76,13 @@ def test_a_jump_far_ahead_is_made_in_parts(cell, place):
     place.cycle = 2999
     watch.poll(0)
     assert watch.store.now(0).received == MOST_AT_ONCE
+    assert watch.is_behind
+    before = watch.changes
     for _ in range(4):
         watch.poll(0)
     assert times(watch, 0x080) == 3000
+    assert not watch.is_behind
+    assert watch.changes != before
 
 
 @pytest.fixture
@@ -102,6 +107,40 @@ async def test_the_views_of_a_recorded_run_follow_it_and_nothing_is_sent(app, cl
         await shown(app, pilot)
         await shown(app, pilot)
         assert any("a recorded run has no bus" in word.text for word in app.screen.said)
+
+
+async def test_frames_before_where_a_record_stands_are_there_at_once_or_said_to_be_read(app, clock, monkeypatch):
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("space")
+        app.player.seek(400)
+        monkeypatch.setattr(recorded_watch, "MOST_AT_ONCE", 0)
+        await pilot.press("3")
+        for view in "345":
+            await pilot.press(view)
+            await shown(app, pilot)
+            assert any("… reading the log" in line for line in screen_lines(app)), view
+        app.action_pane("bus")
+        await shown(app, pilot)
+        assert any("the log is being read" in line for line in screen_lines(app))
+        assert not any("no frame" in line for line in screen_lines(app))
+        monkeypatch.undo()
+        app.action_pane("bus")
+        await pilot.pause()
+        lines = screen_lines(app)
+        assert any("▶ recorded" in line for line in lines)
+        assert any(line.split()[:1] == ["294"] for line in lines)
+
+
+async def test_a_record_without_frames_says_so_and_names_no_options_of_a_bus(cell, clock):
+    rows = np.zeros((CYCLES, len(cell.joints), COLUMNS), dtype=np.float32)
+    record = Record(cell, "runs/a", History(np.arange(CYCLES), rows))
+    app = DashboardApp(cell, lambda: None, clock_ns=clock, in_background=at_once, record=record)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("3")
+        await shown(app, pilot)
+        text = "\n".join(screen_lines(app))
+        assert "no frame was recorded up to here" in text
+        assert "not connected" not in text
 
 
 async def test_the_memory_of_a_recorded_run_has_its_torque_table_and_keys_are_the_records(app, clock):

@@ -116,15 +116,15 @@ def figure_words(now: BusNow, link: Link, shown: int, filter_text: str) -> tuple
     return tuple(words)
 
 
-def state_words(link: Link, now: BusNow, wall_ns: int) -> tuple[Word, ...]:
-    """The connection, and how long ago the last frame was."""
+def state_words(link: Link, now: BusNow, wall_ns: int, is_behind: bool = False) -> tuple[Word, ...]:
+    """The connection, and how long ago the last frame was; of a record, whether it is still being read."""
     if link.state is LinkState.CONNECTING:
         return (Word("… opening", Tone.WARNING),)
     if link.state is LinkState.LOST:
         state = Word("✖ lost" if link.connections else "✖ not connected", Tone.BAD)
         return state, Word(f"{link.reason or link.where}; trying again every second", Tone.BAD)
     if not link.is_live:
-        return (Word("▶ recorded"),)
+        return (Word("… reading the log", Tone.WARNING) if is_behind else Word("▶ recorded"),)
     if not now.received:
         return (Word("○ no frame since this view was opened", Tone.WARNING),)
     age_s = (wall_ns - now.wall_ns) * 1e-9

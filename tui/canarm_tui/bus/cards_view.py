@@ -146,7 +146,7 @@ class CardsPane(Pane):
             can_id for can_id, row in rows.items() if scene.now_ns - row.changed_wall_ns < CHANGED_NS
         )
         self.mirror.anchor(scene.snapshot.cycle)
-        words = [*state_words(self.bus.link, now, scene.now_ns), self._hand_word()]
+        words = [*state_words(self.bus.link, now, scene.now_ns, self.bus.is_behind), self._hand_word()]
         if self.bus.link.state is not LinkState.LOST:
             words.append(position_word(self.mirror))
         self.query_one("#cards-state", WordLine).show(tuple(words))

@@ -42,6 +42,7 @@ COLUMNS = (
 )
 LOG_COLUMNS = (Column("s", 12, is_right=True), Column("ID", 8), Column("data", 23), Column("meaning", 0))
 NOTHING_YET, NOTHING_FITS = "no frame was heard yet", "nothing fits the filter"
+READING, NOTHING_UP_TO_HERE = "the log is being read …", "no frame was recorded up to here"
 SHORT_ID = 5
 """Columns of an identifier while none has 29 bits."""
 
@@ -106,14 +107,14 @@ class FramesPane(Pane):
         """Show the bus as it is now."""
         now = self.bus.now(scene.now_ns)
         self._now, self._wall_ns = now, scene.now_ns
-        self.query_one("#frames", Grid).empty = NOTHING_FITS if self._filter.terms and now.rows else NOTHING_YET
+        self.query_one("#frames", Grid).empty = self._why_empty(bool(self._filter.terms and now.rows))
         rows: Sequence[RowNow] = sorted(now.rows, key=ORDERS[self.order])  # type: ignore[arg-type]
         log: Sequence[Heard] = now.log
         if self._filter.terms:
             rows = [row for row in rows if self._filter.fits(row.frame, self._meaning(row))]
             kept = {row.key for row in rows}
             log = [each for each in log if (each.frame[0], each.frame[2], each.frame[3]) in kept]
-        state = state_words(self.bus.link, now, scene.now_ns)
+        state = state_words(self.bus.link, now, scene.now_ns, self.bus.is_behind)
         is_lost = self.bus.link.state is LinkState.LOST
         # What is wrong may take several lines; that all is well, a word.
         self.query_one("#bus-state", WordLine).set_class(is_lost, "-shown")
@@ -134,6 +135,13 @@ class FramesPane(Pane):
         frames.show(rows)
         if logged.display:
             logged.show(log)
+
+    def _why_empty(self, is_filtered: bool) -> str:
+        if is_filtered:
+            return NOTHING_FITS
+        if self.bus.is_behind:
+            return READING
+        return NOTHING_YET if self.bus.link.is_live else NOTHING_UP_TO_HERE
 
     def _order_words(self) -> tuple[Word, ...]:
         return () if self.order == next(iter(ORDERS)) else (Word(f"by {self.order}", Tone.DIM),)

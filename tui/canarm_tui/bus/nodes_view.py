@@ -99,7 +99,7 @@ class NodesPane(Pane):
     def show(self, scene: Scene) -> None:
         """Show the bus as it is now."""
         now, self._wall_ns = self.bus.now(scene.now_ns), scene.now_ns
-        words = list(state_words(self.bus.link, now, scene.now_ns))
+        words = list(state_words(self.bus.link, now, scene.now_ns, self.bus.is_behind))
         if self.bus.link.state is not LinkState.LOST:
             words += [Word(f"{len(now.nodes)} nodes" if now.nodes else "no node heard yet"), load_word(now.load)]
         if self._said is not None:

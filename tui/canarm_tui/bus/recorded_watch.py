@@ -35,6 +35,17 @@ class RecordedWatch(BusWatch):
         self._frames: Iterator[tuple[int, Frame]] | None = None
         self._next: tuple[int, Frame] | None = None
         self._cycle = -1
+        self._has_more = True
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether the log has not been read up to where the record is."""
+        return self._has_more or self._wanted() < self._cycle
+
+    @property
+    def changes(self) -> object:
+        """Another one when all has been read, too."""
+        return super().changes, self._has_more
 
     def poll(self, now_ns: int) -> None:
         """Take what has been played since the last time. Raises nothing."""
@@ -45,6 +56,7 @@ class RecordedWatch(BusWatch):
             self.clear()
             self._frames, self._next, self._cycle = self._frames_of(), None, -1
         frames = self._until(wanted)
+        self._has_more = len(frames) >= MOST_AT_ONCE
         for first in range(0, max(1, len(frames)), PIECE):
             self.take(frames[first : first + PIECE], now_ns)
 

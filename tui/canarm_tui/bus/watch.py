@@ -52,6 +52,11 @@ class BusWatch:
         self._unseen, self._unseen_until_ns = 0, 0
 
     @property
+    def is_behind(self) -> bool:
+        """Whether frames are there that have not been taken yet, as where a record is read."""
+        return False
+
+    @property
     def changes(self) -> object:
         """Another one as soon as something has come, or the connection is another."""
         return self.store.version, self.link.state, self.link.reason, self.desk.answered
