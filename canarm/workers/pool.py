@@ -13,6 +13,7 @@ from types import FrameType
 from typing import TypeVar
 
 from ..stopping import HANGUP
+from .memory import give_back
 
 AHEAD = 4
 """Tasks for each worker that are handed over at a time: a million of them are not kept in memory."""
@@ -175,3 +176,4 @@ def _run_until_told(run: Callable[[_Task], _Result], task: _Task) -> _Result:
     finally:
         _worker.is_in_task = False
         _worker.task_over.set()
+        give_back()

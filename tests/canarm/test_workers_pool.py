@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import platform
 import signal
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from canarm.workers.memory import give_back
 from canarm.workers.pool import LostWorkerError, results_of
 
 HERE = Path(__file__).parent
@@ -96,3 +98,16 @@ def is_alive(pid: int) -> bool:
     except FileNotFoundError:
         return False
     return state != "Z"
+
+
+@pytest.mark.skipif(sys.platform != "linux" or platform.libc_ver()[0] != "glibc", reason="other C libraries keep less")
+def test_memory_that_is_free_but_torn_goes_back_to_the_system() -> None:
+    def resident() -> int:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    pieces = [bytes(1000) for _ in range(100_000)]
+    last = pieces.pop()  # holds the end of the heap, so that the C library cannot shorten it
+    del pieces
+    before = resident()
+    give_back()
+    assert before - resident() > 50_000_000, len(last)

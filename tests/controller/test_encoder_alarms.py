@@ -25,6 +25,7 @@ from canarm_controller.supervision.supply import Supply
 from canarm_emulator.bench.bench import Bench
 from canarm_protocol.cell.model import Cell
 from canarm_protocol.clock import Clock
+from canarm_protocol.faults.script import parse_faults
 
 ENCODER, BOTH = ("encoder",), ("encoder", "tachometer")
 SENSORS = ("encoder-", "potentiometer-", "tachometer-", "sensor-", "both-", "start-pose")
@@ -115,15 +116,7 @@ def test_an_encoder_that_sticks_after_a_start_in_motion_is_still_found() -> None
     starts.lose(starts.run("computed-torque", "sine", 0.9), HAND_S)
     second = starts.run("computed-torque", "sine", 0.8)
     assert second.detections == []
-    take = second._measuring.take
-    stuck = {}
-
-    def taken(codes: object, tick: int) -> object:
-        codes = list(codes)
-        codes[1] = stuck.setdefault(1, codes[1])
-        return take(codes, tick)
-
-    second._measuring.take = taken
+    starts.bench.inject(parse_faults('[[set]]\n[[set.fault]]\ntap = "shoulder.encoder"\nfault = "stuck"\n'))
     while second.state is State.RUNNING and second.controlled_ticks < 520:
         _turn(starts.bench, second)
     assert str(second.reason).startswith("encoder-stuck: shoulder")
