@@ -397,7 +397,7 @@ def test_a_length_that_is_none_is_refused_and_nothing_has_begun(seconds: float) 
         ({"seed": 1.5}, ValueError, "seed 1.5: must be a whole number"),
         ({"law": 3}, LawError, "law: int is no law; must be a name, FILE.py:CLASS, a class or a function"),
         ({"law": dict}, LawError, "law dict: dict is not a law; derive it from"),
-        ({"trajectory": 3}, TrajectoryError, "an array of shape (); must be (n, 2)"),
+        ({"trajectory": 3}, TrajectoryError, "trajectory 3: is none; must be a name, a file,"),
         ({"trajectory": np.zeros((9, 3))}, TrajectoryError, "an array of shape (9, 3); must be (n, 2)"),
         ({"trajectory": {"time_s": [0, 1], "joint2": [0, 9]}}, TrajectoryError, "must be time_s, joint2, joint3"),
         ({"trajectory": lambda time_s: (0.0,)}, TrajectoryError, "the function must return 2 finite angles in rad"),

@@ -15,7 +15,7 @@ from canarm_tui.notices import Kind, Notice
 from canarm_tui.outcome import Outcome
 from canarm_tui.player import Player
 from canarm_tui.record import Record
-from tests.tui.screens import screen_lines
+from tests.tui.screens import MOST_LOOKS, screen_lines
 
 S = 1_000_000_000
 CYCLES = 8000
@@ -99,14 +99,19 @@ async def test_the_dashboard_plays_it_in_its_views_and_asks_nobody(record, clock
     app = DashboardApp(record.cell, lambda: pytest.fail("no bus"), clock_ns=clock, record=record)
     async with app.run_test(size=(120, 30)) as pilot:
 
-        async def press(*keys):
+        async def press(*keys, until=""):
+            """The screen afterwards; a panel that comes or goes moves the others a moment later."""
             await pilot.press(*keys)
-            app.drain()
-            app.redraw()
-            await pilot.pause()
-            return screen_lines(app)
+            for _ in range(MOST_LOOKS):
+                app.drain()
+                app.redraw()
+                await pilot.pause()
+                lines = screen_lines(app)
+                if any(until in line for line in lines):
+                    break
+            return lines
 
-        lines = await press("space", "n")
+        lines = await press("space", "n", until="▲ 1 fault acts")
         assert lines[0].strip().startswith("⏸ replay 5.00 of 20.00 s, 1 × │ konkuk1 │ mras │ here")
         assert any("▲ 1 fault acts" in line for line in lines)
         assert any("alpha" in line for line in lines)
