@@ -75,7 +75,13 @@ def page_server(library: Any, command: str, url: str, title: str, pages: Path) -
         has_started = is_ended = False
 
         async def run(self) -> None:
-            await super().run()
+            try:
+                await super().run()
+            except asyncio.CancelledError:
+                # Where the process is over at once, the library cancels its reader of stderr before that has begun.
+                task = asyncio.current_task()
+                if task is None or task.cancelling():
+                    raise
             if not self.has_started and not self.is_ended:
                 _say("the dashboard of a page did not start")
                 await self.remote_close()

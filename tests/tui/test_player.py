@@ -95,14 +95,23 @@ def test_faults_and_detections_are_those_so_far(player):
         assert (player.faults.active, player.faults.begun) == (acting, min(events, 1))
 
 
+def test_a_picture_that_came_before_the_faults_of_its_moment_is_not_kept(player):
+    player.toggle()
+    player.seek(BEGIN)
+    early = player.snapshot(0)
+    player.faults_now()
+    assert (early.faults, player.snapshot(0).faults) == (None, player.faults)
+
+
 async def test_the_dashboard_plays_it_in_its_views_and_asks_nobody(record, clock):
     app = DashboardApp(record.cell, lambda: pytest.fail("no bus"), clock_ns=clock, record=record)
     async with app.run_test(size=(120, 30)) as pilot:
 
         async def press(*keys, until=""):
-            """The screen afterwards; a panel that comes or goes moves the others a moment later."""
+            """The screen afterwards; words are not drawn anew in the very moment in which others were."""
             await pilot.press(*keys)
             for _ in range(MOST_LOOKS):
+                clock.advance(0.2)
                 app.drain()
                 app.redraw()
                 await pilot.pause()

@@ -70,7 +70,7 @@ class Player:
     @property
     def changes(self) -> object:
         """Is another one as soon as there is something else to draw."""
-        return self.cycle, self.is_playing, self.speed
+        return self.cycle, self.is_playing, self.speed, self.faults
 
     def outcome(self) -> Outcome | None:
         """How the run ended, at its end."""
