@@ -124,11 +124,11 @@ class DemoRun:
         result = _result(controller)
         if result is None:
             return f"the controller ended with status {controller.status}", False, [str(self.folder)]
+        summary = summary_of({**result, "seed": self.plan.seed, "out": str(self.folder)})
         if not self._is_seed_known:
             self._is_seed_known = True
-            summary = summary_of({**result, "seed": self.plan.seed, "out": str(self.folder)})
             recording_failure(self.folder, lambda: update_run_file(self.folder, "summary", summary.as_json()))
-        verdict, *details = summary_of({**result, "out": str(self.folder)}).verdict_first()
+        verdict, *details = summary.verdict_first()
         return verdict, controller.status == ExitStatus.DONE, details
 
     def wait(self) -> None:
@@ -164,12 +164,12 @@ class DemoRun:
         known = {"seed": plan.seed, "faults": _of_summary(emulator, "faults"), "out": str(self.folder)}
         if FAILED_RECORDING in f"{self.complaints}{_of_summary(emulator, 'reason')}":
             known["broke_off"] = True
-        stopped_in, result = _of_summary(emulator, "emergency_stop_cycle"), _result(controller) or {}
-        if stopped_in is not None and result.get("state") == "failed":
+        result, stopped_in = _result(controller), _of_summary(emulator, "emergency_stop_cycle")
+        if result is not None and stopped_in is not None and result.get("state") == "failed":
             known["reason"] = after_emergency_stop(stopped_in * plan.cell.bus.cycle_s, result.get("reason"))
         if plan.cell.object is not None:
             known["object"] = _of_summary(emulator, "object")
-        if self.cause is not None and _result(controller) is None:
+        if self.cause is not None and result is None:
             known |= {"feedforward": plan.feedforward, "clock": plan.clock, "reason": f"interrupted: {self.cause}"}
             return _report(None, _unbegun(plan.cell, plan.control, known), self.folder, as_json, say)
         status = _report(controller, known, self.folder, as_json, say)

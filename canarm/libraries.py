@@ -30,6 +30,11 @@ class MissingLibraryError(CanarmError):
     """An optional library is not installed, or does not load."""
 
 
+def no_formula(text: str) -> str:
+    """`text` for matplotlib, which sets what stands between dollars."""
+    return text.replace("$", r"\$")
+
+
 def load_library(name: str, what: str) -> Any:
     """The module `name`, for `what`. Raises `MissingLibraryError`."""
     try:

@@ -10,7 +10,7 @@ from pathlib import Path
 from canarm_protocol.runs.own_file import replace_file
 from canarm_protocol.shown import quoted
 
-from ..libraries import load_library
+from ..libraries import load_library, no_formula
 from ..line_plot import COLOURS, Axis, Panel, draw
 from ..usage import UsageError
 
@@ -46,7 +46,7 @@ class Picture(str):
         rows = max(len(self._panels), 1)
         size_inch = (WIDTH_INCH, PANEL_INCH * rows + MARK_INCH * (len(marks) + 2))
         figure = figures.Figure(figsize=size_inch, layout="constrained")
-        figure.suptitle(_plain(self._title))
+        figure.suptitle(no_formula(self._title))
         for panel, axes in zip(self._panels, figure.subplots(rows, squeeze=False)[:, 0], strict=False):
             for curve in panel.curves:
                 style = "--" if curve.is_dashed else "-"
@@ -56,12 +56,12 @@ class Picture(str):
                 number = str(marks.index(mark) + 1)
                 place, beside = (mark.x, 1.0), {"xytext": (3, -3), "textcoords": "offset points", "va": "top"}
                 axes.annotate(number, place, xycoords=("data", "axes fraction"), **beside)
-            axes.set_title(_plain(panel.title), loc="left")
+            axes.set_title(no_formula(panel.title), loc="left")
             axes.set(xlim=(self._x.low, self._x.high), ylim=(panel.y.low, panel.y.high))
             if panel.curves:
                 axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
         below = [self._x_label, *(f"{number}  {mark.label}" for number, mark in enumerate(marks, 1))]
-        figure.supxlabel(_plain("\n".join(below)), fontsize="medium")
+        figure.supxlabel(no_formula("\n".join(below)), fontsize="medium")
         png = io.BytesIO()
         figure.savefig(png, format="png", dpi=DPI, metadata={"Software": None})
         return png.getvalue()
@@ -75,8 +75,3 @@ def picture_of(title: str, x_label: str, x: Axis, panels: Sequence[Panel]) -> Pi
     picture = Picture(draw(title, x_label, x, panels))
     picture._title, picture._x_label, picture._x, picture._panels = title, x_label, x, tuple(panels)
     return picture
-
-
-def _plain(text: str) -> str:
-    """A text that is no formula: matplotlib sets what stands between dollars."""
-    return text.replace("$", r"\$")

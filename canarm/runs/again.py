@@ -23,8 +23,9 @@ from canarm_protocol.runs.run_folder import RunFolderError
 from canarm_protocol.shown import printable, quoted
 
 from ..open_cell import open_cell
+from ..rig.arguments import checked_seed
 from ..run_lines import demo_line, emulator_line
-from ..usage import LARGEST_SEED, UsageError, value_text
+from ..usage import UsageError, value_text
 from .run import SCRIPT_TEXT, Run
 
 AFTERWARDS_S = 5.0
@@ -119,15 +120,17 @@ def _common(run: Run) -> tuple[dict[str, Any], list[str]]:
     truth, seed = made.get("truth"), made.get("seed")
     faults = _given(run, "--faults")[:1] or _nameless_faults(run, remarks)
     remarks += _by_hand(run)
-    is_seed = isinstance(seed, int) and not isinstance(seed, bool) and 0 <= seed <= LARGEST_SEED
-    if seed is not None and not is_seed:
+    try:
+        seed = checked_seed(0 if seed is None else seed)
+    except UsageError:
         remarks.append(f"its seed is none that canarm takes: {quoted(seed)}; the line has 0")
+        seed = 0
     if why := untold_faults(run):
         remarks.append(why)
     common = {
         "cell": cell,
         "settings": settings,
-        "seed": seed if is_seed else 0,
+        "seed": seed,
         "wire": made.get("wire") is True,
         "truth": [(str(key), str(value)) for key, value in truth.items()] if isinstance(truth, Mapping) else [],
         "faults": faults[0] if faults else None,

@@ -14,7 +14,7 @@ from typing import Any
 from canarm_protocol.runs.own_file import is_held
 from canarm_protocol.runs.parts import LONGEST_PART
 from canarm_protocol.runs.run_events import runs_of
-from canarm_protocol.runs.run_folder import RUN_FILE, SIGNALS_FOLDER, SUMMARY, RunFolderError
+from canarm_protocol.runs.run_folder import RUN_FILE, SIGNALS_FOLDER, SUMMARY, RunFolderError, why_no_folder
 from canarm_protocol.shown import printable
 
 from .run import MAKERS, PARTS, Run
@@ -62,8 +62,7 @@ class Listed:
 def runs_below(base: Path) -> list[Listed]:
     """The runs in `base` and below, oldest first. Raises `RunFolderError` if there is no such folder."""
     if not base.is_dir():
-        what = "is no folder" if base.exists() else "there is no such folder"
-        raise RunFolderError(f"{base}: {what}; runs are recorded below runs/ unless --out says where")
+        raise RunFolderError(f"{base}: {why_no_folder(base)}; runs are recorded below runs/ unless --out says where")
     found = [_listed(path) for path in _folders(base, DEEPEST)]
     return sorted(found, key=lambda each: (each.written, str(each.path)))
 

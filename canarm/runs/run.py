@@ -32,6 +32,7 @@ from canarm_protocol.runs.run_folder import (
     SUMMARY,
     RunFolderError,
     read_run_file,
+    why_no_folder,
 )
 from canarm_protocol.shown import printable, printable_lines, quoted
 
@@ -83,8 +84,7 @@ class Run:
         except OSError as error:
             raise RunFolderError(f"{printable(str(path), 80)}: cannot be read: {error.strerror}") from None
         if not is_folder:
-            what = "is no folder" if path.exists() else "there is no such folder"
-            raise RunFolderError(f"{path}: {what}; a run is a folder with {RUN_FILE}")
+            raise RunFolderError(f"{path}: {why_no_folder(path)}; a run is a folder with {RUN_FILE}")
         if not any((path / part).exists() for part in PARTS):
             raise RunFolderError(f"{path}: is no run folder: it has none of {', '.join(PARTS)}")
 
@@ -259,7 +259,8 @@ class Run:
         what = f"{law} on {motion}" if law else "no controller of ours"
         cycles = said.get("ticks")
         length = f"{cycles} cycles" if isinstance(cycles, int) else "without a summary"
-        reason = f": {self.reason}" if self.reason else ""
+        said_why = self.reason
+        reason = f": {said_why}" if said_why else ""
         end = said.get("state", "unfinished")
         return printable(f"{cell}, {what}, seed {made.get('seed', '?')}: {end}, {length}{reason}", 300)
 

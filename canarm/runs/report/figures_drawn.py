@@ -8,7 +8,7 @@ from typing import Any
 
 from canarm_protocol.runs.own_file import replace_file
 
-from ...libraries import load_library
+from ...libraries import load_library, no_formula
 from .charts import Chart
 
 FORMATS = ("svg", "png")
@@ -64,8 +64,8 @@ def _draw(chart: Chart, axes: Any) -> None:
 
 
 def _plain(text: str) -> str:
-    """A text that is no formula: matplotlib sets what stands between dollars, and hides names that begin with _."""
-    return text.replace("$", r"\$").removeprefix("_")
+    """A text that is no formula, nor a name that matplotlib hides: one that begins with _."""
+    return no_formula(text).removeprefix("_")
 
 
 def _slug(title: str) -> str:

@@ -61,7 +61,7 @@ class CarryingRefresh:
             for node in self._nodes
         ]
         self._has: list[dict[tuple[int, int], int | None]] = [
-            {**self._values(place, {channel.number: channel.error_value for channel in node.card.channel})}
+            dict(self._values(place, {channel.number: channel.error_value for channel in node.card.channel}))
             for place, node in enumerate(self._nodes)
         ]
         """What each card has, by index and sub-index; None where that is not known."""

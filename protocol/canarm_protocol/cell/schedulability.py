@@ -216,11 +216,8 @@ def _chain(cell: Cell, nodes: Sequence[CardNode], messages: Sequence[Message]) -
     inputs = sum(message_bits(layout.size) for node in nodes for layout in node.tpdos)
     outputs = sum(message_bits(layout.size) for node in nodes for layout in node.rpdos)
     sync = next(message.bits for message in messages if message.can_id == Cob.SYNC)
-    lower = [message for message in messages if message.can_id >= Cob.SDO_TO_CLIENT]
-    blocking, longest = (
-        max(message.bits for message in lower),
-        "SDO" if len({each.bits for each in lower}) > 1 else "heartbeat",
-    )
+    longest = max((each for each in messages if each.can_id >= Cob.SDO_TO_CLIENT), key=lambda each: each.bits)
+    blocking, kind = longest.bits, "heartbeat" if longest.can_id >= Cob.HEARTBEAT else "SDO"
     scan_us = max((node.card.channel_us * _inputs(node) for node in nodes), default=0)
     total_ns = round((sync + inputs + outputs + 3 * blocking) * bit_ns) + (scan_us + bus.compute_delay_us) * 1000
     sync_us, inputs_us, outputs_us, blocking_us = (
@@ -228,7 +225,7 @@ def _chain(cell: Cell, nodes: Sequence[CardNode], messages: Sequence[Message]) -
     )
     terms = (
         f"SYNC {sync_us} + scan {scan_us} + TPDOs {inputs_us} + computing {bus.compute_delay_us} + RPDOs {outputs_us} "
-        f"+ 3 x {blocking_us} (before each burst the longest {longest}, on the wire already)"
+        f"+ 3 x {blocking_us} (before each burst the longest {kind}, on the wire already)"
     )
     mark = "" if total_ns <= bus.cycle_ns else ": TOO LONG"
     return total_ns, f"chain of a cycle: {terms} = {total_ns / 1000:.0f} us of {bus.cycle_us} us{mark}"

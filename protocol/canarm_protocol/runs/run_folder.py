@@ -45,6 +45,11 @@ class RunFolderError(ProtocolError):
     """A run folder cannot be written or read."""
 
 
+def why_no_folder(path: Path) -> str:
+    """What is wrong with a path at which there is no folder."""
+    return "is no folder" if path.exists() else "there is no such folder"
+
+
 def create_run_folder(path: Path, reuse: bool = False, made: Tentative | None = None) -> Path:
     """Make the folder of a run, and note it in `made`. An earlier run in it is refused unless `reuse`.
 
