@@ -12,9 +12,9 @@ from canarm_protocol.cell.model import Cell
 
 from ..dynamics import Arm, ClosedChain, HeldMotion, SeveralArms
 from ..laws.base import Cycle
+from .blame import PAST_CYCLES, Moment
 from .currents import CurrentWatch
 from .detection import Reaction, named_for
-from .expectation import ArmExpectation, expectation
 from .following import FollowingWatch, normal_rad
 from .grip_watch import GripWatch, grip_limits
 from .hold import SafeHold
@@ -23,18 +23,21 @@ from .limits import Report
 from .load import Load
 from .nominal import joint_nominals
 from .overdue import CountWatch
+from .robot_watch import RobotWatch
 from .start_pose import StartPose
 from .stops import Stops, held
 from .supply import Supply
 from .support import Support
-from .surprise import ArmReport, SurpriseWatch, Witness
+from .surprise import ArmReport, Witness
 from .tachless import TachlessWitness
-from .thresholds import Thresholds, cell_thresholds
+from .thresholds import cell_thresholds
 from .timing import Timing
 from .witness import LONGEST_GAP_S, JointWitness
 
 Accelerate = Callable[[Sequence[float]], Sequence[float]]
 
+OF_A_STEP = ("tachometer-jump", "tachometer-spike", "tachometer-range")
+"""Speeds that step. If the arm itself did, a jump is believed, but not what came and went or is at the end of codes."""
 SETTLED_REFRESHES = 25
 """What the model lacks is known from so many of the watch's refreshes ago, 0.25 s: before whatever has just failed."""
 FORGOTTEN = 0.01
@@ -74,12 +77,13 @@ class ArmWatch:
         self._counts = CountWatch(self.joints, self._nominals, timing, self._accuse_count)
         self._pair = (self.joints[0], self.joints[1]) if len(self.joints) == 2 else None
         self._senses = [(index, current) for index, current in enumerate(self.currents) if current is not None]
-        self._robots: list[_RobotWatch] = []
+        self._past: deque[Moment] = deque(maxlen=PAST_CYCLES)
+        self._robots: list[RobotWatch] = []
         first = 0
         for part in parts:
             joints = slice(first, first + part.joint_count)
-            own = self.joints[joints], self.currents[joints], limits[joints]
-            self._robots.append(_RobotWatch(part, joints, *own, timing, report))
+            own = self.joints[joints], self.currents[joints], self._nominals[joints], limits[joints]
+            self._robots.append(RobotWatch(part, joints, *own, timing, self._past, report))
             first = joints.stop
         self._robot_of = [robot for robot in self._robots for _ in range(robot.joints.start, robot.joints.stop)]
         self._is_surprised = False
@@ -115,6 +119,7 @@ class ArmWatch:
             joint.start(position)
         self._support.start(position_rad)
         self._settled_rad_s2.clear()
+        self._past.clear()
         self._unseen = ()
         self._pose.start()
         self._counts.start()
@@ -146,8 +151,10 @@ class ArmWatch:
             if second.step(x2, v2, a2, angle_codes[1], speed_codes[1]):
                 replaced |= 2
             is_agitated = first.is_agitated or second.is_agitated
+            models, biases = (first.model_rad_s, second.model_rad_s), (first.bias, second.bias)
+            self._past.append((measured_rad_s, models, biases, last_nm))
         else:
-            replaced, is_agitated = self._step_all(cycle, accelerations, angle_codes, speed_codes)
+            replaced, is_agitated = self._step_all(cycle, accelerations, angle_codes, speed_codes, last_nm)
         count = self._cycle = self._cycle + 1
         for index, current in self._senses:
             if ((count + index) & 1 or current.cycles) and (
@@ -167,8 +174,9 @@ class ArmWatch:
             self._look_into(count, measured_rad_s, last_nm)
 
     def _step_all(
-        self, cycle: Cycle, accelerations: Sequence[float], angle_codes: Sequence[int], speed_codes: Sequence[int]
-    ) -> tuple[int, bool]:
+        self, cycle: Cycle, accelerations: Sequence[float], angle_codes: Sequence[int], speed_codes: Sequence[int],
+        acted_nm: Sequence[float],
+    ) -> tuple[int, bool]:  # fmt: skip
         """Bits of the joints whose measurements are rejected, and whether any joint is agitated."""
         replaced, place, is_agitated = 0, 1, False
         unseen = self._unseen
@@ -180,6 +188,8 @@ class ArmWatch:
                 if joint.is_agitated:
                     is_agitated = True
             place <<= 1
+        models, biases = [joint.model_rad_s for joint in self.joints], [joint.bias for joint in self.joints]
+        self._past.append((cycle.velocity_rad_s, models, biases, acted_nm))
         return replaced, is_agitated
 
     def follow(self, cycle: Cycle) -> None:
@@ -201,6 +211,7 @@ class ArmWatch:
     def lose(self, joints: Collection[int]) -> None:
         """Nothing is measured of these joints any more: they are not judged."""
         self._unseen = joints
+        self._past.clear()
 
     def shift(self, excess_s: float) -> None:
         """The time since the last measurement differs from a cycle by `excess_s`."""
@@ -288,6 +299,7 @@ class ArmWatch:
 
     def _gap(self) -> None:
         """The time between two measurements is not known well."""
+        self._past.clear()
         for robot in self._robots:
             robot.surprise.cancel()
         self._is_surprised = False
@@ -363,38 +375,11 @@ class ArmWatch:
             elif detector == "sensor-noise" and detail.startswith("tachometer") and self._cycle < noted_at + doubt:
                 # A drive moves the joint, and a current sense does not: even where it has been blamed.
                 detector, detail = "current-mismatch", f"noted before, and now the speed swings ({detail})"
+            elif detector in OF_A_STEP and (joint := self._robot_of[index].struck(index)) is not None:
+                detail = f"a blow, or a failure of the arm (the speed steps: {detail})"
+                is_believed = detector == "tachometer-jump"
+                reaction = Reaction.DEGRADED if is_believed else Reaction.SUBSTITUTE
+                return self._report("acceleration-mismatch", joint, detail, reaction) and not is_believed
             return self._report(named_for(position, detector), index, named_for(position, detail), reaction)
 
         return tell
-
-
-class _RobotWatch:
-    """State shared by the joints of one robot. `joints` are their indices in the cell."""
-
-    def __init__(
-        self, arm: Arm, joints: slice, witnesses: Sequence[Witness], currents: Sequence[CurrentWatch | None],
-        limits: Sequence[Thresholds], timing: Timing, report: ArmReport,
-    ) -> None:  # fmt: skip
-        self.joints, self._witnesses, self._arm = joints, witnesses, arm
-        self._wired = [(index, joint) for index, joint in enumerate(witnesses) if isinstance(joint, JointWitness)]
-        self.expected: ArmExpectation = expectation(arm)
-
-        def tell(detector: str, index: int, detail: str, reaction: Reaction | None) -> bool:
-            return report(detector, joints.start + index, detail, reaction)
-
-        self.surprise = SurpriseWatch(witnesses, limits, arm.torque_per_ampere, currents, timing, self.expected, tell)
-
-    def twist(self, speed_rad_s: Sequence[float], acted_nm: Sequence[float]) -> None:
-        """What changes slowly, once in 10 ms: which joints turn, and what their wires carry."""
-        self.surprise.turn(speed_rad_s)
-        if self._wired:
-            accelerations, friction_nm = self.expected.accelerations(acted_nm), self._arm.friction(speed_rad_s)
-            for index, joint in self._wired:
-                joint.twist(acted_nm[index] - friction_nm[index], accelerations[index])
-
-    def look_into(self, count: int, speed_rad_s: Sequence[float], acted_nm: Sequence[float], may_stop: bool) -> None:
-        """Judge one cycle of unexpected accelerations."""
-        if self.surprise.is_open:
-            self.surprise.step(count, speed_rad_s, acted_nm, may_stop)
-        elif any(joint.is_agitated for joint in self._witnesses):
-            self.surprise.open(count, speed_rad_s)

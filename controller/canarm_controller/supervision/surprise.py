@@ -6,6 +6,7 @@ enter.
 
 from collections.abc import Callable, Sequence
 
+from .blame import Finding
 from .currents import CurrentWatch
 from .detection import Reaction
 from .expectation import ArmExpectation
@@ -36,10 +37,13 @@ class SurpriseWatch:
 
     def __init__(
         self, joints: Sequence[Witness], limits: Sequence[Thresholds], per_ampere: Sequence[float],
-        currents: Sequence[CurrentWatch | None], timing: Timing, expected: ArmExpectation, report: ArmReport,
+        currents: Sequence[CurrentWatch | None], timing: Timing, expected: ArmExpectation,
+        find: Callable[[], Finding | None], report: ArmReport,
     ) -> None:  # fmt: skip
+        """`find` tells where the arm may have failed; it takes as long as tens of cycles."""
         self._joints, self._per_ampere, self._limits, self._currents = joints, per_ampere, limits, currents
-        self._timing, self._expected, self._report = timing, expected, report
+        self._timing, self._expected, self._find, self._report = timing, expected, find, report
+        self._finding: Finding | None = None
         self._begun: list[tuple[float, float, float]] = []
         self._had_stepped: list[bool] = []
         """Which joints' speeds had stepped when the present assessment began."""
@@ -147,7 +151,7 @@ class SurpriseWatch:
         """Find missing or excessive torques: the arm's motion in the last cycles, less the model's."""
         is_start = count <= self.calm_until
         is_swinging = count <= self.calm_until + self._timing.swinging - self._timing.calm
-        is_unexpected = False
+        is_unexpected, self._finding = False, None
         elapsed_s = self._timing.assessed_s
         extra = []
         # What steps within an assessment is a sensor or the arm, as is decided elsewhere; the next one begins after it.
@@ -189,7 +193,7 @@ class SurpriseWatch:
                 current = self._currents[index]
                 is_shown = current is not None and may_judge and current.shows(missing_nm[index])
                 if not (is_shown and self._report("current-mismatch", index, f"{detail}, as its sense shows", None)):
-                    self._report("acceleration-mismatch", index, detail, None)
+                    self._accuse(index, detail)
                 if joint.mode is Mode.SOUND:
                     share = 1.0 + self._motors[index] if joint.is_elastic else 1.0
                     joint.settle(extra[index] / share - (joint.bias - self._begun[index][2]))
@@ -211,10 +215,27 @@ class SurpriseWatch:
         sudden = -off_nm / command_nm if abs(command_nm) > limits.sudden_current * per_ampere else 0.0
         if WRONG_DIRECTION[0] < sudden < WRONG_DIRECTION[1] and may_stop:
             self._against[index] = AGAINST_ASSESSMENTS
-        if self._against[index] >= AGAINST_ASSESSMENTS:
+        if self._against[index] >= AGAINST_ASSESSMENTS and not self._is_arm(index):
             command_a = command_nm / per_ampere
             text = f"{total_nm / per_ampere:+.2f} A worth of torque beyond the {command_a:+.2f} A commanded"
             self._report("wrong-direction", index, text, None)
+
+    def _found(self) -> Finding | None:
+        """Once an assessment, as far as it is asked for."""
+        finding = self._finding = self._finding or self._find()
+        return finding
+
+    def _is_arm(self, index: int) -> bool:
+        """Whether it is not the bridge of a joint."""
+        finding = self._found()
+        return finding is not None and finding.is_not_reversed(index)
+
+    def _accuse(self, index: int, detail: str) -> None:
+        """Report what is unexpected of a joint: of the one that it comes from, if that is another."""
+        finding = self._found()
+        if finding is not None and (other := finding.rather_than(index)) is not None:
+            self._report("acceleration-mismatch", other, f"its link or wire: another joint has {detail}", None)
+        self._report("acceleration-mismatch", index, detail, None)
 
     def _judge_lasting(self, index: int, may_stop: bool) -> None:
         """Whether an acceleration beyond any payload persists."""
