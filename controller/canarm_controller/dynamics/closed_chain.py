@@ -3,8 +3,9 @@
 Owns the constraint C·q̇ = 0 of the point that the slave holds. Drives, sensors and laws must not enter.
 """
 
-import math
 from collections.abc import Sequence
+from math import cos, sin
+from operator import mul
 from typing import Self
 
 import numpy as np
@@ -16,6 +17,10 @@ from .chain import Chain, Floats, chain_of
 
 Numbers = Sequence[float]
 Rows = Sequence[Numbers]
+Link = tuple[float, float, float, float, float, float]
+"""a, b and d in m, cos α, sin α and the offset of the angle in rad, as in `ChainLink`."""
+Axis = tuple[float, float, float, float, float, float]
+"""A point on a joint's axis, m, and its direction."""
 
 
 class ClosedChain:
@@ -32,12 +37,12 @@ class ClosedChain:
             raise ValueError(f"cell {cell.name!r} has no object")
         self._count = len(cell.joints)
         x, y, z = (each * carried.grasp_distance_m for each in carried.direction)
-        self._sides: list[tuple[Chain, slice, tuple[Triple, ...], Triple, Triple, float]] = []
+        self._sides: list[tuple[tuple[Link, ...], slice, tuple[Triple, ...], Triple, Triple, float]] = []
         for name, point_m, sign in ((carried.master, (x, y, z), 1.0), (carried.slave, (0.0, 0.0, 0.0), -1.0)):
             number = [robot.name for robot in cell.robot].index(name)
             robot, own = cell.robot[number], cell.blocks[number]
             base = from_rpy_deg(robot.base_rpy_deg)
-            self._sides.append((chain_of(robot), own, base, robot.base_m, point_m, sign))
+            self._sides.append((_links(chain_of(robot)), own, base, robot.base_m, point_m, sign))
 
     @classmethod
     def of(cls, cell: Cell) -> Self | None:
@@ -51,21 +56,32 @@ class ClosedChain:
 
     def gap(self, q: Numbers) -> Triple:
         """How far the point that the slave holds is from its hand, (3,), m: all 0 where the hands fit the object."""
-        gap: Triple = (0.0, 0.0, 0.0)
-        for chain, own, base, base_m, point_m, sign in self._sides:
-            still = (0.0,) * (own.stop - own.start)
-            *_, end = _point_motion(chain, base, q[own], still, point_m)
-            gap = _plus(gap, _plus(base_m, end, 1.0), sign)
-        return gap
+        x = y = z = 0.0
+        for links, own, base, (base_x, base_y, base_z), point_m, sign in self._sides:
+            _, (end_x, end_y, end_z) = _reach(links, base, q[own], point_m)
+            x += sign * (base_x + end_x)
+            y += sign * (base_y + end_y)
+            z += sign * (base_z + end_z)
+        return x, y, z
 
     def constraint(self, q: Numbers, qd: Numbers) -> tuple[Floats, Floats]:
         """C (3, joints) and Ċ·q̇ (3,) at a state: m/rad and m/s²."""
-        rows, drift = np.zeros((3, self._count)), np.zeros(3)
-        for chain, own, base, _, point_m, sign in self._sides:
-            columns, bias, _ = _point_motion(chain, base, q[own], qd[own], point_m)
-            rows[:, own] = sign * np.array(columns).T
-            drift += sign * np.array(bias)
-        return rows, drift
+        rows, drift = self.plain(q, qd)
+        return np.array(rows), np.array(drift)
+
+    def plain(self, q: Numbers, qd: Numbers) -> tuple[list[list[float]], Triple]:
+        """`constraint` as plain numbers."""
+        rows = [[0.0] * self._count for _ in range(3)]
+        x = y = z = 0.0
+        for links, own, base, _, point_m, sign in self._sides:
+            axes, end = _reach(links, base, q[own], point_m)
+            for row, part in zip(rows, zip(*_columns(axes, end), strict=True), strict=True):
+                row[own] = [sign * each for each in part]
+            drift_x, drift_y, drift_z = _drift(axes, end, qd[own])
+            x += sign * drift_x
+            y += sign * drift_y
+            z += sign * drift_z
+        return rows, (x, y, z)
 
 
 class HeldMotion:
@@ -76,12 +92,17 @@ class HeldMotion:
         self._rows: Rows = ()
         self._answer: Rows = ()
         self._drift: Numbers = ()
-        self.borne: Floats = np.zeros((0, 0))
+        self._across = self._solved = np.zeros((0, 0))
+
+    @property
+    def borne(self) -> Floats:
         """What the grips bear of M⁻¹: a torque τ makes M⁻¹·τ less this times τ."""
+        return np.asarray(self._solved @ self._across.T)
 
     def refresh(self, q: Numbers, qd: Numbers, mobilities: Sequence[Rows]) -> None:
         """Look up what changes slowly. `mobilities` are the M⁻¹ of the cell's robots, rotors included."""
-        rows, drift = self._chain.constraint(q, qd)
+        self._rows, self._drift = plain, _ = self._chain.plain(q, qd)
+        rows = np.array(plain)
         across = np.zeros((rows.shape[1], 3))
         first = 0
         for block in mobilities:
@@ -89,58 +110,73 @@ class HeldMotion:
             across[own] = np.array(block) @ rows[:, own].T
             first = own.stop
         answer = np.linalg.solve(rows @ across, across.T).T
-        self.borne = answer @ across.T
-        self._rows, self._answer, self._drift = rows.tolist(), answer.tolist(), drift.tolist()
+        self._across, self._solved = across, answer
+        self._answer = answer.tolist()
 
     def accelerations(self, free_rad_s2: Numbers) -> Numbers:
         """With the grips, rad/s²."""
-        a, b, c = (
-            sum([share * free for share, free in zip(row, free_rad_s2, strict=True)]) + drift
-            for row, drift in zip(self._rows, self._drift, strict=True)
-        )
+        a, b, c = (sum(map(mul, row, free_rad_s2)) + drift for row, drift in zip(self._rows, self._drift, strict=True))
         rows = zip(free_rad_s2, self._answer, strict=True)
         return [free - x * a - y * b - z * c for free, (x, y, z) in rows]
 
 
-def _point_motion(
-    chain: Chain, base: Sequence[Triple], q: Numbers, qd: Numbers, point_m: Triple
-) -> tuple[list[Triple], Triple, Triple]:
-    """Of a point of the last link, along the world's axes: columns of its Jacobian, acceleration at q̈ = 0, place."""
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = base
-    x, y, z = (xx, yx, zx), (xy, yy, zy), (xz, yz, zz)  # the frame's axes in the world
-    at: Triple = (0.0, 0.0, 0.0)
-    spin, spin_up = at, at
-    axes, origins, turns = [], [], []
-    for link, angle, rate in zip(chain.links, q, qd, strict=True):
-        axes.append(z)
-        origins.append(at)
-        spin_up = _plus(spin_up, _cross(spin, z), rate)
-        spin = _plus(spin, z, rate)
-        turns.append((spin, spin_up))
-        c, s = math.cos(angle + link.theta_offset_rad), math.sin(angle + link.theta_offset_rad)
-        x, y = _mixed(x, c, y, s), _mixed(y, c, x, -s)
-        at = _plus(_plus(_plus(at, x, link.a_m), y, link.b_m), z, link.d_m)
-        y, z = _mixed(y, link.cos_alpha, z, link.sin_alpha), _mixed(z, link.cos_alpha, y, -link.sin_alpha)
-    end = _plus(_plus(_plus(at, x, point_m[0]), y, point_m[1]), z, point_m[2])
-    bias: Triple = (0.0, 0.0, 0.0)
-    for (spin, spin_up), begin, stop in zip(turns, origins, (*origins[1:], end), strict=True):
-        reach = _plus(stop, begin, -1.0)
-        bias = _plus(_plus(bias, _cross(spin_up, reach), 1.0), _cross(spin, _cross(spin, reach)), 1.0)
-    columns = [_cross(axis, _plus(end, origin, -1.0)) for axis, origin in zip(axes, origins, strict=True)]
-    return columns, bias, end
+def _links(chain: Chain) -> tuple[Link, ...]:
+    return tuple(
+        (link.a_m, link.b_m, link.d_m, link.cos_alpha, link.sin_alpha, link.theta_offset_rad) for link in chain.links
+    )
 
 
-def _plus(vector: Triple, other: Triple, factor: float) -> Triple:
-    return vector[0] + factor * other[0], vector[1] + factor * other[1], vector[2] + factor * other[2]
+def _reach(links: Sequence[Link], base: Sequence[Triple], q: Numbers, point_m: Triple) -> tuple[list[Axis], Triple]:
+    """Where each joint's axis is and points to, and the place of a point of the last link: along the world's axes.
+
+    Plain numbers throughout: vectors as tuples take three times as long.
+    """
+    (xx, yx, zx), (xy, yy, zy), (xz, yz, zz) = base  # the frame's axes in the world: x, y and z are columns of it
+    px = py = pz = 0.0
+    axes = []
+    for (a_m, b_m, d_m, cos_alpha, sin_alpha, offset_rad), angle in zip(links, q, strict=True):
+        axes.append((px, py, pz, zx, zy, zz))
+        c, s = cos(angle + offset_rad), sin(angle + offset_rad)
+        xx, yx = c * xx + s * yx, c * yx - s * xx
+        xy, yy = c * xy + s * yy, c * yy - s * xy
+        xz, yz = c * xz + s * yz, c * yz - s * xz
+        px = px + a_m * xx + b_m * yx + d_m * zx
+        py = py + a_m * xy + b_m * yy + d_m * zy
+        pz = pz + a_m * xz + b_m * yz + d_m * zz
+        yx, zx = cos_alpha * yx + sin_alpha * zx, cos_alpha * zx - sin_alpha * yx
+        yy, zy = cos_alpha * yy + sin_alpha * zy, cos_alpha * zy - sin_alpha * yy
+        yz, zz = cos_alpha * yz + sin_alpha * zz, cos_alpha * zz - sin_alpha * yz
+    along, across, up = point_m
+    px = px + along * xx + across * yx + up * zx
+    py = py + along * xy + across * yy + up * zy
+    pz = pz + along * xz + across * yz + up * zz
+    return axes, (px, py, pz)
 
 
-def _mixed(vector: Triple, factor: float, other: Triple, other_factor: float) -> Triple:
-    a, b, c = vector
-    d, e, f = other
-    return factor * a + other_factor * d, factor * b + other_factor * e, factor * c + other_factor * f
+def _columns(axes: Sequence[Axis], end: Triple) -> list[Triple]:
+    """The Jacobian of the point `end`: for each joint its speed per rad/s."""
+    ex, ey, ez = end
+    return [
+        (zy * (ez - oz) - zz * (ey - oy), zz * (ex - ox) - zx * (ez - oz), zx * (ey - oy) - zy * (ex - ox))
+        for ox, oy, oz, zx, zy, zz in axes
+    ]
 
 
-def _cross(left: Triple, right: Triple) -> Triple:
-    a, b, c = left
-    d, e, f = right
-    return b * f - c * e, c * d - a * f, a * e - b * d
+def _drift(axes: Sequence[Axis], end: Triple, qd: Numbers) -> Triple:
+    """The acceleration of the point `end` at q̈ = 0."""
+    wx = wy = wz = ux = uy = uz = bx = by = bz = 0.0  # the links' angular speed, its change, and the sum
+    stops = [axis[:3] for axis in axes[1:]]
+    stops.append(end)
+    for (ox, oy, oz, zx, zy, zz), (sx, sy, sz), rate in zip(axes, stops, qd, strict=True):
+        ux += rate * (wy * zz - wz * zy)
+        uy += rate * (wz * zx - wx * zz)
+        uz += rate * (wx * zy - wy * zx)
+        wx += rate * zx
+        wy += rate * zy
+        wz += rate * zz
+        rx, ry, rz = sx - ox, sy - oy, sz - oz
+        vx, vy, vz = wy * rz - wz * ry, wz * rx - wx * rz, wx * ry - wy * rx
+        bx = bx + (uy * rz - uz * ry) + (wy * vz - wz * vy)
+        by = by + (uz * rx - ux * rz) + (wz * vx - wx * vz)
+        bz = bz + (ux * ry - uy * rx) + (wx * vy - wy * vx)
+    return bx, by, bz

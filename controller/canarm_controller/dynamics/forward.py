@@ -54,7 +54,7 @@ def refuse_singular(joint_names: Sequence[str], inertias: Sequence[float], pivot
     `pivots` may end at the first that is none.
     """
     for name, inertia, pivot in zip(joint_names, inertias, pivots, strict=False):
-        if is_singular(inertia, pivot):
+        if not pivot > SINGULAR * inertia:  # as `is_singular`: a call for every joint is a tenth of forward dynamics
             raise DynamicsError(
                 f"{name}: inertia matrix is singular here (pivot {pivot:.3g} of {inertia:.3g} kg m2); "
                 "must be positive: give the link or its rotor inertia about this axis"

@@ -70,7 +70,10 @@ class SeveralArms:
 
     def acceleration_rad_s2(self, q: State, qd: State, torque_nm: State) -> Numbers:
         """Forward dynamics: q̈ under the drives' torques."""
-        return _joined(arm.acceleration_rad_s2(q[own], qd[own], torque_nm[own]) for arm, own in self._blocks)
+        found: list[float] = []
+        for arm, own in self._blocks:
+            found += arm.acceleration_rad_s2(q[own], qd[own], torque_nm[own])
+        return tuple(found)
 
 
 def _joined(blocks: Iterable[Sequence[float]]) -> Numbers:

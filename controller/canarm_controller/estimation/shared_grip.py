@@ -6,6 +6,7 @@ slips. Owns that division; forces, laws and detectors must not enter.
 """
 
 from collections.abc import Sequence
+from operator import mul, sub
 
 import numpy as np
 
@@ -36,10 +37,11 @@ class SharedGrip:
         """Replace positions and speeds of the law's cycle."""
         if not self._refresh_in:
             self._refresh_in = REFRESH
-            rows, _ = self._chain.constraint(cycle.reference_rad, cycle.reference_rad_s)
+            plain, _ = self._chain.plain(cycle.reference_rad, cycle.reference_rad_s)
+            rows = np.array(plain)
             across = self._weights[:, np.newaxis] * rows.T
             answer = np.linalg.solve(rows @ across, across.T).T
-            self._rows, self._columns, self._answer = rows.tolist(), rows.T.tolist(), answer.tolist()
+            self._rows, self._columns, self._answer = plain, list(zip(*plain, strict=True)), answer.tolist()
         self._refresh_in -= 1
         cycle.position_rad = self._seen(cycle.position_rad, cycle.reference_rad)
         cycle.velocity_rad_s = self._seen(cycle.velocity_rad_s, cycle.reference_rad_s)
@@ -51,7 +53,7 @@ class SharedGrip:
         proportion to their inertias. That part is Cᵀ·μ with μ = (C·W·Cᵀ)⁻¹·C·W·Δτ, a force at the grips, and moves
         nothing.
         """
-        more = [torque - planned for torque, planned in zip(torque_nm, planned_nm, strict=True)]
+        more = map(sub, torque_nm, planned_nm)
         a = b = c = 0.0
         for each, (x, y, z) in zip(more, self._answer, strict=True):
             a, b, c = a + x * each, b + y * each, c + z * each
@@ -59,7 +61,7 @@ class SharedGrip:
         return [torque - x * a - y * b - z * c for torque, (x, y, z) in rows]
 
     def _seen(self, measured: Sequence[float], reference: Sequence[float]) -> tuple[float, ...]:
-        error = [each - meant for each, meant in zip(measured, reference, strict=True)]
+        error = list(map(sub, measured, reference))
         taken = self._taken
-        a, b, c = (taken * sum([share * off for share, off in zip(row, error, strict=True)]) for row in self._rows)
+        a, b, c = [taken * sum(map(mul, row, error)) for row in self._rows]
         return tuple([each - x * a - y * b - z * c for each, (x, y, z) in zip(measured, self._answer, strict=True)])

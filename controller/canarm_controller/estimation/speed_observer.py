@@ -50,7 +50,7 @@ class SpeedObserver:
         self._parts = arm.parts if isinstance(arm, SeveralArms) else (arm,)
         self._refresh_in = 0
         self._arm, self._period_s, self._joints = arm, period_s, tuple(joints)
-        self._gains = {joint: _gains(noise_rad[joint], gains, period_s) for joint in joints}
+        self._gains = [(joint, *_gains(noise_rad[joint], gains, period_s)) for joint in joints]
         self._count = arm.joint_count
         self.start((0.0,) * arm.joint_count)
 
@@ -79,24 +79,33 @@ class SpeedObserver:
         """
         x, v, b = self._x, self._v, self._b
         found = list(velocity_rad_s)
-        for joint in self._joints:
+        for joint, by_position, by_speed, by_bias in self._gains:
             off = position_rad[joint] - x[joint]
-            by_position, by_speed, by_bias = self._gains[joint]
             x[joint] += by_position * off
-            v[joint] += by_speed * off
             b[joint] += by_bias * off
-            found[joint] = v[joint]
+            found[joint] = v[joint] = v[joint] + by_speed * off
         if not self._is_first:
-            possible = [max(-most, min(speed, most)) for speed, most in zip(found, self._fastest_rad_s, strict=True)]
+            possible = self._possible(found)
             model_rad_s2 = self._arm.acceleration_rad_s2(position_rad, possible, torque_nm)
             if self._held is not None:
                 model_rad_s2 = self._carried(self._held, model_rad_s2, position_rad, possible)
+            period_s = self._period_s
             for joint in self._joints:
-                step_rad_s = self._period_s * (model_rad_s2[joint] + b[joint])
-                x[joint] += self._period_s * (v[joint] + 0.5 * step_rad_s)
-                v[joint] += step_rad_s
+                speed = v[joint]
+                step_rad_s = period_s * (model_rad_s2[joint] + b[joint])
+                x[joint] += period_s * (speed + 0.5 * step_rad_s)
+                v[joint] = speed + step_rad_s
         self._is_first = False
         return tuple(found)
+
+    def _possible(self, speed_rad_s: list[float]) -> list[float]:
+        """Speeds that a joint can have, as nearly all are."""
+        for speed, most in zip(speed_rad_s, self._fastest_rad_s, strict=True):
+            if not -most <= speed <= most:
+                return [
+                    max(-most, min(each, most)) for each, most in zip(speed_rad_s, self._fastest_rad_s, strict=True)
+                ]
+        return speed_rad_s
 
     def _carried(
         self, held: HeldMotion, free_rad_s2: Sequence[float], position_rad: Sequence[float], speed_rad_s: list[float]

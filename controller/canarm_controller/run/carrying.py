@@ -15,6 +15,7 @@ from canarm_protocol.cell.wiring import CardNode, DirectionBits, bridge_directio
 ANSWER_CYCLES = 40
 """A card that has not answered after so many cycles is asked again when its turn comes."""
 
+_OFF = int(DirectionBits.OFF)
 Weight = Callable[[Sequence[float]], Sequence[float]]
 """Torques, N·m, that bear the arms' weight at angles in rad."""
 
@@ -28,7 +29,9 @@ class CarryingCodes:
                 joint.motor.torque_per_ampere,
                 joint.drive.max_current_a,
                 command_codec(cell, index).full_scale,
-                bridge_directions(cell, index),
+                tuple(map(int, bridge_directions(cell, index))),
+                (index, Command.CURRENT),
+                (index, Command.DIRECTION),
             )
             for index, joint in enumerate(cell.joints)
         ]
@@ -36,11 +39,10 @@ class CarryingCodes:
     def of(self, torque_nm: Sequence[float]) -> dict[tuple[int, str], int]:
         """By joint and command; a torque beyond what the amplifier has is that."""
         values: dict[tuple[int, str], int] = {}
-        for index, (torque, drive) in enumerate(zip(torque_nm, self._drives, strict=True)):
-            per_ampere, most_a, full_scale, (back, forth) = drive
-            code = round(min(abs(torque / per_ampere) / most_a, 1.0) * full_scale)
-            values[index, Command.CURRENT] = code
-            values[index, Command.DIRECTION] = int((forth if torque > 0.0 else back) if code else DirectionBits.OFF)
+        for torque, drive in zip(torque_nm, self._drives, strict=True):
+            per_ampere, most_a, full_scale, (back, forth), current, direction = drive
+            values[current] = code = round(min(abs(torque / per_ampere) / most_a, 1.0) * full_scale)
+            values[direction] = (forth if torque > 0.0 else back) if code else _OFF
         return values
 
 
@@ -65,6 +67,8 @@ class CarryingRefresh:
             for place, node in enumerate(self._nodes)
         ]
         """What each card has, by index and sub-index; None where that is not known."""
+        self._found: list[list[int] | None] = [None] * len(self._nodes)
+        """Of each card, the error values by channel that it was last found to have; None once it is written to."""
         self._place, self._left = -1, list[tuple[int, int, int]]()
         self._transfer: Transfer | None = None
         self._written, self._asked_at, self._due_at = (0, 0, 0), 0, 0
@@ -72,10 +76,10 @@ class CarryingRefresh:
 
     def frames(self, tick: int, position_rad: Sequence[float], doubted: Collection[int] = ()) -> tuple[Frame, ...]:
         """What to send in cycle `tick`: a request, or nothing. Joints in doubt are where they were before."""
-        self._trusted_rad = [
-            before if joint in doubted else angle
-            for joint, (angle, before) in enumerate(zip(position_rad, self._trusted_rad or position_rad, strict=True))
-        ]
+        if doubted:
+            rows = enumerate(zip(position_rad, self._trusted_rad or position_rad, strict=True))
+            position_rad = [before if joint in doubted else angle for joint, (angle, before) in rows]
+        self._trusted_rad = position_rad
         if tick < self._due_at or (self._transfer is not None and tick - self._asked_at < ANSWER_CYCLES):
             return ()
         self._due_at = tick + self._every
@@ -87,7 +91,7 @@ class CarryingRefresh:
         node = self._nodes[self._place]
         variable = variable_at(node.dictionary, index, subindex)
         assert variable is not None, "it is in the card's EDS"
-        self._has[self._place][index, subindex] = None
+        self._has[self._place][index, subindex] = self._found[self._place] = None
         self._transfer, self._asked_at = download(index, subindex, bytes(variable.encode_raw(value))), tick
         return (Frame(Cob.SDO_TO_SERVER + node.card.node_id, next(self._transfer)),)
 
@@ -110,11 +114,15 @@ class CarryingRefresh:
         needed = self._codes.of(self._weight_nm(self._trusted_rad))
         for _ in self._nodes:
             self._place = (self._place + 1) % len(self._nodes)
-            has = self._has[self._place]
-            wanted = self._values(self._place, {number: needed[far] for number, far in self._joints[self._place]})
+            channels, has = self._joints[self._place], self._has[self._place]
+            values = [needed[far] for _, far in channels]
+            if values == self._found[self._place]:
+                continue
+            wanted = self._values(self._place, {number: needed[far] for number, far in channels})
             self._left = [(*key, value) for key, value in wanted.items() if has[key] != value]
             if self._left:
                 return True
+            self._found[self._place] = values
         return False
 
     def _values(self, place: int, error_values: Mapping[int, int]) -> dict[tuple[int, int], int]:

@@ -40,13 +40,16 @@ class JointInputs:
         ]
         self._positions = [_channel(places, joint, each.position) for joint, each in enumerate(sensors)]
         self._others = [
-            (*_channel(places, joint, each.velocity)[:3], *_channel(places, joint, each.current)[:3])
+            (joint, *_channel(places, joint, each.velocity)[:3], *_channel(places, joint, each.current)[:3])
             for joint, each in enumerate(sensors)
+            if each.velocity is not None or each.current is not None
         ]
-        """Of each joint's speed and then of its current: place, code at 0, step."""
+        """Joints of which more than the position is measured; of speed and then of current: place, code at 0, step."""
         self._without_speed = [joint for joint, each in enumerate(sensors) if each.velocity is None]
-        self._without_current = [joint for joint, each in enumerate(sensors) if each.current is None]
-        self._torque_per_ampere = arm.torque_per_ampere
+        self._without_current = [
+            (joint, arm.torque_per_ampere[joint]) for joint, each in enumerate(sensors) if each.current is None
+        ]
+        self._no_codes, self._no_rates = [0] * len(sensors), [0.0] * len(sensors)
         self._observer = (
             SpeedObserver(
                 arm,
@@ -96,40 +99,32 @@ class JointInputs:
         An ADC converts one channel after the other; positions are referred back to the time of SYNC by the speed.
         """
         angles: list[int] = []
-        speeds: list[int] = []
-        currents: list[int] = []
-        positions, velocities, amperes = [], [], []
-        observer = self._observer
-        for channel, others, sign in zip(
-            self._positions, self._others, signs, strict=True
-        ):  # one loop: a comprehension per quantity costs twice as much
-            place, zero, step, skew_s = channel
+        positions: list[float] = []
+        for place, zero, step, _ in self._positions:
             code = codes[place]
             angles.append(code)
-            angle = (code - zero) * step
-            place, zero, step, current, no_current, ampere = others
-            code = codes[place]
-            speeds.append(code)
-            rate = (code - zero) * step
-            velocities.append(rate)
-            positions.append(angle if observer is not None else angle - skew_s * rate)
-            code = codes[current]
-            currents.append(code)
-            amperes.append(sign * (code - no_current) * ampere)
+            positions.append((code - zero) * step)
+        speeds, currents = self._no_codes.copy(), self._no_codes.copy()
+        velocities, amperes = self._no_rates.copy(), self._no_rates.copy()
+        for joint, place, zero, step, current, no_current, ampere in self._others:
+            code = speeds[joint] = codes[place]
+            velocities[joint] = (code - zero) * step
+            code = currents[joint] = codes[current]
+            amperes[joint] = signs[joint] * (code - no_current) * ampere
+        observer = self._observer
+        velocity = tuple(velocities) if observer is None else observer.predicted(velocities)
+        rows = zip(positions, self._positions, velocity, strict=True)
+        cycle.position_rad = position = tuple([angle - channel[3] * rate for angle, channel, rate in rows])
         if observer is not None:
-            velocity = observer.predicted(tuple(velocities))
-            rows = zip(positions, self._positions, velocity, strict=True)
-            position = tuple([angle - skew_s * rate for angle, (_, _, _, skew_s), rate in rows])
-            cycle.position_rad = position
-            cycle.velocity_rad_s = observer.update(position, velocity, cycle.applied_nm)
+            velocity = observer.update(position, velocity, cycle.applied_nm)
             for joint in self._without_speed:
                 speeds[joint] = 0
-        else:
-            cycle.position_rad, cycle.velocity_rad_s = tuple(positions), tuple(velocities)
-        cycle.current_a = tuple(amperes)
+        cycle.velocity_rad_s = velocity
         self.angle_codes, self.speed_codes, self.current_codes = angles, speeds, currents
-        if self._without_current:
-            self._fill_currents(cycle)
+        for joint, per_ampere in self._without_current:
+            amperes[joint] = cycle.applied_nm[joint] / per_ampere
+            currents[joint] = 0
+        cycle.current_a = tuple(amperes)
 
     def log_bytes(self) -> tuple[Sequence[int], Sequence[int]]:
         """Positions and speeds of the last cycle as bytes: a converter's upper eight bits, a count's lower eight."""
@@ -145,13 +140,6 @@ class JointInputs:
         """Time from SYNC to the sample of the joint's quantity; 0 without a sensor."""
         wired = self._sensors[joint].measuring(quantity)
         return 0.0 if wired is None else wired.skew_s
-
-    def _fill_currents(self, cycle: Cycle) -> None:
-        current_a = list(cycle.current_a)
-        for joint in self._without_current:
-            current_a[joint] = cycle.applied_nm[joint] / self._torque_per_ampere[joint]
-            self.current_codes[joint] = 0
-        cycle.current_a = tuple(current_a)
 
 
 def resting_rad(measured_rad: float, stops_rad: tuple[float, float], within_rad: tuple[float, float]) -> float:

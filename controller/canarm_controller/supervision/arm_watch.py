@@ -98,7 +98,7 @@ class ArmWatch:
             lambda index: self.joints[index].is_upset, self._may_saturate,
         )  # fmt: skip
         decays = [math.exp(-timing.period_s / nominal.winding_s) for nominal in self._nominals]
-        self._decays = decays if max(decays) > FORGOTTEN else None
+        self._decays = decays if self._senses and max(decays) > FORGOTTEN else None
         self._refresh_at = 0
         self._keeps = [robot.holds for robot in cell.robot for _ in robot.joint]
         self._settled_rad_s2: deque[list[float]] = deque(maxlen=SETTLED_REFRESHES)
@@ -182,8 +182,9 @@ class ArmWatch:
         unseen = self._unseen
         rows = zip(cycle.position_rad, cycle.velocity_rad_s, accelerations, angle_codes, speed_codes, strict=True)
         for index, (joint, row) in enumerate(zip(self.joints, rows, strict=True)):
-            if index not in unseen:
-                if joint.step(*row):
+            if not unseen or index not in unseen:
+                x, v, acceleration, x_code, v_code = row
+                if joint.step(x, v, acceleration, x_code, v_code):
                     replaced |= place
                 if joint.is_agitated:
                     is_agitated = True

@@ -3,7 +3,7 @@
 Owns that estimate. Whether a count is late, and what follows from it, is elsewhere.
 """
 
-import numpy as np
+import math
 
 ACCELERATION_NOISE, LOAD_NOISE, FRICTION_NOISE = 0.01, 0.03, 0.02
 """rad/s²/√Hz of what nobody models, and rad/s³/√Hz of a load and of a friction that differ from the model's: they are
@@ -16,6 +16,8 @@ STOOD_RAD_S = 0.03
 """Deviation of a speed of which nothing is known but a count that has come."""
 EDGE_SHARE, SKIPPED_SHARE = 0.02, 0.5
 """Deviations of where an edge is, in counts, and of one that came together with another."""
+Covariance = tuple[float, float, float, float, float, float, float, float, float, float]
+"""The upper triangle, row by row, of position x, speed v, load l and friction f: numpy takes five times as long."""
 
 
 class CountFilter:
@@ -32,31 +34,36 @@ class CountFilter:
         self._step_rad, self._period_s = step_rad, period_s
         self.position_rad = self.speed_rad_s = self.load = self.friction = self._lacking = 0.0
         friction = FRICTION_SHARE * friction_rad_s2
-        self._covariance = np.diag([0.0, 0.0, LOAD_RAD_S2**2, friction**2])
+        self._covariance = _diagonal(0.0, 0.0, (LOAD_RAD_S2**2, 0.0, friction**2))
 
     def begin(self, edge_rad: float) -> None:
         """A count has come of a joint of whose motion nothing else is known."""
         self.position_rad, self.speed_rad_s = edge_rad, 0.0
-        learned = self._covariance[2:, 2:].copy()
-        self._covariance = np.diag([(0.5 * self._step_rad) ** 2, STOOD_RAD_S**2, 0.0, 0.0])
-        self._covariance[2:, 2:] = learned
+        learned = self._covariance[7:]
+        self._covariance = _diagonal((0.5 * self._step_rad) ** 2, STOOD_RAD_S**2, learned)
 
     def step(self, acceleration: float) -> None:
         """A cycle on, by the model's acceleration."""
-        more = acceleration + self._lacking
-        self.position_rad += self._period_s * (self.speed_rad_s + 0.5 * self._period_s * more)
-        self.speed_rad_s += self._period_s * more
+        more, period_s, speed = acceleration + self._lacking, self._period_s, self.speed_rad_s
+        self.position_rad += period_s * (speed + 0.5 * period_s * more)
+        self.speed_rad_s = speed + period_s * more
 
     def count(self, edge_rad: float, way: float, cycles: int, is_one: bool) -> None:
         """An edge was passed in the last of `cycles` since the last count; `is_one`: no other in the same cycle."""
-        self._spread(cycles * self._period_s, way)
-        gone_rad = max(abs(self.speed_rad_s), SLOWEST_RAD_S) * self._period_s
-        noise = gone_rad**2 / 12.0 + ((EDGE_SHARE if is_one else SKIPPED_SHARE) * self._step_rad) ** 2
-        across = self._covariance[:, 0]
-        gains = across / (across[0] + noise)
+        time_s = cycles * self._period_s
+        speed, step_rad = abs(self.speed_rad_s), self._step_rad
+        gone_rad = (speed if speed > SLOWEST_RAD_S else SLOWEST_RAD_S) * self._period_s
+        noise = gone_rad**2 / 12.0 + ((EDGE_SHARE if is_one else SKIPPED_SHARE) * step_rad) ** 2
+        xx, xv, xl, xf, vv, vl, vf, ll, lf, ff = self._later(time_s, way)
+        share = 1.0 / (xx + noise)
+        by_position, by_speed, by_load, by_friction = xx * share, xv * share, xl * share, xf * share
+        self._covariance = (
+            xx - by_position * xx, xv - by_position * xv, xl - by_position * xl, xf - by_position * xf,
+            vv - by_speed * xv, vl - by_speed * xl, vf - by_speed * xf,
+            ll - by_load * xl, lf - by_load * xf,
+            ff - by_friction * xf,
+        )  # fmt: skip
         off = edge_rad + 0.5 * way * gone_rad - self.position_rad
-        self._covariance = self._covariance - np.outer(gains, across)
-        by_position, by_speed, by_load, by_friction = gains.tolist()
         self.position_rad += by_position * off
         self.speed_rad_s += by_speed * off
         self.load += by_load * off
@@ -65,27 +72,36 @@ class CountFilter:
 
     def deviation_rad(self, cycles: int, way: float) -> float:
         """Of the position, so many cycles after the last count."""
-        time_s = cycles * self._period_s
-        half = 0.5 * time_s * time_s
-        across = np.array([1.0, time_s, half, way * half])
-        return float(np.sqrt(across @ self._covariance @ across + ACCELERATION_NOISE**2 * time_s**3 / 3.0))
+        return math.sqrt(self._later(cycles * self._period_s, way)[0])
 
-    def _spread(self, time_s: float, way: float) -> None:
-        """The covariance so much later."""
+    def _later(self, time_s: float, way: float) -> Covariance:
+        """The covariance so much later: F·P·Fᵀ with F of the equations above for `time_s`, and what noise adds."""
+        xx, xv, xl, xf, vv, vl, vf, ll, lf, ff = self._covariance
         half = 0.5 * time_s * time_s
-        transition = np.array(
-            [
-                [1.0, time_s, half, way * half],
-                [0.0, 1.0, time_s, way * time_s],
-                [0.0, 0.0, 1.0, 0.0],
-                [0.0, 0.0, 0.0, 1.0],
-            ]
-        )
-        self._covariance = transition @ self._covariance @ transition.T
+        along, turned = way * time_s, way * half
+        x_x = xx + time_s * xv + half * xl + turned * xf  # F·P; its columns follow
+        x_v = xv + time_s * vv + half * vl + turned * vf
+        x_l = xl + time_s * vl + half * ll + turned * lf
+        x_f = xf + time_s * vf + half * lf + turned * ff
+        v_v = vv + time_s * vl + along * vf
+        v_l = vl + time_s * ll + along * lf
+        v_f = vf + time_s * lf + along * ff
         noise = ACCELERATION_NOISE**2
-        self._covariance[0, 0] += noise * time_s**3 / 3.0
-        self._covariance[0, 1] += noise * half
-        self._covariance[1, 0] += noise * half
-        self._covariance[1, 1] += noise * time_s
-        self._covariance[2, 2] += LOAD_NOISE**2 * time_s
-        self._covariance[3, 3] += FRICTION_NOISE**2 * time_s
+        return (
+            x_x + time_s * x_v + half * x_l + turned * x_f + noise * time_s**3 / 3.0,
+            x_v + time_s * x_l + along * x_f + noise * half,
+            x_l,
+            x_f,
+            v_v + time_s * v_l + along * v_f + noise * time_s,
+            v_l,
+            v_f,
+            ll + LOAD_NOISE**2 * time_s,
+            lf,
+            ff + FRICTION_NOISE**2 * time_s,
+        )
+
+
+def _diagonal(position: float, speed: float, learned: tuple[float, ...]) -> Covariance:
+    """Position and speed are independent of each other and of load and friction."""
+    load, load_friction, friction = learned
+    return position, 0.0, 0.0, 0.0, speed, 0.0, 0.0, load, load_friction, friction

@@ -4,6 +4,7 @@ Owns the model's side of every residual; measurements and limits are elsewhere.
 """
 
 from collections.abc import Sequence
+from operator import mul, sub
 
 import numpy as np
 
@@ -35,8 +36,8 @@ class ArmExpectation:
 
     def accelerations(self, torque_nm: Sequence[float]) -> Sequence[float]:
         """What the model makes of torques, rad/s²."""
-        left_nm = [torque - still for torque, still in zip(torque_nm, self.still_nm, strict=True)]
-        return [sum([share * left for share, left in zip(row, left_nm, strict=True)]) for row in self.mobility]
+        left_nm = list(map(sub, torque_nm, self.still_nm))
+        return [sum(map(mul, row, left_nm)) for row in self.mobility]
 
 
 class PairExpectation(ArmExpectation):

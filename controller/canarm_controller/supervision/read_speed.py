@@ -22,8 +22,9 @@ class ReadSpeed:
     """
 
     __slots__ = (
-        "_age", "_base", "_gone", "_kept", "_last", "_old_base", "_old_gone", "_old_x", "_period_s", "_told_rad",
-        "_turned_base", "_turned_rad_s", "_window", "_x", "doubt_rad_s", "speed", "unforeseen_rad_s2",
+        "_age", "_base", "_doubt_rad_s", "_gone", "_is_told", "_kept", "_last", "_old_base", "_old_gone", "_old_x",
+        "_period_s", "_reading", "_speed", "_told_rad", "_turned_base", "_turned_rad_s", "_window", "_x",
+        "unforeseen_rad_s2",
     )  # fmt: skip
 
     def __init__(self, noise_rad: float, doubt_rad_s2: float, period_s: float) -> None:
@@ -41,24 +42,46 @@ class ReadSpeed:
         self._gone = self._old_gone = 0.0
         self._age = 0
         self._turned_rad_s: float | None = None
-        self.speed, self.doubt_rad_s, self.unforeseen_rad_s2 = 0.0, math.inf, 0.0
+        self._speed, self._doubt_rad_s, self.unforeseen_rad_s2 = 0.0, math.inf, 0.0
+        self._reading, self._is_told = (position_rad, model_rad_s, 0.0, 0.0), True
+
+    @property
+    def speed(self) -> float:
+        """As of the last reading; 0 while nothing is known. Worked out when it is asked for, as few cycles do."""
+        if not self._is_told:
+            self._tell()
+        return self._speed
+
+    @property
+    def doubt_rad_s(self) -> float:
+        """How wrong the speed may be; infinite while nothing is known."""
+        if not self._is_told:
+            self._tell()
+        return self._doubt_rad_s
 
     def take(self, position_rad: float, model_rad_s: float, bias_rad_s2: float, doubt_rad_s2: float) -> None:
         """A reading, the model's speed from any zero, what it is known to lack, and how wrong that may be."""
-        period_s, window = self._period_s, self._window
+        period_s = self._period_s
         travel = 0.5 * period_s * (self._last + model_rad_s)
         self._last = model_rad_s
         self._gone += travel - period_s * self._base
         self._old_gone += travel - period_s * self._old_base
-        self._age += 1
-        if self._turned_rad_s is not None:
-            elapsed_s = (window + self._age) * period_s
-            by_model = model_rad_s - self._old_base + 0.5 * bias_rad_s2 * elapsed_s
-            self.speed = (position_rad - self._old_x - self._old_gone) / elapsed_s + by_model
-            doubt_rad_s2 = max(doubt_rad_s2, self.unforeseen_rad_s2)
-            self.doubt_rad_s = self._told_rad / elapsed_s + 0.5 * doubt_rad_s2 * elapsed_s
-        if self._age >= window:
+        age = self._age = self._age + 1
+        self._reading, self._is_told = (position_rad, model_rad_s, bias_rad_s2, doubt_rad_s2), False
+        if age >= self._window:
+            self._tell()
             self._turn(position_rad, model_rad_s, bias_rad_s2)
+
+    def _tell(self) -> None:
+        self._is_told = True
+        if self._turned_rad_s is None:
+            return
+        position_rad, model_rad_s, bias_rad_s2, doubt_rad_s2 = self._reading
+        elapsed_s = (self._window + self._age) * self._period_s
+        by_model = model_rad_s - self._old_base + 0.5 * bias_rad_s2 * elapsed_s
+        self._speed = (position_rad - self._old_x - self._old_gone) / elapsed_s + by_model
+        doubt_rad_s2 = max(doubt_rad_s2, self.unforeseen_rad_s2)
+        self._doubt_rad_s = self._told_rad / elapsed_s + 0.5 * doubt_rad_s2 * elapsed_s
 
     def _turn(self, position_rad: float, model_rad_s: float, bias_rad_s2: float) -> None:
         """A window is full: the next one begins."""

@@ -16,6 +16,7 @@ from .thresholds import REFERENCE_NOISE, STUCK_TRAVEL, TIMING_SHARE, Thresholds,
 from .timing import Timing
 from .uncertainty import COULOMB
 
+_BLIND = Mode.BLIND  # an enum's attribute is slow
 STRUCK_S = 0.02
 """How long a joint that strikes a stop is pushed back: five times the 4 ms of a bumper."""
 STUCK_FACTOR, STUCK_CYCLES = 1.6, 6
@@ -48,9 +49,9 @@ class TachlessWitness(SensorLess):
 
     __slots__ = (
         "_doubt_rad_s", "_gone_bias", "_gone_rad", "_gone_rad_s", "_has_moved", "_last_off_rad", "_last_rad",
-        "_lasting_cycles", "_learning", "_least_rad", "_read", "_rubbed_rad_s", "_rubs_rad_s2", "_shaken_until",
-        "_slow_at", "_slow_rad_s", "_stood_cycles", "_struck_cycles", "_sudden_cycles", "_sudden_limit", "_sudden_rad",
-        "_travel_rad", "_turned_rad_s", "_unmodelled", "_way", "_x_code",
+        "_lasting_cycles", "_lasting_rad_s2", "_learning", "_least_rad", "_read", "_rubbed_rad_s", "_rubs_rad_s2",
+        "_shaken_until", "_slow_at", "_slow_rad_s", "_stood_cycles", "_struck_cycles", "_sudden_cycles",
+        "_sudden_limit", "_sudden_rad", "_travel_rad", "_turned_rad_s", "_unmodelled", "_way", "_x_code",
     )  # fmt: skip
 
     def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
@@ -66,6 +67,7 @@ class TachlessWitness(SensorLess):
         self._least_rad = least_travel_rad(nominal)
         self._turned_rad_s = 2.0 * self._rubs_rad_s2 * self._period_s
         self._sudden_limit = sudden_rad(nominal, self._period_s)
+        self._lasting_rad_s2 = thresholds.lasting
         self.start(0.0)
 
     def start(self, position_rad: float) -> None:
@@ -96,30 +98,52 @@ class TachlessWitness(SensorLess):
 
         Returns True where `position_rad` and `velocity_rad_s` are to be taken instead.
         """
-        self.cycles += 1
+        cycles = self.cycles = self.cycles + 1
         self.model_rad_s += self._period_s * acceleration
         blind = self._blind
         blind.predict(acceleration)
-        is_astray = self.mode is Mode.BLIND or (not self._begins_anew(x) and self._is_astray(x, x_code))
+        if self.mode is _BLIND:
+            is_astray = True
+        else:
+            off = x - blind.position_rad
+            sudden = x - self._last_rad - self._period_s * self.speed
+            is_astray = not (self._is_usual(off, sudden) or self._begins_anew(x, off)) and (
+                self._is_astray(off, sudden, x_code)
+            )
+            self._last_off_rad = off
         if not is_astray:
             blind.correct(x)
         self._last_rad = x
-        self.speed, self.bias = blind.velocity_rad_s, blind.bias
-        if abs(self.speed) < self._slow_rad_s:
-            self._slow_at = self.cycles
+        speed = self.speed = blind.velocity_rad_s
+        bias = self.bias = blind.bias
+        if -self._slow_rad_s < speed < self._slow_rad_s:
+            self._slow_at = cycles
         self._judge_code(x_code, acceleration)
-        self._judge_bias()
+        if self._lasting_cycles or not -self._lasting_rad_s2 <= bias <= self._lasting_rad_s2:
+            self._judge_bias()
         return is_astray and self._substitute(blind.position_rad, self.speed)
+
+    def _is_usual(self, off: float, sudden: float) -> bool:
+        """Whether the angle is where it should be, nothing is pending, and the joint has long been turning."""
+        cycles, jump = self.cycles, BLIND_FACTOR * self._limits.jump
+        return (
+            -jump <= off <= jump
+            and -self._sudden_limit <= sudden <= self._sudden_limit
+            and cycles > self._shaken_until
+            and cycles > self._timing.calm
+            and cycles >= self._calm_at
+            and not (self._sudden_cycles or self._astray_cycles)
+        )
 
     @property
     def is_shaken(self) -> bool:
         """Whether it has just begun, or been struck, so that it may go on in any way."""
-        return self.cycles < max(self._calm_at, self._shaken_until)
+        return self.cycles < self._calm_at or self.cycles < self._shaken_until
 
     def accuse_standing(self, detail: str) -> None:
         """The joint turns by all that is known, and its code stands."""
-        if self.mode is not Mode.BLIND and self._report("potentiometer-stuck", detail, Reaction.OFF):
-            self.mode = Mode.BLIND
+        if self.mode is not _BLIND and self._report("potentiometer-stuck", detail, Reaction.OFF):
+            self.mode = _BLIND
 
     def accuse_code(self) -> bool:
         """There is no tachometer whose code could stand."""
@@ -130,7 +154,7 @@ class TachlessWitness(SensorLess):
         self._stood_cycles = self._lasting_cycles = 0
         self._x_code = -1
         self._read.start(x, self.model_rad_s)
-        if is_gap and self.mode is not Mode.BLIND:
+        if is_gap and self.mode is not _BLIND:
             self._blind.start(x, self.speed, self.bias)
         self._calm_at = max(self._calm_at, self.cycles + self._timing.blurred)
         return self.step(x, v, acceleration, x_code, v_code)
@@ -143,14 +167,13 @@ class TachlessWitness(SensorLess):
     def settle(self, bias_rad_s2: float) -> None:
         """There is nothing to settle: the observer learns the model's error by itself."""
 
-    def _begins_anew(self, x: float) -> bool:
+    def _begins_anew(self, x: float, off: float) -> bool:
         """Whether the joint moves as nothing that is known explains, and may do so: the observer begins again.
 
         It has just struck a stop; or it moved when the run began: its first reading is off, or its readings leave the
         model one by one, which no jump does.
         """
-        off = x - self._blind.position_rad
-        last_off, self._last_off_rad = self._last_off_rad, off
+        last_off = self._last_off_rad
         if self.cycles > self._shaken_until:
             if self._has_moved or self.cycles > self._timing.calm:
                 return False
@@ -162,9 +185,8 @@ class TachlessWitness(SensorLess):
         self._blind.start_moving(x, (x - self._last_rad) / self._period_s)
         return True
 
-    def _is_astray(self, x: float, x_code: int) -> bool:
-        off = x - self._blind.position_rad
-        if self._is_sudden(x, off, x_code):
+    def _is_astray(self, off: float, sudden: float, x_code: int) -> bool:
+        if self._is_sudden(off, sudden, x_code):
             return True
         factor = BLIND_FACTOR if self.cycles >= self._calm_at else 2.0 * BLIND_FACTOR
         if abs(off) <= factor * self._limits.jump:
@@ -177,13 +199,12 @@ class TachlessWitness(SensorLess):
             self._accuse_jump(x_code, f"{off / self._position_lsb:+.1f} LSB from the model, and no tachometer")
         return True
 
-    def _is_sudden(self, x: float, off: float, x_code: int) -> bool:
+    def _is_sudden(self, off: float, sudden: float, x_code: int) -> bool:
         """Whether the angle has just changed as no joint can in a cycle, and what comes of that is not known yet.
 
         A joint that was struck goes on; a reading that was wrong comes back; counts that were lost stay so.
         """
         if not self._sudden_cycles:
-            sudden = x - self._last_rad - self._period_s * self.speed
             if -self._sudden_limit <= sudden <= self._sudden_limit or self.is_shaken:
                 return False
             self._sudden_rad = sudden
@@ -203,15 +224,17 @@ class TachlessWitness(SensorLess):
         at_end = x_code in self._angle_ends
         accused = self._report("potentiometer-range" if at_end else "potentiometer-jump", detail, Reaction.OFF)
         if accused:
-            self.mode = Mode.BLIND
+            self.mode = _BLIND
         return accused
 
     def _judge_code(self, x_code: int, acceleration: float) -> None:
         """Whether the model moves while the code does not."""
-        read, unlearned = self._read, max(self._slow_at + self._learning - self.cycles, 0) / self._learning
+        read, left = self._read, self._slow_at + self._learning - self.cycles
+        unlearned = left / self._learning if left > 0 else 0.0
         rubs_rad_s2 = unlearned * self._rubs_rad_s2
         read.take(self._last_rad, self.model_rad_s, self.bias, rubs_rad_s2)
-        if x_code != self._x_code or self._stood_cycles > self._timing.agree:
+        stood_cycles = self._stood_cycles
+        if x_code != self._x_code or stood_cycles > self._timing.agree:
             self._x_code, self._stood_cycles = x_code, 0
             self._gone_rad, self._gone_bias = 0.0, self.bias
             if read.doubt_rad_s < self._doubt_rad_s:
@@ -223,23 +246,28 @@ class TachlessWitness(SensorLess):
             is_foreseen = read.unforeseen_rad_s2 <= self._rubs_rad_s2
             self._travel_rad = self._least_rad if is_foreseen else self._thresholds.stuck_travel
             return
-        self._stood_cycles += 1
+        stood_cycles = self._stood_cycles = stood_cycles + 1
         gone_rad_s = self._gone_rad_s + self._period_s * (acceleration + self._gone_bias)
-        is_turning = gone_rad_s * self._way <= 0.0
-        self._gone_rad_s = _surely(gone_rad_s, max(self._rubbed_rad_s, is_turning * self._turned_rad_s))
-        self._gone_rad += self._period_s * self._gone_rad_s
-        if self._stood_cycles < STUCK_CYCLES or self.cycles < self._calm_at or self.mode is Mode.BLIND:
+        doubt = self._rubbed_rad_s
+        if gone_rad_s * self._way <= 0.0 and doubt < self._turned_rad_s:  # it turns
+            doubt = self._turned_rad_s
+        self._gone_rad_s = gone_rad_s = _surely(gone_rad_s, doubt)
+        gone_rad = self._gone_rad = self._gone_rad + self._period_s * gone_rad_s
+        if stood_cycles < STUCK_CYCLES or self.cycles < self._calm_at or self.mode is _BLIND:
             return
-        stood_s = self._stood_cycles * self._period_s
-        timing_rad = STUCK_TRAVEL * TIMING_SHARE * self._period_s * abs(self._gone_rad_s)
+        least = STUCK_FACTOR * self._travel_rad
+        if -least <= gone_rad <= least:
+            return
+        stood_s = stood_cycles * self._period_s
+        timing_rad = STUCK_TRAVEL * TIMING_SHARE * self._period_s * abs(gone_rad_s)
         limit = STUCK_FACTOR * max(self._travel_rad, timing_rad) + 0.5 * self._unmodelled * stood_s**2
-        if abs(self._gone_rad) > limit:
-            detail = f"code {x_code} while the model turned {self._gone_rad / self._position_lsb:.1f} LSB"
+        if abs(gone_rad) > limit:
+            detail = f"code {x_code} while the model turned {gone_rad / self._position_lsb:.1f} LSB"
             self.accuse_standing(detail)
 
     def _judge_bias(self) -> None:
         """Whether the acceleration is beyond any payload: a jam, a braking drive."""
-        beyond = abs(self.bias) > self._thresholds.lasting and self.cycles > 2 * self._timing.calm
+        beyond = abs(self.bias) > self._lasting_rad_s2 and self.cycles > 2 * self._timing.calm
         self._lasting_cycles = self._lasting_cycles + 1 if beyond else 0
         if self._lasting_cycles > self._timing.lasting:
             detail = f"{self.bias:+.0f} rad/s2 beyond the model, more than any payload, and lasting"
@@ -260,4 +288,8 @@ def sudden_rad(joint: JointNominal, period_s: float) -> float:
 
 def _surely(speed: float, doubt: float) -> float:
     """What of a speed is left by its doubt."""
-    return math.copysign(max(abs(speed) - doubt, 0.0), speed)
+    if speed > doubt:
+        return speed - doubt
+    if speed < -doubt:
+        return speed + doubt
+    return math.copysign(0.0, speed)
