@@ -316,17 +316,16 @@ class Rig(Branching, Carrying, AnyRig):
             self._recorders[0].cycle(truth)
 
     def _on_tick(self) -> None:
-        controller, truth, assess = self._controller, self._truth, self._assessor.reference
+        controller, truth = self._controller, self._truth
         assert truth is not None
         cycle = controller.loop.cycle
         tick, references_rad, measured_rad = cycle.tick, cycle.reference_rad, cycle.position_rad
         row = [truth.time_ns * 1e-9]
-        for joint, true in enumerate(truth.joints):
-            reference_rad = references_rad[joint]
+        for true, reference_rad, angle_rad in zip(truth.joints, references_rad, measured_rad, strict=True):
             row += true[:TRUE_SIGNALS]
             row.append(reference_rad)
-            row.append(measured_rad[joint])
-            assess(tick, joint, reference_rad)
+            row.append(angle_rad)
+        self._assessor.references(tick, references_rad)
         self._history.tick(controller.controlled_ticks - 1, row)
         if self._recorders is not None:
             self._recorders[1].tick()

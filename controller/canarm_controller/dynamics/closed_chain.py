@@ -92,7 +92,8 @@ class HeldMotion:
         self._rows: Rows = ()
         self._answer: Rows = ()
         self._drift: Numbers = ()
-        self._across = self._solved = np.zeros((0, 0))
+        self._across: Floats = np.zeros((0, 0))
+        self._solved: Floats = self._across
 
     @property
     def borne(self) -> Floats:
@@ -109,7 +110,7 @@ class HeldMotion:
             own = slice(first, first + len(block))
             across[own] = np.array(block) @ rows[:, own].T
             first = own.stop
-        answer = np.linalg.solve(rows @ across, across.T).T
+        answer: Floats = np.linalg.solve(rows @ across, across.T).T
         self._across, self._solved = across, answer
         self._answer = answer.tolist()
 

@@ -129,8 +129,13 @@ class CardNodes:
         timeline = self._timeline
 
         def take(data: bytes) -> None:
-            if len(data) == 1:
-                slave.on_heartbeat(watched, timeline.time_ns)
+            if len(data) != 1:
+                return
+            before_ns = slave.next_due_ns
+            slave.on_heartbeat(watched, timeline.time_ns)
+            if before_ns == self.next_due_ns:
                 self.schedule()
+            elif slave.next_due_ns < self.next_due_ns:
+                self.next_due_ns = slave.next_due_ns
 
         return take

@@ -147,6 +147,17 @@ class Assessor:
         place = tick % KEPT_CYCLES
         if self._kept[place] != tick or tick < SETTLING_CYCLES or not -LARGEST_RAD < angle_rad < LARGEST_RAD:
             return
+        self._score(joint, place, angle_rad)
+
+    def references(self, tick: int, angles_rad: Sequence[float]) -> None:
+        """`reference` of all joints."""
+        place = tick % KEPT_CYCLES
+        if self._kept[place] == tick and tick >= SETTLING_CYCLES:
+            for joint, angle_rad in enumerate(angles_rad):
+                if -LARGEST_RAD < angle_rad < LARGEST_RAD:
+                    self._score(joint, place, angle_rad)
+
+    def _score(self, joint: int, place: int, angle_rad: float) -> None:
         score = self.scores[joint]
         error = (self._angles_rad[joint][place] - angle_rad) / score.lsb_rad
         score.samples += 1

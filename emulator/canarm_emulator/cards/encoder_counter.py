@@ -29,6 +29,8 @@ CHANNELS = 4
 SPACING = 4
 """Addresses per channel."""
 COUNT, INDEX, FLAGS, CLEAR = range(SPACING)
+_SIGN = 1 << 8 * SPACING - 1
+_ALL_BYTES = (1 << 8 * SPACING) - 1
 WENT_OVER, WENT_UNDER, INDEX_PASSED = 0x01, 0x02, 0x04
 
 
@@ -84,6 +86,10 @@ class EncoderCounterCard:
         channel, byte = divmod(address, SPACING)
         return self._latched[channel] >> 8 * byte & 0xFF
 
+    def latched(self, channel: int) -> int:
+        """What the four bytes that were latched of a channel make together, with a sign."""
+        return (self._latched[channel] + _SIGN & _ALL_BYTES) - _SIGN
+
     def write(self, address: int, value: int, now_ns: int) -> None:
         """Bring a counter up to date, then latch or clear it."""
         channel, register = divmod(address, SPACING)
@@ -114,9 +120,9 @@ class CounterDevice:
 
     def scan(self, begin_ns: int, samples: Samples, values: list[float]) -> None:
         """Latch and read counts; `values` are where the shafts were (rad)."""
-        for channel, offset_ns, place in samples:
+        for channel, _, place in samples:
             self._card.latch(channel, COUNT, values[place])
-            self._read(channel, begin_ns + offset_ns)
+            self._read(channel)
 
     def distort(self, channel: int, distortion: Distortion | None) -> None:
         """Let another count be read than that of `channel` (from 0)."""
@@ -155,7 +161,7 @@ class CounterDevice:
         if index in (POSITION_VALUES, INDEX_VALUES, OVERFLOWS, INDEX_PULSES) and 1 <= subindex <= CHANNELS:
             now_ns = self._clock.time_ns
             self._card.write(SPACING * (subindex - 1) + COUNT, 0, now_ns)
-            self._read(subindex - 1, now_ns)
+            self._read(subindex - 1)
 
     def configure(self, read: ReadObject) -> None:
         """No parameter acts on the values in passing."""
@@ -168,9 +174,8 @@ class CounterDevice:
     def take_error_values(self, read: ReadObject) -> None:
         """Inputs have no error values."""
 
-    def _read(self, channel: int, now_ns: int) -> None:
-        latched = bytes(self._card.read(SPACING * channel + byte, now_ns) for byte in range(SPACING))
-        count = int.from_bytes(latched, "little", signed=True)
+    def _read(self, channel: int) -> None:
+        count = self._card.latched(channel)
         if self._distortions and channel in self._distortions:
             count = int(self._distortions[channel](count))
         self._counts[channel] = count

@@ -22,6 +22,8 @@ class HeartbeatProducer:
         self.due_ns = NEVER
         """When the next one is sent."""
         self._node_id, self._emit = node_id, emit
+        self._state = NmtState.BOOT_UP
+        self._frame = heartbeat_frame(node_id, self._state)
         self._period_ns = 0
 
     def begin(self, time_ms: int, now_ns: int, scale: float) -> None:
@@ -40,8 +42,11 @@ class HeartbeatProducer:
 
     def run(self, now_ns: int, state: NmtState, scale: float) -> None:
         """Send the one that has fallen due by `now_ns`."""
-        if self.due_ns <= now_ns:
-            self._emit(self.due_ns, heartbeat_frame(self._node_id, state))
+        due_ns = self.due_ns
+        if due_ns <= now_ns:
+            if state is not self._state:
+                self._state, self._frame = state, heartbeat_frame(self._node_id, state)
+            self._emit(due_ns, self._frame)
             self.due_ns += _scaled(self._period_ns, scale)
 
 
@@ -95,8 +100,9 @@ class HeartbeatConsumer:
         if time_ns is None:
             return False
         self._lost.discard(node_id)
-        self._due_ns[node_id] = now_ns + _scaled(time_ns, scale)
-        self.due_ns = min(self._due_ns.values())
+        times = self._due_ns
+        times[node_id] = due_ns = now_ns + _scaled(time_ns, scale)
+        self.due_ns = due_ns if len(times) == 1 else min(times.values())
         return True
 
     def run(self, now_ns: int) -> None:

@@ -22,7 +22,8 @@ class LifeWatch:
     @property
     def due_ns(self) -> int:
         """When the next one is lost."""
-        return min(self._consumer.due_ns, self._guard.due_ns)
+        heartbeat_ns, guard_ns = self._consumer.due_ns, self._guard.due_ns
+        return heartbeat_ns if heartbeat_ns < guard_ns else guard_ns
 
     @property
     def node_ids(self) -> list[int]:
@@ -72,5 +73,5 @@ class LifeWatch:
 
     def end_error(self, now_ns: int) -> None:
         """Report, where nobody is lost any more, that the error is over."""
-        if not self._consumer.is_any_lost and not self._guard.is_lost:
+        if self._emergency.present and not self._consumer.is_any_lost and not self._guard.is_lost:
             self._emergency.end(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, now_ns)

@@ -45,6 +45,7 @@ Emit = Callable[[int, Frame], None]
 SILENT_STATES = (NmtState.STOPPED, NmtState.BOOT_UP)
 """States without SDO and EMCY, in which SYNC has no effect."""
 _OPERATIONAL = NmtState.OPERATIONAL  # looking it up is slow
+_BOOT_UP = NmtState.BOOT_UP
 
 
 class Slave:
@@ -232,7 +233,7 @@ class Slave:
 
     def on_heartbeat(self, node_id: int, now_ns: int) -> None:
         """A heartbeat of another node: monitoring begins with the first one (CiA 301, 7.5.2.19)."""
-        if self.state is not NmtState.BOOT_UP and self._life.heard(node_id, now_ns, self.timer_scale):
+        if self.state is not _BOOT_UP and self._life.heard(node_id, now_ns, self.timer_scale):
             self._schedule()
 
     def on_error_state(self, state: ErrorState, now_ns: int) -> None:

@@ -12,11 +12,10 @@ from typing import Any, Self
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from canarm_protocol.cell.model import Cell
 
-from .carried import Grips, ObjectState
+from .carried import Grips, ObjectState, elements
 from .model_xml import WIRE_LOSS_TIME_S, has_tendon, model_xml, own_gravity
 from .stiffness import fastest_wire_rad_s, inverse_inertia
 from .truth import JointTruth, Truth
@@ -90,10 +89,10 @@ class Plant:
         self._step_s = self._option.timestep
         # Setting elements of a memoryview takes a third of the time of an array's.
         self._position = self._data.qpos
-        self._set_position, self._velocity = _elements(self._data.qpos), _elements(self._data.qvel)
+        self._set_position, self._velocity = elements(self._data.qpos), elements(self._data.qvel)
         self._positions: Callable[[], Any] = self._set_position.tolist
         self._velocities: Callable[[], Any] = self._velocity.tolist
-        self._applied = _elements(self._data.qfrc_applied)
+        self._applied = elements(self._data.qfrc_applied)
         forces = own_gravity(cell, self._model)
         if forces is not None:
             self._data.xfrc_applied[:] = forces
@@ -240,10 +239,6 @@ class Plant:
         self._data.qacc_warmstart[:] = before._data.qacc_warmstart[sources]
         if any(impulse_nm_s):
             self.strike(impulse_nm_s)
-
-
-def _elements(values: NDArray[np.float64]) -> "memoryview[float]":
-    return values.data.cast("B").cast("d")
 
 
 def _kept_twist(twist_rad: float, old: JointTruth, new: JointTruth) -> float | None:

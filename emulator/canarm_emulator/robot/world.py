@@ -240,7 +240,8 @@ class World:
         sources, duration_ns = schedule.sources, schedule.duration_ns
         values: list[float] = []
         if not duration_ns:
-            return [self.sample(source) for source in sources]
+            moment, deviate = self._now(), self._deviates.__next__
+            return [source.read(moment, 1.0, deviate()) for source in sources]
         plant, drives, moment, deviate = self._plant, self._drives, self._moment, self._deviates.__next__
         grid = self._grid(duration_ns)
         if schedule is not self._schedule:
@@ -260,12 +261,16 @@ class World:
 
     def sample(self, source: Source) -> float:
         """The present output of one sensor; no time passes."""
+        return source.read(self._now(), 1.0, next(self._deviates))
+
+    def _now(self) -> Moment:
+        """The present state, as the end of a step that takes no time."""
         plant, moment = self._plant, self._moment
         moment.step_s = 0.0
         moment.angle = moment.old_angle = plant.angle
         moment.speed = moment.old_speed = plant.speed
         moment.old_current = [drive.current_a for drive in self._drives]
-        return source.read(moment, 1.0, next(self._deviates))
+        return moment
 
     def _step(self, grid: _Grid) -> None:
         plant, torque_nm, decays = self._plant, self._torque_nm, grid.decays
