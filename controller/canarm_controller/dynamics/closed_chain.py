@@ -6,7 +6,7 @@ Owns the constraint C·q̇ = 0 of the point that the slave holds. Drives, sensor
 from collections.abc import Sequence
 from math import cos, sin
 from operator import mul
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -110,7 +110,7 @@ class HeldMotion:
             own = slice(first, first + len(block))
             across[own] = np.array(block) @ rows[:, own].T
             first = own.stop
-        answer: Floats = np.linalg.solve(rows @ across, across.T).T
+        answer: Any = np.linalg.solve(rows @ across, across.T).T
         self._across, self._solved = across, answer
         self._answer = answer.tolist()
 
