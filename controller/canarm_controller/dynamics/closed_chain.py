@@ -3,7 +3,7 @@
 Owns the constraint C·q̇ = 0 of the point that the slave holds. Drives, sensors and laws must not enter.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import cos, sin
 from operator import mul
 from typing import Any, Self
@@ -21,6 +21,8 @@ Link = tuple[float, float, float, float, float, float]
 """a, b and d in m, cos α, sin α and the offset of the angle in rad, as in `ChainLink`."""
 Axis = tuple[float, float, float, float, float, float]
 """A point on a joint's axis, m, and its direction."""
+Side = tuple[tuple[Link, ...], slice, Sequence[Triple], Triple, Triple, float]
+"""An arm's links, which joints they are, axes and place of its base, the held point in its last link, and its sign."""
 
 
 class ClosedChain:
@@ -37,12 +39,16 @@ class ClosedChain:
             raise ValueError(f"cell {cell.name!r} has no object")
         self._count = len(cell.joints)
         x, y, z = (each * carried.grasp_distance_m for each in carried.direction)
-        self._sides: list[tuple[tuple[Link, ...], slice, tuple[Triple, ...], Triple, Triple, float]] = []
+        self._sides: list[Side] = []
         for name, point_m, sign in ((carried.master, (x, y, z), 1.0), (carried.slave, (0.0, 0.0, 0.0), -1.0)):
             number = [robot.name for robot in cell.robot].index(name)
             robot, own = cell.robot[number], cell.blocks[number]
             base = from_rpy_deg(robot.base_rpy_deg)
             self._sides.append((_links(chain_of(robot)), own, base, robot.base_m, point_m, sign))
+
+        self._pose: tuple[float, ...] = ()
+        self._reached: list[tuple[list[Axis], Triple]] = []
+        """Of each side, axes and the held point in `_pose`: grips are looked at where their accelerations are."""
 
     @classmethod
     def of(cls, cell: Cell) -> Self | None:
@@ -57,8 +63,7 @@ class ClosedChain:
     def gap(self, q: Numbers) -> Triple:
         """How far the point that the slave holds is from its hand, (3,), m: all 0 where the hands fit the object."""
         x = y = z = 0.0
-        for links, own, base, (base_x, base_y, base_z), point_m, sign in self._sides:
-            _, (end_x, end_y, end_z) = _reach(links, base, q[own], point_m)
+        for (*_, (base_x, base_y, base_z), _, sign), (_, (end_x, end_y, end_z)) in self._at(q):
             x += sign * (base_x + end_x)
             y += sign * (base_y + end_y)
             z += sign * (base_z + end_z)
@@ -73,8 +78,7 @@ class ClosedChain:
         """`constraint` as plain numbers."""
         rows = [[0.0] * self._count for _ in range(3)]
         x = y = z = 0.0
-        for links, own, base, _, point_m, sign in self._sides:
-            axes, end = _reach(links, base, q[own], point_m)
+        for (_, own, *_, sign), (axes, end) in self._at(q):
             for row, part in zip(rows, zip(*_columns(axes, end), strict=True), strict=True):
                 row[own] = [sign * each for each in part]
             drift_x, drift_y, drift_z = _drift(axes, end, qd[own])
@@ -82,6 +86,13 @@ class ClosedChain:
             y += sign * drift_y
             z += sign * drift_z
         return rows, (x, y, z)
+
+    def _at(self, q: Numbers) -> Iterator[tuple[Side, tuple[list[Axis], Triple]]]:
+        pose = tuple(q)
+        if pose != self._pose:
+            self._pose = pose
+            self._reached = [_reach(links, base, pose[own], point_m) for links, own, base, _, point_m, _ in self._sides]
+        return zip(self._sides, self._reached, strict=True)
 
 
 class HeldMotion:

@@ -107,9 +107,16 @@ class TachlessWitness(SensorLess):
         else:
             off = x - blind.position_rad
             sudden = x - self._last_rad - self._period_s * self.speed
-            is_astray = not (self._is_usual(off, sudden) or self._begins_anew(x, off)) and (
-                self._is_astray(off, sudden, x_code)
-            )
+            jump, sudden_limit = BLIND_FACTOR * self._limits.jump, self._sudden_limit
+            is_usual = (
+                -jump <= off <= jump
+                and -sudden_limit <= sudden <= sudden_limit
+                and cycles > self._shaken_until
+                and cycles > self._timing.calm
+                and cycles >= self._calm_at
+                and not (self._sudden_cycles or self._astray_cycles)
+            )  # long turning, where it should be, and nothing is pending
+            is_astray = not (is_usual or self._begins_anew(x, off)) and self._is_astray(off, sudden, x_code)
             self._last_off_rad = off
         if not is_astray:
             blind.correct(x)
@@ -122,18 +129,6 @@ class TachlessWitness(SensorLess):
         if self._lasting_cycles or not -self._lasting_rad_s2 <= bias <= self._lasting_rad_s2:
             self._judge_bias()
         return is_astray and self._substitute(blind.position_rad, self.speed)
-
-    def _is_usual(self, off: float, sudden: float) -> bool:
-        """Whether the angle is where it should be, nothing is pending, and the joint has long been turning."""
-        cycles, jump = self.cycles, BLIND_FACTOR * self._limits.jump
-        return (
-            -jump <= off <= jump
-            and -self._sudden_limit <= sudden <= self._sudden_limit
-            and cycles > self._shaken_until
-            and cycles > self._timing.calm
-            and cycles >= self._calm_at
-            and not (self._sudden_cycles or self._astray_cycles)
-        )
 
     @property
     def is_shaken(self) -> bool:

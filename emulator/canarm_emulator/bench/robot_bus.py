@@ -202,10 +202,9 @@ class RobotBus:
         self.records.append(record)
         can_id, data, is_extended, is_remote = record[1]
         takers = self._nodes.takers.get(can_id)
-        if is_remote and not is_extended and self._nodes.answer_remote(can_id, self._off):
-            return
         if takers is None or is_extended or is_remote:
-            self.ignored_frames += not is_card
+            is_answered = is_remote and not is_extended and self._nodes.answer_remote(can_id, self._off)
+            self.ignored_frames += not (is_answered or is_card)
             return
         self.missed_by = missed_by
         for name, take in takers:

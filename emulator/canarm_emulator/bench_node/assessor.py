@@ -4,7 +4,7 @@ The reference arrives late and in batches; the truth of the last cycles is kept 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from canarm_protocol.cell.bench_objects import SETTLING_CYCLES as SETTLING_CYCLES
@@ -144,24 +144,24 @@ class Assessor:
 
     def reference(self, tick: int, joint: int, angle_rad: float) -> None:
         """The reference of one joint at `tick`; ignored if it is no angle, too old, or of an unknown cycle."""
-        place = tick % KEPT_CYCLES
-        if self._kept[place] != tick or tick < SETTLING_CYCLES or not -LARGEST_RAD < angle_rad < LARGEST_RAD:
-            return
-        self._score(joint, place, angle_rad)
+        self._score(tick, ((joint, angle_rad),))
 
     def references(self, tick: int, angles_rad: Sequence[float]) -> None:
         """`reference` of all joints."""
-        place = tick % KEPT_CYCLES
-        if self._kept[place] == tick and tick >= SETTLING_CYCLES:
-            for joint, angle_rad in enumerate(angles_rad):
-                if -LARGEST_RAD < angle_rad < LARGEST_RAD:
-                    self._score(joint, place, angle_rad)
+        self._score(tick, enumerate(angles_rad))
 
-    def _score(self, joint: int, place: int, angle_rad: float) -> None:
-        score = self.scores[joint]
-        error = (self._angles_rad[joint][place] - angle_rad) / score.lsb_rad
-        score.samples += 1
-        score.sum_of_squares += error * error
-        if not -score.max_lsb <= error <= score.max_lsb:
-            score.max_lsb = abs(error)
-        score.ripple.add(angle_rad, self._speeds_rad_s[joint][place])
+    def _score(self, tick: int, references: Iterable[tuple[int, float]]) -> None:
+        place = tick % KEPT_CYCLES
+        if self._kept[place] != tick or tick < SETTLING_CYCLES:
+            return
+        scores, angles_rad, speeds_rad_s = self.scores, self._angles_rad, self._speeds_rad_s
+        for joint, angle_rad in references:
+            if not -LARGEST_RAD < angle_rad < LARGEST_RAD:
+                continue
+            score = scores[joint]
+            error = (angles_rad[joint][place] - angle_rad) / score.lsb_rad
+            score.samples += 1
+            score.sum_of_squares += error * error
+            if not -score.max_lsb <= error <= score.max_lsb:
+                score.max_lsb = abs(error)
+            score.ripple.add(angle_rad, speeds_rad_s[joint][place])

@@ -17,7 +17,7 @@ from ..errors import EmulatorError
 from ..signals import Distortion
 from .brakes import BrakeModel, make_brake
 from .carried import ObjectState
-from .drives import decay_over, make_drive
+from .drives import DriveModel, decay_over, make_drive
 from .parking import Parking
 from .plant import Plant
 from .scan_schedule import ScanSchedule
@@ -52,11 +52,14 @@ class SaturatedSteps(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _Grid:
-    """A span of time cut into equal steps. `decays` has (decay, mean weight) of every drive's current for one step."""
+    """A span of time cut into equal steps.
+
+    `drives` has each joint's drive, its motor's coordinate, and the decay and the mean weight of its current in a step.
+    """
 
     step_count: int
     step_s: float
-    decays: tuple[tuple[float, float], ...]
+    drives: tuple[tuple[DriveModel, int, float, float], ...]
 
 
 def _samples(schedule: ScanSchedule, step_count: int) -> list[list[tuple[int, float]]]:
@@ -79,7 +82,6 @@ class World:
         self.time_ns = 0
         self._cell, self._truth, self._seed = cell, truth, seed
         self._max_step_ns = cell.physics.max_step_us * 1000
-        self._torque_nm = [0.0] * len(cell.joints)
         self._grid = functools.lru_cache(maxsize=256)(self._cut)
         self._schedule: ScanSchedule | None = None
         """Schedule of the last scan, nearly always the next one's too."""
@@ -273,11 +275,9 @@ class World:
         return moment
 
     def _step(self, grid: _Grid) -> None:
-        plant, torque_nm, decays = self._plant, self._torque_nm, grid.decays
+        plant = self._plant
         angle, speed = plant.angle, plant.speed
-        for joint, drive, motor in self._by_joint:
-            decay, mean_weight = decays[joint]
-            torque_nm[joint] = drive.step(speed[motor], decay, mean_weight)
+        torque_nm = [drive.step(speed[motor], decay, mean_weight) for drive, motor, decay, mean_weight in grid.drives]
         for joint, brake in self._brakes:
             is_asked, motor_rad_s = self._drives[joint].command_a != 0.0, speed[plant.motor_dof[joint]]
             torque_nm[joint] = brake.step(is_asked, torque_nm[joint], motor_rad_s, grid.step_s)
@@ -307,8 +307,8 @@ class World:
     def _cut(self, duration_ns: int) -> _Grid:
         step_count = -(-duration_ns // self._longest_step_ns())
         step_s = duration_ns * 1e-9 / step_count
-        decays = tuple(decay_over(step_s, drive.time_constant_s) for drive in self._drives)
-        return _Grid(step_count, step_s, decays)
+        drives = tuple((drive, motor, *decay_over(step_s, drive.time_constant_s)) for _, drive, motor in self._by_joint)
+        return _Grid(step_count, step_s, drives)
 
     def _longest_step_ns(self) -> int:
         """The cell's longest step, or less if a wire oscillates or a motor brakes too fast for it."""

@@ -20,6 +20,9 @@ DAC_FULL_SCALE = 255 / 256
 OPAMP, CURRENT = "opamp", "amplifier.current"
 """Its stages at which faults act, as their taps are called."""
 
+SURELY = 1.0 - 1e-9
+"""Share of the supply below which rounding does not decide whether it gives a current."""
+
 _CURRENT = Command.CURRENT  # looking it up is slow
 _SIGN: dict[int, int] = {
     DirectionBits.OFF: 0,
@@ -46,6 +49,8 @@ class D669Drive:
         "_direction",
         "_distort_current",
         "_distort_opamp",
+        "_free_rad_s",
+        "_is_at_limit",
         "_joint",
         "_max_current_a",
         "_sign",
@@ -71,9 +76,12 @@ class D669Drive:
         self._sign = 0
         self._distort_opamp: Distortion | None = None
         self._distort_current: Distortion | None = None
-        self.change(truth)
         self.command_a = 0.0
         """Signed current that amplifier and bridge command."""
+        self._is_at_limit = False
+        self._free_rad_s = 0.0
+        """Up to this speed of the motor, either way, the supply gives the current that is commanded."""
+        self.change(truth)
         self.current_a = 0.0
         """Signed motor current now."""
         self.target_a = 0.0
@@ -95,6 +103,7 @@ class D669Drive:
         self._winding_ohm = truth.winding_ohm * turns
         self._supply_v = truth.supply_v
         self.time_constant_s = motor.winding_mh * 1e-3 / truth.winding_ohm * turns
+        self._bound()
 
     @property
     def torque_nm_a(self) -> float:
@@ -157,26 +166,37 @@ class D669Drive:
         """
         target_a = self.command_a
         if target_a != 0.0:
-            back_emf_v = self._back_emf_v_s_rad * motor_speed_rad_s
-            if target_a > 0.0:
-                if target_a >= self._max_current_a:
-                    self.own_limited_steps += 1
-                limit_a = (self._supply_v - back_emf_v) / self._winding_ohm
-                if target_a > limit_a:
-                    self.supply_limited_steps += 1
-                    target_a = limit_a if limit_a > 0.0 else 0.0
-            else:
-                if -target_a >= self._max_current_a:
-                    self.own_limited_steps += 1
-                limit_a = (self._supply_v + back_emf_v) / self._winding_ohm
-                if -target_a > limit_a:
-                    self.supply_limited_steps += 1
-                    target_a = -limit_a if limit_a > 0.0 else 0.0
+            if self._is_at_limit:
+                self.own_limited_steps += 1
+            if not -self._free_rad_s < motor_speed_rad_s < self._free_rad_s:
+                target_a = self._supplied_a(target_a, motor_speed_rad_s)
         deviation_a = self.current_a - target_a
         self.target_a = target_a
         self.current_a = target_a + deviation_a * decay
         torque_nm = self._torque_nm_a * (target_a + deviation_a * mean_weight)
         return torque_nm - self._braking_nm_s * motor_speed_rad_s
+
+    def _supplied_a(self, target_a: float, motor_speed_rad_s: float) -> float:
+        """What the supply gives of a commanded current at a speed of the motor."""
+        back_emf_v = self._back_emf_v_s_rad * motor_speed_rad_s
+        if target_a > 0.0:
+            limit_a = (self._supply_v - back_emf_v) / self._winding_ohm
+            if target_a > limit_a:
+                self.supply_limited_steps += 1
+                return limit_a if limit_a > 0.0 else 0.0
+        else:
+            limit_a = (self._supply_v + back_emf_v) / self._winding_ohm
+            if -target_a > limit_a:
+                self.supply_limited_steps += 1
+                return -limit_a if limit_a > 0.0 else 0.0
+        return target_a
+
+    def _bound(self) -> None:
+        """What holds for as long as the command and the motor are as they are."""
+        magnitude_a = abs(self.command_a)
+        self._is_at_limit = magnitude_a >= self._max_current_a
+        left_v = SURELY * self._supply_v - magnitude_a * self._winding_ohm
+        self._free_rad_s = left_v / self._back_emf_v_s_rad if self._back_emf_v_s_rad > 0.0 else 0.0
 
     def current_after(self, elapsed_s: float, old_current_a: float) -> float:
         """Signed current `elapsed_s` into the last step, which began at `old_current_a`."""
@@ -186,6 +206,7 @@ class D669Drive:
         """Work out the command: from the DAC's output through op-amp and D669 stage to the bridge."""
         if not (self._sign and self._supply_is_on):
             self.command_a = 0.0
+            self._is_at_limit = False
             return
         # The op-amp's full-scale voltage cancels: the D669 stage gives max_current_a there.
         of_full_scale = self._dac_fraction / DAC_FULL_SCALE
@@ -198,6 +219,7 @@ class D669Drive:
         if self._distort_current is not None:
             magnitude_a = self._distort_current(magnitude_a)
         self.command_a = self._sign * magnitude_a
+        self._bound()
 
 
 def _stages(joint: Joint) -> tuple[Stage, ...]:
