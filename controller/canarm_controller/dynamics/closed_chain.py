@@ -111,7 +111,7 @@ class HeldMotion:
         """What the grips bear of M⁻¹: a torque τ makes M⁻¹·τ less this times τ."""
         return np.asarray(self._solved @ self._across.T)
 
-    def refresh(self, q: Numbers, qd: Numbers, mobilities: Sequence[Rows]) -> None:
+    def refresh(self, q: Numbers, qd: Numbers, mobilities: Sequence[Rows | Floats]) -> None:
         """Look up what changes slowly. `mobilities` are the M⁻¹ of the cell's robots, rotors included."""
         self._rows, self._drift = plain, _ = self._chain.plain(q, qd)
         rows = np.array(plain)
@@ -119,7 +119,7 @@ class HeldMotion:
         first = 0
         for block in mobilities:
             own = slice(first, first + len(block))
-            across[own] = np.array(block) @ rows[:, own].T
+            across[own] = np.asarray(block) @ rows[:, own].T
             first = own.stop
         answer: Any = np.linalg.solve(rows @ across, across.T).T
         self._across, self._solved = across, answer

@@ -47,7 +47,8 @@ class SpeedObserver:
         """
         self._fastest_rad_s = fastest_rad_s or (math.inf,) * arm.joint_count
         self._held = None if chain is None else HeldMotion(chain)
-        self._parts = arm.parts if isinstance(arm, SeveralArms) else (arm,)
+        parts = arm.parts if isinstance(arm, SeveralArms) else (arm,)
+        self._parts = [(part, np.diag(part.rotor_inertia)) for part in parts]
         self._refresh_in = 0
         self._arm, self._period_s, self._joints = arm, period_s, tuple(joints)
         self._gains = [(joint, *_gains(noise_rad[joint], gains, period_s)) for joint in joints]
@@ -114,10 +115,9 @@ class SpeedObserver:
         if not self._refresh_in:
             self._refresh_in = REFRESH
             blocks, first = [], 0
-            for part in self._parts:
+            for part, rotors in self._parts:
                 own = slice(first, first + part.joint_count)
-                inertia = np.array(part.inertia(position_rad[own])) + np.diag(part.rotor_inertia)
-                blocks.append(np.linalg.inv(inertia).tolist())
+                blocks.append(np.linalg.inv(np.array(part.inertia(position_rad[own])) + rotors))
                 first = own.stop
             held.refresh(position_rad, speed_rad_s, blocks)
         self._refresh_in -= 1

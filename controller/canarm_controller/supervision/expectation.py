@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from operator import mul, sub
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..dynamics import Arm
 
@@ -21,6 +22,7 @@ class ArmExpectation:
         self._arm, self._rest = arm, (0.0,) * count
         self.still_nm: Sequence[float] = self._rest
         """Torques that keep the arm at its speed: gravity, Coriolis, friction."""
+        self._inverse: NDArray[np.float64] = np.zeros((0, 0))
         self.inertia: Rows = ()
         self.mobility: Rows = ()
 
@@ -32,7 +34,12 @@ class ArmExpectation:
         for joint, (row, rotor) in enumerate(zip(rows, arm.rotor_inertia, strict=True)):
             row[joint] += rotor
         self.inertia = rows
-        self.mobility = np.linalg.inv(np.array(rows)).tolist()
+        self._inverse = np.linalg.inv(np.array(rows))
+        self.mobility = self._inverse.tolist()
+
+    def matrix(self) -> NDArray[np.float64]:
+        """`mobility` as an array."""
+        return self._inverse
 
     def accelerations(self, torque_nm: Sequence[float]) -> Sequence[float]:
         """What the model makes of torques, rad/s²."""
@@ -55,6 +62,10 @@ class PairExpectation(ArmExpectation):
         cross = -d12 / determinant
         self.inertia = (d11, d12), (d12, d22)
         self.mobility = (d22 / determinant, cross), (cross, d11 / determinant)
+
+    def matrix(self) -> NDArray[np.float64]:
+        """`mobility` as an array."""
+        return np.array(self.mobility)
 
     def accelerations(self, torque_nm: Sequence[float]) -> tuple[float, float]:
         """What the model makes of torques, rad/s²."""

@@ -221,11 +221,13 @@ class CountWatch:
         for _, _, count in self._joints:
             count.forget()
 
-    def look(self, mobilities: Sequence[Rows], borne: NDArray[np.float64] | None) -> None:
-        """Called every `Timing.refresh` cycles: M⁻¹ of each robot, and what grips bear of it, change with the pose."""
+    def looks(self) -> bool:
+        """Called every `Timing.refresh` cycles: whether it is time to `look`."""
         self._looks += 1
-        if not self._joints or self._looks % self._looks_between != 1 % self._looks_between:
-            return
+        return bool(self._joints) and self._looks % self._looks_between == 1 % self._looks_between
+
+    def look(self, mobilities: Sequence[Rows], borne: NDArray[np.float64] | None) -> None:
+        """M⁻¹ of each robot, and what grips bear of it, change with the pose."""
         mobility = np.zeros((len(self._coulomb_nm),) * 2)
         first = 0
         for block in mobilities:
