@@ -63,7 +63,8 @@ class ClosedChain:
     def gap(self, q: Numbers) -> Triple:
         """How far the point that the slave holds is from its hand, (3,), m: all 0 where the hands fit the object."""
         x = y = z = 0.0
-        for (*_, (base_x, base_y, base_z), _, sign), (_, (end_x, end_y, end_z)) in self._at(q):
+        for side, (_, (end_x, end_y, end_z)) in self._at(q):
+            _, _, _, (base_x, base_y, base_z), _, sign = side
             x += sign * (base_x + end_x)
             y += sign * (base_y + end_y)
             z += sign * (base_z + end_z)
@@ -78,7 +79,8 @@ class ClosedChain:
         """`constraint` as plain numbers."""
         rows = [[0.0] * self._count for _ in range(3)]
         x = y = z = 0.0
-        for (_, own, *_, sign), (axes, end) in self._at(q):
+        for side, (axes, end) in self._at(q):
+            _, own, _, _, _, sign = side
             for row, part in zip(rows, zip(*_columns(axes, end), strict=True), strict=True):
                 row[own] = [sign * each for each in part]
             drift_x, drift_y, drift_z = _drift(axes, end, qd[own])

@@ -343,9 +343,7 @@ class ArmWatch:
             robot.twist(speeds, self._last_nm[robot.joints])
         if self._held is not None:
             self._held.refresh(position_rad, speed_rad_s, [robot.expected.matrix() for robot in self._robots])
-        if self._counts.looks():
-            mobilities = [robot.expected.mobility for robot in self._robots]
-            self._counts.look(mobilities, None if self._held is None else self._held.borne)
+        self._counts.look([robot.expected for robot in self._robots], self._held)
 
     def _own_mobility(self, index: int) -> float:
         robot = self._robot_of[index]

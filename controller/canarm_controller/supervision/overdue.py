@@ -8,9 +8,10 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..dynamics import HeldMotion
 from .count_filter import CountFilter
+from .expectation import ArmExpectation
 from .joint_state import Mode
 from .nominal import ROUNDING_LSB, JointNominal
 from .tachless import TachlessWitness
@@ -42,7 +43,6 @@ DRIVE_S, HELD_SHARE, HELD_FACTOR = 0.06, 2.1, 1.5
 seen before other counts: 1.73 occurs in the same runs."""
 
 
-Rows = Sequence[Sequence[float]]
 _NO_TACHOMETER = Mode.NO_TACHOMETER  # an enum's attribute is slow
 
 
@@ -221,21 +221,19 @@ class CountWatch:
         for _, _, count in self._joints:
             count.forget()
 
-    def looks(self) -> bool:
-        """Called every `Timing.refresh` cycles: whether it is time to `look`."""
+    def look(self, robots: Sequence[ArmExpectation], held: HeldMotion | None) -> None:
+        """Called every `Timing.refresh` cycles: M⁻¹ of each robot, and what grips bear of it, change with the pose."""
         self._looks += 1
-        return bool(self._joints) and self._looks % self._looks_between == 1 % self._looks_between
-
-    def look(self, mobilities: Sequence[Rows], borne: NDArray[np.float64] | None) -> None:
-        """M⁻¹ of each robot, and what grips bear of it, change with the pose."""
+        if not self._joints or self._looks % self._looks_between != 1 % self._looks_between:
+            return
         mobility = np.zeros((len(self._coulomb_nm),) * 2)
         first = 0
-        for block in mobilities:
-            own = slice(first, first + len(block))
-            mobility[own, own] = block
+        for robot in robots:
+            own = slice(first, first + len(robot.mobility))
+            mobility[own, own] = robot.mobility
             first = own.stop
-        if borne is not None:
-            mobility -= borne
+        if held is not None:
+            mobility -= held.borne
         made = np.linalg.norm(mobility * self._coulomb_nm, axis=1).tolist()
         for index, _, count in self._joints:
             count.friction_rad_s2 = made[index]
