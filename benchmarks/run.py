@@ -12,7 +12,7 @@ import against
 from machine import commit, machine, python, python_text
 from measure import Row
 
-SUITES = ("cycle", "lockstep", "dynamics", "cooperation", "slave", "wall_clock")
+SUITES = ("cycle", "pair", "lockstep", "dynamics", "cooperation", "slave", "wall_clock")
 RESULTS = Path(__file__).parent / "results"
 SLOWER = 3
 
