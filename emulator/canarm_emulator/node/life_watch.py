@@ -44,7 +44,8 @@ class LifeWatch:
         """A heartbeat came; returns whether its node is monitored. `scale` multiplies the time until the next."""
         if not self._consumer.heard(node_id, now_ns, scale):
             return False
-        self.end_error(now_ns)
+        if self._emergency.present:
+            self.end_error(now_ns)
         return True
 
     def asked(self, state: NmtState, now_ns: int, scale: float) -> bytes | None:
@@ -73,5 +74,5 @@ class LifeWatch:
 
     def end_error(self, now_ns: int) -> None:
         """Report, where nobody is lost any more, that the error is over."""
-        if self._emergency.present and not self._consumer.is_any_lost and not self._guard.is_lost:
+        if not self._consumer.is_any_lost and not self._guard.is_lost:
             self._emergency.end(ErrorCode.LIFE_GUARD_OR_HEARTBEAT, now_ns)

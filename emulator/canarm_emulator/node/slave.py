@@ -233,8 +233,13 @@ class Slave:
 
     def on_heartbeat(self, node_id: int, now_ns: int) -> None:
         """A heartbeat of another node: monitoring begins with the first one (CiA 301, 7.5.2.19)."""
-        if self.state is not _BOOT_UP and self._life.heard(node_id, now_ns, self.timer_scale):
-            self._schedule()
+        life, is_in_error = self._life, bool(self._emergency.present)
+        before_ns = life.due_ns
+        if self.state is not _BOOT_UP and life.heard(node_id, now_ns, self.timer_scale):
+            if self.next_due_ns == before_ns or is_in_error:
+                self._schedule()
+            elif life.due_ns < self.next_due_ns:
+                self.next_due_ns = life.due_ns
 
     def on_error_state(self, state: ErrorState, now_ns: int) -> None:
         """The node's CAN controller has changed its error state; bus-off acts as a lost heartbeat does (0x1029:1)."""
