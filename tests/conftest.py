@@ -8,6 +8,8 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
+from itertools import groupby
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -30,6 +32,26 @@ sys.dont_write_bytecode = False
 
 settings.register_profile("canarm", deadline=None, derandomize="CI" in os.environ, print_blob=True)
 settings.load_profile("canarm")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Spread the dashboard's tests, module by module, evenly among the others.
+
+    They wait for half of their time, and leave a core idle when all workers are at them.
+    """
+    dashboard = Path(__file__).parent / "tui"
+    kinds: tuple[list[list[pytest.Item]], list[list[pytest.Item]]] = [], []
+    for path, of_module in groupby(items, lambda item: item.path):
+        kinds[path.is_relative_to(dashboard)].append(list(of_module))
+    placed: list[tuple[float, list[pytest.Item]]] = []
+    for modules in kinds:
+        total, before = sum(map(len, modules)), 0
+        for module in modules:
+            placed.append(((before + len(module) / 2) / total, module))
+            before += len(module)
+    placed.sort(key=lambda each: each[0])
+    items[:] = [item for _, module in placed for item in module]
 
 
 def pytest_collection_finish() -> None:
