@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import IO, Self
 
 from canarm_protocol.errors import BusError, ExitStatus
+from canarm_protocol.transport.one_core import on_all_cores
 
 from .cli import ENVIRONMENT_PREFIX, LOG_LEVEL
 from .stopping import signals_held_back
@@ -38,14 +39,15 @@ class Child:
     def __init__(self, command: str, arguments: Sequence[str], quiet: bool = False) -> None:
         self.command = command
         # -P: a file in the working folder must not shadow our packages.
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "canarm", command, *arguments, "--with-parent"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE if quiet else None,
-            start_new_session=True,
-            env=_environment(),
-        )
+        with on_all_cores():
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "canarm", command, *arguments, "--with-parent"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE if quiet else None,
+                start_new_session=True,
+                env=_environment(),
+            )
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._words = self._process.stdin

@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterator
 from typing import Any, TextIO
 
+from canarm_protocol.transport.one_core import on_one_core
 from canarm_protocol.transport.time_slice import PATIENT_NS, set_time_slice
 
 from .crash import broken, terminal_as_before
@@ -40,7 +41,7 @@ def run_app(app: SteadyApp) -> int:
     app.has_process, thresholds = True, gc.get_threshold()
     slice_ns = set_time_slice(PATIENT_NS)
     try:
-        with terminal_as_before(), _outliving_its_terminal(), _ending_with_its_page():
+        with on_one_core(), terminal_as_before(), _outliving_its_terminal(), _ending_with_its_page():
             app.run()
             if app.escaped is not None:
                 raise broken(app.TITLE or "the screen", app.escaped)
