@@ -63,3 +63,21 @@ def test_where_amplifiers_need_the_time_the_deceleration_comes_quicker_and_lasts
         speeds = np.array([plan.at(cycle).speed[0] for cycle in range(plan.cycles + 1)])
         mean = speeds[0] / plan.cycles
         assert 1.0 < np.abs(np.diff(speeds)).max() / abs(mean) < most
+
+
+def test_a_heavy_arm_brakes_with_more_of_its_drive_but_not_with_all() -> None:
+    """It rises slowly, so that what weighs brakes it; sinking, joint 2 has little left beyond what holds it."""
+    cell = load_cell("konkuk1")
+    arm = cell_arm(cell.robot, cell.joint_names)
+    lacking_nm, speed = (1.9, 0.6), (-0.6, 0.3)
+    plan = way(speed, lacking_nm=lacking_nm)
+    assert plan.cycles * PERIOD_S <= LONGEST_SMOOTH_S
+    drive_nm = [amperes * most for amperes, most in zip(arm.torque_per_ampere, arm.max_current_a, strict=True)]
+    shares = []
+    for cycle in range(plan.cycles):
+        moment = plan.at(cycle)
+        model_nm = arm.torque_nm(HOME, moment.speed, moment.acceleration)
+        shares += [
+            abs(model + lacking) / most for model, lacking, most in zip(model_nm, lacking_nm, drive_nm, strict=True)
+        ]
+    assert 0.8 < max(shares) < 0.98

@@ -14,8 +14,9 @@ LONGEST_S, SHORTEST_S = 0.125, 0.05
 SMOOTH_S, LONGEST_SMOOTH_S = 0.08, 0.1
 """The same of a smooth way: the longer, the less it swings, but the arm is to stand within 100 ms, and its torque is
 two cycles late. After 84 % of its way it has 5 % of its speed. Where the amplifiers need longer, a ramp is shorter."""
-RAMP_SHARE = 0.8
-"""Share of the amplifier's current that braking may use: the rest is for model errors."""
+RAMP_SHARE, FULL_SHARE, WANTED_S = 0.8, 0.92, 0.085
+"""Share of the amplifier's current that braking may use: the rest is for model errors. Where a ramp would take longer
+than it should then, more, as far as it helps: a heavy arm that holds itself has little to brake with."""
 EASE, LEAST_EASE = 0.47, 0.1
 """Share of the smooth way in which the deceleration comes, and again in which it goes; between, it is constant. Less
 where the amplifiers need the time; with least it is a ramp."""
@@ -109,7 +110,7 @@ class Braking:
         return Moment(speed, acceleration, jerk, snap)
 
     def _ramp_per_s(self, position_rad: Sequence[float], lacking_nm: Sequence[float]) -> float:
-        """The inverse of the time that the amplifiers need for a ramp.
+        """The inverse of the time that a ramp takes.
 
         What a ramp costs over going on at constant speed is inverse to its length.
         """
@@ -118,17 +119,24 @@ class Braking:
         standing_nm = arm.torque_nm(position_rad, rest, rest)
         pushed_nm = arm.torque_nm(position_rad, rest, [-speed for speed in self._speed])
         load_nm = self._loaded([-speed for speed in self._speed])
-        hardest = 1.0 / ((1.0 - EASE) * SHORTEST_S)
-        rows = zip(
-            going_on_nm, standing_nm, pushed_nm, load_nm, lacking_nm, arm.torque_per_ampere, arm.max_current_a,
-            strict=True,
+        rows = list(
+            zip(
+                going_on_nm, standing_nm, pushed_nm, load_nm, lacking_nm, arm.torque_per_ampere, arm.max_current_a,
+                strict=True,
+            )
         )  # fmt: skip
-        for going_on, standing, pushed, load, lacking, per_ampere, highest_a in rows:
-            cost = pushed - standing + load
-            room = RAMP_SHARE * per_ampere * highest_a - (going_on + lacking if cost > 0.0 else -going_on - lacking)
-            if cost:
-                hardest = min(hardest, max(room, 0.0) / abs(cost))
-        return hardest
+
+        def hardest(share: float) -> float:
+            found = 1.0 / ((1.0 - EASE) * SHORTEST_S)
+            for going_on, standing, pushed, load, lacking, per_ampere, highest_a in rows:
+                cost = pushed - standing + load
+                room = share * per_ampere * highest_a - (going_on + lacking if cost > 0.0 else -going_on - lacking)
+                if cost:
+                    found = min(found, max(room, 0.0) / abs(cost))
+            return found
+
+        usual = hardest(RAMP_SHARE)
+        return usual if usual * WANTED_S >= 1.0 else min(hardest(FULL_SHARE), 1.0 / WANTED_S)
 
 
 def _eased(s: float, ease: float) -> tuple[float, float, float, float]:

@@ -62,6 +62,8 @@ class JointNominal:
     """The most that a payload within the box adds to it."""
     payload_rad_s2: float
     """Highest acceleration by payload and torque constant within the box of an arm that is held as nominal."""
+    payload_change_rad_s2: float
+    """The same of an arm that is held with a payload at one end of the box, which then is at the other."""
     coulomb_nm: float
     rotor_kg_m2: float
     wire_stiffness_nm_rad: float
@@ -105,6 +107,7 @@ class _Load:
     weight_nm: float
     payload_nm: float
     payload_rad_s2: float
+    payload_change_rad_s2: float
 
 
 def _loads(arm: Arm, heavier: Arm, limits_deg: Sequence[tuple[float, float]]) -> list[_Load]:
@@ -124,14 +127,16 @@ def _loads(arm: Arm, heavier: Arm, limits_deg: Sequence[tuple[float, float]]) ->
     falling, weight = np.abs(_times(inverse, gravity)), np.abs(gravity)
     payload = np.abs(more_gravity) * max(1.0, -lightest)
     sagging: list[Floats] = []
+    changed: list[Floats] = []
     for share in (lightest, 1.0):
         true = np.linalg.inv(inertia + rotors + share * more_inertia)
         rows = ((factor - 1.0) * gravity - share * more_gravity for factor in TORQUE_CONSTANT)
         sagging += [np.abs(_times(true, row)) for row in rows]
+        changed.append(np.abs(_times(true, (1.0 - lightest) * more_gravity)))
     extremes = (
         np.min(mobility, 0),
         np.max(mobility, 0),
-        *(np.max(rows, 0) for rows in (falling, weight, payload, np.concatenate(sagging))),
+        *(np.max(rows, 0) for rows in (falling, weight, payload, np.concatenate(sagging), np.concatenate(changed))),
     )
     return [
         _Load((least, most), *others)
@@ -162,6 +167,7 @@ def _nominal(name: str, joint: Joint, load: _Load, sensors: JointSensors) -> Joi
         weight_nm=load.weight_nm,
         payload_nm=load.payload_nm,
         payload_rad_s2=load.payload_rad_s2,
+        payload_change_rad_s2=load.payload_change_rad_s2,
         coulomb_nm=motor.coulomb_friction_nm,
         rotor_kg_m2=motor.reflected_inertia_kg_m2,
         wire_stiffness_nm_rad=motor.wire_stiffness_nm_rad,

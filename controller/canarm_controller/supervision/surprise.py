@@ -29,7 +29,8 @@ AGAINST_ASSESSMENTS = 2
 JOLT_KEPT = 0.97
 """In 10 ms: a swing of 80 rad/s on a wire with 2 to 3 % of critical damping is a third after half a second."""
 LASTING_SHARE = 0.7
-"""Share of the lasting limit that must remain a little later for it not to have been a blow."""
+"""Share of the lasting limit that must remain a little later for it not to have been a blow; of elastic wires all:
+what swings there at first is no blow."""
 
 
 class SurpriseWatch:
@@ -241,6 +242,7 @@ class SurpriseWatch:
         """Whether an acceleration beyond any payload persists."""
         self._lasting_at[index] = 0
         change = self._joints[index].bias - self._calm_bias[index]
-        if abs(change) > LASTING_SHARE * self._limits[index].lasting and may_stop:
+        share = 1.0 if any(joint.is_elastic for joint in self._joints) else LASTING_SHARE
+        if abs(change) > share * self._limits[index].lasting and may_stop:
             detail = f"{change:+.0f} rad/s2 beyond the model, more than any payload, and lasting"
             self._report("acceleration-mismatch", index, detail, Reaction.OFF)

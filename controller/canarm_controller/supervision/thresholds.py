@@ -15,7 +15,7 @@ from canarm_protocol.cell.model import Joint, Supervision
 from ..estimation.blind import blind_pole_rad_s
 from .nominal import ROUNDING_LSB, JointNominal, SensorNominal
 from .timing import Timing
-from .uncertainty import COULOMB, PAYLOAD, TORQUE_CONSTANT, WIRE
+from .uncertainty import COULOMB, TORQUE_CONSTANT, WIRE
 
 REFERENCE_NOISE = math.hypot(0.3, ROUNDING_LSB)
 """Noise of one reading in grains at which the multiples below were measured: 0.42."""
@@ -312,8 +312,7 @@ def turned_nm(joint: JointNominal) -> float:
 
 def payload_change_rad_s2(joint: JointNominal) -> float:
     """What a payload that changes from one end of the box to the other makes, while friction of the box turns."""
-    ends = (PAYLOAD[1] - PAYLOAD[0]) / max(PAYLOAD[1], -PAYLOAD[0])
-    return ends * joint.payload_rad_s2 + turned_nm(joint) * joint.mobility_per_kg_m2[1]
+    return joint.payload_change_rad_s2 + turned_nm(joint) * joint.mobility_per_kg_m2[1]
 
 
 def current_limit_a(joint: JointNominal) -> float:
