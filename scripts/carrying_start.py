@@ -1,6 +1,7 @@
 """How two robots take up an object: the forces of the grips from power-on until they carry it on their path. A table.
 
-Draws seed, law, motion and truth; each joint is parked anywhere within what homing finds.
+Draws seed, law, motion and truth; each joint is parked anywhere within what homing finds. With `--on-stand` the hands
+are homed empty and close at the object.
 """
 
 import argparse
@@ -15,7 +16,7 @@ from carrying_faults import LAWS, MOTIONS, likely, true_robot
 from canarm import Rig, State
 from canarm_protocol.cell import Cell, load_cell
 
-TAKEN_UP_S, ON_THE_PATH_S = 0.25, 1.0
+TAKEN_UP_S, SETTLED_S, ON_THE_PATH_S = 0.25, 0.25, 1.0
 RISE_S = 0.01
 """In which a jerk shows: what is shorter the pads of the hands take up (`canarm_emulator.robot.carried.PAD_S`)."""
 
@@ -44,19 +45,29 @@ def parked_rig(cell: Cell, seed: str) -> tuple[Rig, str]:
 
 def parts(rig: Rig) -> list[Start]:
     """Run until the object is carried along its path, and cut that into its parts."""
+    whole = rig.cell.object
+    assert whole is not None
     rig.run(seconds=0.5)
     while rig.controller.is_homing:
         rig.run(seconds=0.1)
     homed_s = rig.time_s
-    rig.run(seconds=rig.approach_s + ON_THE_PATH_S - rig.time_s)
+    while rig.controller.is_empty and rig.state is State.RUNNING:
+        rig.run(seconds=rig.cell.bus.cycle_s)
+    held_s = rig.time_s
+    rig.run(seconds=max(rig.approach_s, held_s) + ON_THE_PATH_S - rig.time_s)
     carried = rig.object
     times_s, grips_n, squeezes_n = carried.time_s, carried.grip_force_n, np.abs(carried.squeeze_n)
     cycles = round(RISE_S / rig.cell.bus.cycle_s)
     rises_n = np.abs(grips_n - np.concatenate([np.zeros(cycles), grips_n[:-cycles]]))
-    ends = {
-        "the supports let go": TAKEN_UP_S, "homing": homed_s, "the way to the path": rig.approach_s,
-        "the first second of it": math.inf,
-    }  # fmt: skip
+    ends = {"the supports let go": TAKEN_UP_S, "homing": homed_s}
+    if whole.on_stand:
+        closes_s = held_s - whole.closing_s
+        ends = {
+            "the hands are empty": closes_s,
+            "the hands close": held_s,
+            "the stand sinks": held_s + whole.taken_up_s + SETTLED_S,
+        }
+    ends |= {"the way to the path": rig.approach_s, "the first second of it": math.inf}
     found, begin_s = [], 0.0
     for part, end_s in ends.items():
         own = (times_s >= begin_s) & (times_s < end_s)
@@ -83,8 +94,10 @@ def main() -> None:
     parser.add_argument("--cell", default="rhino-pair")
     parser.add_argument("--draws", type=int, default=24)
     parser.add_argument("--draw-seed", type=int, default=0)
+    parser.add_argument("--on-stand", action="store_true", help="empty hands take it from a stand")
     options = parser.parse_args()
-    cell, starts, bad = load_cell(options.cell), [], 0
+    settings = {"object.on_stand": "true"} if options.on_stand else None
+    cell, starts, bad = load_cell(options.cell, settings), [], 0
     assert cell.object is not None
     for number in range(options.draws):
         rig, draw = parked_rig(cell, f"start {options.draw_seed}/{number}")

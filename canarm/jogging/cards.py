@@ -10,7 +10,7 @@ from canarm_protocol.canopen.frames import Frame
 from canarm_protocol.canopen.sdo import LARGEST_NUMBER, download, upload
 from canarm_protocol.canopen.values import value_text
 from canarm_protocol.cards import Wire
-from canarm_protocol.cell.model import Cell, Quantity
+from canarm_protocol.cell.model import Cell, Command, Quantity
 from canarm_protocol.cell.sensing import joint_sensors
 from canarm_protocol.cell.wiring import CardNode, DirectionBits, InputSlot, bridge_directions, command_scale
 from canarm_protocol.errors import ExitStatus
@@ -40,6 +40,8 @@ def read_outputs(
     if not card.kind.is_output:
         return
     for channel in card.channel:
+        if channel.leaf == Command.GRIP:
+            continue
         joint, place = cell.far_joint(card, channel), card.kind.place(card, channel.number)
         data = yield from carry_out(node, upload(place.index, place.subindex, LARGEST_NUMBER), JogError, SILENCE)
         code = int.from_bytes(data, "little") >> place.start_bit + card.codec.shift & card.codec.full_scale

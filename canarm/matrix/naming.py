@@ -115,6 +115,8 @@ def _taps(cell: Cell) -> dict[str, Tap]:
 
 
 def _part(cell: Cell, tap: Tap) -> Part | None:
+    if tap.is_of_a_hand:
+        return None
     if tap.kind in _DRIVE:
         return Part.DRIVE
     if tap.kind in _MECHANICS:

@@ -90,7 +90,7 @@ def cells_of(cell: Cell, only: Sequence[str] = ()) -> list[MatrixCell]:
             fault.needs_wire,
             fault.is_dangerous,
             tap.kind not in OF_THE_ARM,
-            tap.kind is TapKind.GRIP,
+            tap.is_of_a_hand,
         )
         for tap, fault, _ in catalogue_of(cell)
     ]

@@ -37,7 +37,7 @@ class RigObject:
     def keep(self, time_s: float, state: ObjectState) -> tuple[str, ...]:
         """Take the truth of a SYNC. Returns the hands that have lost the object since the last."""
         before, self._state = self._state, state
-        position_m, quaternion, master_n, slave_n, squeeze_n, is_in_master, is_in_slave = state
+        position_m, quaternion, master_n, slave_n, squeeze_n, is_in_master, is_in_slave, _ = state
         self._kept.extend((time_s, *position_m, *quaternion, *master_n, *slave_n, squeeze_n))
         if is_in_master and is_in_slave:
             return ()
@@ -48,6 +48,7 @@ class RigObject:
         if self._state is None:
             return "<carried object: not known before the first cycle>"
         lost = f"lost by {', '.join(self.state.lost)}" if self.state.lost else "held by both hands"
+        lost = lost if self.state.lost or self.is_held else "on its stand"
         place, cycles = ", ".join(f"{each:.3f}" for each in self.state.position_m), len(self._kept) // _WIDTH
         return printable(f"<carried object: {cycles} cycles kept, {lost}, master's grip at {place} m>")
 
@@ -61,7 +62,7 @@ class RigObject:
     @property
     def is_held(self) -> bool:
         """Whether both hands hold it."""
-        return not self.state.lost
+        return self.state.is_in_master and self.state.is_in_slave
 
     @property
     def time_s(self) -> Floats:

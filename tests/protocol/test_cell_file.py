@@ -175,7 +175,7 @@ def test_an_unknown_key_comes_with_the_nearest_known_one(old: str, new: str, lin
         (
             "joint3.direction",
             "joint3.directions",
-            "card 'latch'.channel 2.signal = \"joint3.directions\": card model sc300 takes <joint>.direction",
+            "card 'latch'.channel 2.signal = \"joint3.directions\": card model sc300 takes <joint>.direction or grip",
         ),
         (
             LATCH_JOINT3,

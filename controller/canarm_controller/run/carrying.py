@@ -59,7 +59,10 @@ class CarryingRefresh:
         self._every = cell.carry_refresh_cycles
         self._codes, self._weight_nm = CarryingCodes(cell), weight_nm
         self._joints = [
-            [(channel.number, (cell.far_joint(node.card, channel), channel.leaf)) for channel in node.card.channel]
+            [
+                (channel.number, (cell.far_joint(node.card, channel), channel.leaf), channel.error_value)
+                for channel in node.card.channel
+            ]
             for node in self._nodes
         ]
         self._has: list[dict[tuple[int, int], int | None]] = [
@@ -115,10 +118,11 @@ class CarryingRefresh:
         for _ in self._nodes:
             self._place = (self._place + 1) % len(self._nodes)
             channels, has = self._joints[self._place], self._has[self._place]
-            values = [needed[far] for _, far in channels]
+            values = [needed.get(far, given) for _, far, given in channels]
             if values == self._found[self._place]:
                 continue
-            wanted = self._values(self._place, {number: needed[far] for number, far in channels})
+            numbers = (number for number, *_ in channels)
+            wanted = self._values(self._place, dict(zip(numbers, values, strict=True)))
             self._left = [(*key, value) for key, value in wanted.items() if has[key] != value]
             if self._left:
                 return True

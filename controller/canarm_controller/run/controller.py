@@ -14,19 +14,16 @@ from canarm_protocol.cell.wiring import CardNode, InputSlot
 from canarm_protocol.clock import Clock
 
 from ..bus.master import start_frames, stop_frames
-from ..errors import BringUpError, ControllerError, InterruptedRunError, TrajectoryError
+from ..errors import BringUpError, ControllerError, InterruptedRunError
 from ..supervision.arrivals import OWED_NS, Arrivals
 from ..supervision.detection import DETECTORS
 from ..supervision.supervisor import Supervisor, Verdict
 from .awaited_inputs import AwaitedInputs
+from .beginning import Beginning
 from .carrying import CarryingRefresh
-from .cycle_frames import CycleFrames
-from .homing import HOMING_FAILED, Homing
 from .loop import ControlLoop
-from .measuring import Measuring
 from .preparation import Preparation
 from .state import State
-from .supervised_run import SupervisedRun
 
 ENDED = State.DONE, State.FAILED
 _RUNNING, _STOPPING, _BRINGING_UP = State.RUNNING, State.STOPPING, State.BRINGING_UP  # looking them up is slow
@@ -34,7 +31,7 @@ _TIME = int(Cob.TIME)
 MISSING_NOTED = DETECTORS["inputs-missing"].debounce_cycles
 
 
-class Controller(SupervisedRun):
+class Controller(Beginning):
     """One run. Its driver hands in every frame, sends the frames in `outbox`, and calls `open_cycle` on time.
 
     On the wall clock the runner opens a cycle every period. In lockstep `receive` does so itself when TIME has come.
@@ -52,7 +49,7 @@ class Controller(SupervisedRun):
         ticks: int | None = None,
         listen_ns: int = 0,
     ) -> None:
-        super().__init__(cell, loop)
+        super().__init__(cell, nodes, slots, loop, clock, ticks)
         self.clock = clock
         self._is_lockstep = clock is Clock.SYNC
         self.outbox: list[Frame] = []
@@ -68,18 +65,16 @@ class Controller(SupervisedRun):
         self.begun_ns: int | None = None
         """On the wall clock: when cycle 0 was opened, once it has been."""
         self._opened_ns = 0
-        self._ticks = ticks
-        self._nodes = nodes
         self._supervisor = Supervisor(cell, nodes)
-        self._measuring = Measuring(cell, clock, loop, self._watch)
         self._times = self._measuring.times
-        marks = () if loop.search is None else loop.search.marks
+        search = self.loop.search
+        marks = () if search is None else search.marks
         self._preparation = Preparation(cell, nodes, clock, listen_ns, self._begin_loop, marks)
-        self._homing: Homing | None = None
-        self._carrying = CarryingRefresh(cell, nodes, loop.arm.gravity) if cell.carry_refresh_cycles else None
-        self._is_rezeroed = False
-        """Whether the next angles differ from the last ones because joints have been homed."""
-        self._frames = CycleFrames(cell, nodes)
+        self._carrying = (
+            CarryingRefresh(cell, nodes, lambda pose: self.loop.arm.gravity(pose))
+            if cell.carry_refresh_cycles
+            else None
+        )
         self._inputs = AwaitedInputs(nodes, slots)
         owed_cycles = 1 if self._is_lockstep else max(OWED_NS // cell.bus.cycle_ns, 1)
         self._arrivals = Arrivals(self._inputs.layouts, self._detect_at_node, owed_cycles)
@@ -204,7 +199,7 @@ class Controller(SupervisedRun):
     def close_cycle(self) -> None:
         """End a cycle: compute the outputs that act at the next SYNC from its inputs."""
         self.cycle_is_open = False
-        if self._ticks is not None and self._homing is None and self.controlled_ticks >= self._ticks:
+        if self._ticks is not None and not self._is_beginning and self.controlled_ticks >= self._ticks:
             self.end()
         if self.state is _RUNNING:
             if self._is_lockstep and self._inputs.awaited:
@@ -222,11 +217,6 @@ class Controller(SupervisedRun):
         """The pacer has left out `count` cycles: the wall clock was ahead."""
         if self.state is _RUNNING:
             self._detect("deadline-missed", None, f"{count} cycles left out")
-
-    @property
-    def is_homing(self) -> bool:
-        """Whether it is looking for its index marks."""
-        return self._homing is not None and self.state is _RUNNING
 
     def interrupt(self, detail: str) -> None:
         """Stop safely because the user says so."""
@@ -254,37 +244,6 @@ class Controller(SupervisedRun):
             self.cycle_is_open = False
             self._preparation.end()
 
-    def _begin_loop(self, codes: Sequence[int], pulses: Sequence[int]) -> None:
-        loop = self.loop
-        loop.begin(codes)
-        if loop.search is None:
-            self._enter()
-        else:
-            search = loop.search
-            self._homing = Homing(
-                self._nodes, self.cell.joint_names, search.marks, pulses, loop.search_ticks, search.within_rad
-            )
-        self._watch.start(loop.cycle.position_rad)
-
-    def _enter(self) -> None:
-        """The trajectory is entered: what comes before its beginning is not counted among the ticks of the run."""
-        if self._ticks is not None:
-            self._ticks += round(self.loop.trajectory.approach_s / self.loop.period_s)
-
-    def _home(self, homing: Homing) -> None:
-        """Look how far the homing is, before the measurements of a cycle are taken."""
-        if homing.failure is not None:
-            self._judge(homing.failure)
-        elif homing.zeros is not None:
-            self._homing, self._is_rezeroed = None, True
-            try:
-                self.loop.home(homing.zeros, self.tick)
-            except TrajectoryError as error:
-                self._judge(Verdict(HOMING_FAILED, str(error)))
-            except ControllerError as error:
-                self._judge_law(error)
-            self._enter()
-
     def _converse(self, answer: Frame | None, now_ns: int, is_silent: bool = False) -> None:
         try:
             frames = self._preparation.go_on(answer, now_ns, is_silent)
@@ -310,6 +269,9 @@ class Controller(SupervisedRun):
             self._measure()
             if self._homing is not None:
                 loop.measure_search()
+            elif self._grasping is not None and self.state is _RUNNING:
+                self._grasp(self._grasping)
+                loop = self.loop
         else:
             self._watch.coast(loop.cycle)
         if self.state is _RUNNING:
@@ -347,7 +309,8 @@ class Controller(SupervisedRun):
             return None
         verdict = self._supervisor.command(torque_nm)
         if verdict is None:
-            return self.loop.eased(torque_nm)
+            eased = self.loop.eased(torque_nm)
+            return eased if self._grasping is None else self._grasping.relieved(eased, self.tick)
         self._judge(verdict)
         return None
 

@@ -6,6 +6,7 @@ not enter.
 
 from collections.abc import Mapping, Sequence
 from math import radians
+from typing import Self
 
 from canarm_protocol.cell.model import Cell, Quantity
 from canarm_protocol.cell.sensing import JointSensors, WiredSensor, joint_sensors
@@ -92,6 +93,13 @@ class JointInputs:
         if self._observer is not None:
             self._observer.shift(shift_rad)
         return tuple(shift_rad)
+
+    def take_over(self, before: Self) -> None:
+        """Go on, at rest, with what another one has of the same joints: scales, and the codes of the last cycle."""
+        self._scales, self._positions = before._scales, before._positions
+        self.angle_codes, self.speed_codes = before.angle_codes, before.speed_codes
+        self.current_codes = before.current_codes
+        self.start(self.angle_codes)
 
     def take(self, codes: Sequence[int], cycle: Cycle, signs: Sequence[float]) -> None:
         """Put one cycle's measurements into `cycle`; `signs` are those of the commanded currents.

@@ -5,6 +5,7 @@ enter.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Self
 
 import numpy as np
 
@@ -70,8 +71,9 @@ class ControlLoop:
                     "names must be ASCII letters, digits and underscores, such as 'bias_a'"
                 )
         self.trajectory = self._planned = trajectory
-        self.search = None if cell.control.homing is None else IndexSearch(cell, cell.control.homing)
-        """The move by which the joints are homed, if they are."""
+        homing = None if cell.object is not None and cell.object.on_stand else cell.control.homing
+        self.search = None if homing is None else IndexSearch(cell, homing)
+        """The move by which the joints are homed, if they are; where an object is on a stand, hands are homed empty."""
         self.search_ticks = 0
         """Cycles that it takes."""
         self.feedforward_kind = feedforward or default_feedforward(cell, law)
@@ -158,6 +160,24 @@ class ControlLoop:
         entered = planned.entered_from(start.tolist(), self.search.slow_s(start, first))
         self.trajectory = Later(entered, tick * self.period_s)
         self._prepare(tick - tick % SAMPLES)
+
+    def take_over(self, before: Self, tick: int, rest_s: float) -> None:
+        """Begin in cycle `tick`, at rest, where another loop has led the same joints, and from what it measures.
+
+        The trajectory follows after `rest_s` or more.
+        Raises `TrajectoryError` and `LawError` as `begin`.
+        """
+        self.stopwatch, self.saturated_cycles = before.stopwatch, before.saturated_cycles
+        cycle, reference = self.cycle, before.cycle.reference_rad
+        cycle.copy_from(before.cycle)
+        self.inputs.take_over(before.inputs)
+        entered = self._planned.entered_from(reference, rest_s)
+        self.trajectory = Later(entered, tick * self.period_s)
+        self._prepare(tick - tick % SAMPLES)
+        try:
+            self.law.start(cycle.position_rad, (0.0,) * len(reference), entered.amplitude_rad)
+        except BaseException as error:
+            raise law_failure(type(self.law), "start", error) from error
 
     def measure_search(self) -> None:
         """Look, in a cycle of the search, at what its measurements say of the hands at the object."""

@@ -26,6 +26,10 @@ class Measuring:
         scan_ns = round(max(loop.inputs.skew_s(*channel) for channel in channels) * 1e9)
         self.times = SampleTimes(clock, cell.bus.cycle_ns, scan_ns)
 
+    def follow(self, loop: ControlLoop, watch: ArmWatch) -> None:
+        """Another loop and watch take over; the times go on."""
+        self._loop, self._watch = loop, watch
+
     def take(self, codes: Sequence[int], tick: int) -> Sample:
         """Measure; returns what is known of the time of the samples."""
         loop = self._loop

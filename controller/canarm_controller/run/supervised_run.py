@@ -21,7 +21,7 @@ class SupervisedRun:
     """State, detections and verdict of one run."""
 
     def __init__(self, cell: Cell, loop: ControlLoop) -> None:
-        self.cell, self.loop = cell, loop
+        self.cell = cell
         self.state = State.IDLE
         self.tick = -1
         """The cycle that the last SYNC began; -1 before the first."""
@@ -35,13 +35,18 @@ class SupervisedRun:
         self.interruption: KeyboardInterrupt | None = None
         """Ctrl-C that landed in the law's code, for an owner who passes it on once the robot is safe."""
         self._log = DetectionLog()
+        self._joints_of = _joints_by_place(cell)
+        self._supervise(cell, loop)
+
+    def _supervise(self, cell: Cell, loop: ControlLoop) -> None:
+        """Watch the arms of `cell` under `loop` from here on."""
+        self.loop = loop
         bears_weight = not loop.law.takes_feedforward or loop.feedforward_kind != "none"
         self._watch = ArmWatch(
             cell, loop.arm, loop.law.following_error_lsb, self._detect_at_joint, bears_weight=bears_weight
         )
         keeps = [robot.holds for robot in cell.robot for _ in robot.joint]
         self._stop = SafeStop(loop, self._watch.safe_hold, self._watch.standing_rad_s, keeps)
-        self._joints_of = _joints_by_place(cell)
 
     @property
     def detections(self) -> list[Detection]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from canarm_protocol.canopen.pdo import MappedObject
 from canarm_protocol.cards import Wire
-from canarm_protocol.cell.model import SENSOR_KINDS, Card, Cell, Quantity
+from canarm_protocol.cell.model import SENSOR_KINDS, Card, Cell, Command, Quantity
 from canarm_protocol.cell.sensing import fitted_sensor
 from canarm_protocol.cell.sensors import AnalogueSensor
 
@@ -108,13 +108,16 @@ class Rack:
     def _plug_in(self, card: Card) -> Plugged:
         joints = {channel.number - 1: self._cell.far_joint(card, channel) for channel in card.channel}
         world = self._world
+        hands = {channel.number - 1 for channel in card.channel if channel.leaf == Command.GRIP}
         if card.kind.is_output:
             set_joint: Callable[[int, float], None] = world.set_dac_output
             if card.kind.takes is Wire.DIRECTION:
                 set_joint = lambda joint, bits: world.set_direction(joint, int(bits))  # noqa: E731
 
             def set_output(channel: int, value: float) -> None:
-                if channel in joints:
+                if channel in hands:
+                    world.set_grip(joints[channel], int(value))
+                elif channel in joints:
                     set_joint(joints[channel], value)
 
             return plug_in(card, self._connections(card, set_output))

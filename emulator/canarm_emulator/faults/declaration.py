@@ -14,6 +14,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, ClassVar
 
 from canarm_protocol.canopen.frames import Frame
+from canarm_protocol.cell.model import Command
 from canarm_protocol.errors import FaultError
 from canarm_protocol.shown import quoted
 
@@ -81,6 +82,11 @@ class Tap:
     joint: int = -1
     node_id: int = 0
     channel: int = 0
+
+    @property
+    def is_of_a_hand(self) -> bool:
+        """Whether faults there may open a hand that holds the object."""
+        return self.kind is TapKind.GRIP or self.name.endswith(f".{Command.GRIP}")
 
 
 @dataclass(frozen=True, slots=True)

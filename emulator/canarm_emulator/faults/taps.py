@@ -69,6 +69,7 @@ def taps_of(cell: Cell) -> dict[str, Tap]:
         for card in cell.card
     ]
     taps.append(Tap("bench.clock", TapKind.CLOCK, "the bench's time between two SYNCs"))
+    taps += [_card_tap(cell, *place) for (_, leaf), place in wired.items() if leaf == Command.GRIP]
     return {tap.name: tap for tap in taps}
 
 
@@ -77,4 +78,9 @@ def _card_tap(cell: Cell, card: Card, channel: Channel) -> Tap:
     (kind, unit), codec, joint = _OF_A_CARD[card.kind.takes], card.codec, cell.far_joint(card, channel)
     name = card.kind.tap.format(joint=cell.joint_names[joint], card=card.name, number=channel.number)
     about = card.kind.tap_about.format(signal=f"{cell.joint_names[joint]}.{channel.leaf}")
+    if channel.leaf == Command.GRIP:
+        name, about = (
+            f"{cell.joint_names[joint]}.{Command.GRIP}",
+            "bits of the hand behind the latch: 1 closes, 2 opens",
+        )
     return Tap(name, kind, about, unit, codec.lowest, codec.full_scale, 1, joint, card.node_id, channel.number)

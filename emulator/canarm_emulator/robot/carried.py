@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from canarm_protocol.cell.model import Carried, Cell, Vector
 
 from ..errors import TruthError
+from .hands import MASTER, SLAVE, Hands
 from .poses import Pose, Quaternion
 from .segments import segments_of
 from .truth import ObjectTruth
@@ -29,6 +30,8 @@ _PIN = {
     "solref": "0.002 1",
     "solimp": "0.99 0.999 0.001 0.5 2",
 }
+_SOFT, _STIFF = 1e-4, (0.99, 0.999)
+"""Of `solimp`: the share of a misfit that is taken out, when pads touch (MuJoCo's least) and when they are pressed."""
 _NOTHING = 1e-9  # kg and kg m2: an object that is no longer there
 PAD_S = 0.01
 """Time in which the pads of a hand give way: rubber of some 80 kN/m under the 8 kg that an arm of `rhino-pair` weighs
@@ -50,12 +53,14 @@ class ObjectState(NamedTuple):
     squeeze_n: float
     is_in_master: bool
     is_in_slave: bool
+    is_on_stand: bool = False
+    """Whether a stand bears all or a part of it still."""
 
     @property
     def lost(self) -> tuple[str, ...]:
-        """The hands that hold it no longer: "master", "slave"."""
-        held = (("master", self.is_in_master), ("slave", self.is_in_slave))
-        return tuple(name for name, is_held in held if not is_held)
+        """The hands that hold it no longer: "master", "slave"; none of an object that waits on its stand."""
+        held = ((MASTER, self.is_in_master), (SLAVE, self.is_in_slave))
+        return () if self.is_on_stand else tuple(name for name, is_held in held if not is_held)
 
 
 @dataclass(slots=True)
@@ -113,8 +118,9 @@ class Grips:
     """Both hands on the object, in the model and state of a `Plant`."""
 
     __slots__ = (
-        "_active", "_along", "_body", "_carried", "_data", "_hand", "_inner_n", "_master_n", "_model", "_place",
-        "_share", "_slave_n", "_slip_n", "_step_s", "_turn", "figures", "is_in_master",
+        "_active", "_along", "_body", "_bulk", "_carried", "_data", "_hand", "_hands", "_inner_n", "_master_n",
+        "_model", "_own_n", "_place", "_share", "_slave_n", "_slip_n", "_stand", "_step_s", "_tools", "_turn",
+        "figures", "is_in_master",
     )  # fmt: skip
 
     def __init__(self, cell: Cell, truth: ObjectTruth, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -129,33 +135,112 @@ class Grips:
         self._inner_n = elements(data.cfrc_int[self._body, 3:]).tolist
         self._step_s = self._share = 0.0
         self._slip_n = truth.slip_force_n
+        self._bulk = float(model.body_mass[self._body]), model.body_inertia[self._body].copy()
+        self._own_n = data.xfrc_applied[self._body].copy()
+        self._tools = [_tool(cell, name).position_m for name in (cell.object.master, cell.object.slave)]
+        self._hands, self._stand = Hands(cell.object), Pose()
         self.is_in_master = True
         self._master_n = self._slave_n = (0.0, 0.0, 0.0)
         self.figures = GripFigures()
 
-    def close(self, cell: Cell) -> None:
-        """The slave's hand closes where it is: there it holds the object. The hand must be at it.
+    def begin(self, cell: Cell) -> None:
+        """The object is in both hands, or on its stand, where hands at home hold it: as the cell has it.
 
-        Raises `TruthError` if it is not.
+        Raises `TruthError` if the slave's hand is not at it.
         """
+        if self._hands.borne:
+            self._put_down(cell)
+        else:
+            self._close()
+
+    def _close(self) -> None:
+        """The slave's hand closes where it is: there it holds the object."""
         carried = self._carried
         mujoco.mj_kinematics(self._model, self._data)
-        point = self._point()
-        turn = self._data.xmat[self._hand].reshape(3, 3)
-        anchor = turn.T @ (point - self._data.xpos[self._hand])
-        away_m = math.dist(anchor, _tool(cell, carried.slave).position_m)
+        away_m = self._pin(self._point())
         if away_m > carried.diameter_m:
             raise TruthError(
                 f"object: the hand of {carried.slave!r} is {away_m * 1e3:.3g} mm from where it is to hold it, "
                 f"{carried.grasp_distance_m:g} m from the hand of {carried.master!r}; at most its diameter, "
                 f"{carried.diameter_m * 1e3:g} mm: park the robots otherwise"
             )
+
+    def _pin(self, point: np.ndarray) -> float:
+        """The slave's hand holds this point of the world. Returns how far it is from where the hand holds things, m."""
+        turn = self._data.xmat[self._hand].reshape(3, 3)
+        anchor = turn.T @ (point - self._data.xpos[self._hand])
         self._model.eq_data[0, 3:6] = anchor
+        return math.dist(anchor, self._tools[1])
+
+    def _put_down(self, cell: Cell) -> None:
+        """The object lies where the hands are at home, and both hands are open."""
+        data, body = self._data, self._body
+        angles = data.qpos.copy()
+        data.qpos[: len(cell.joints)] = [math.radians(joint.home_deg) for joint in cell.joints]
+        mujoco.mj_kinematics(self._model, data)
+        x, y, z = data.xpos[body].tolist()
+        self._stand = Pose((x, y, z), data.xquat[body].tolist())
+        data.qpos[:] = angles
+        self.open_master()
+
+    def command(self, hand: str, bits: int) -> None:
+        """What the latch tells the motor of the "master"'s hand or the "slave"'s, see `HandBits`."""
+        self._hands.each[hand].bits = bits
+
+    @property
+    def moves(self) -> bool:
+        """Whether a hand moves, or the stand."""
+        return self._hands.moves
+
+    def wait(self, step_s: float) -> None:
+        """Let the hands and the stand move."""
+        hands = self._hands
+        for name in hands.move(step_s):
+            if hands.each[name].is_open:
+                (self.open_master if name == MASTER else self.open_slave)()
+            elif hands.borne == 1.0 and not any(hand.is_open for hand in hands.each.values()):
+                self._take_hold()
+        if self.is_in_master and hands.borne == 1.0 and hands.firmness == 1.0:
+            hands.take_up()
+        self._press()
+
+    def _take_hold(self) -> None:
+        """Both hands touch the object on its stand: they hold what is between them, where it lies."""
+        model, data, body, stand = self._model, self._data, self._body, self._stand
+        mujoco.mj_kinematics(model, data)
+        hand = model.body_parentid[body]
+        place, turn = data.xpos[hand], data.xmat[hand].reshape(3, 3)
+        along = np.zeros(9)
+        mujoco.mju_quat2Mat(along, np.array(stand.quaternion))
+        begin = np.array(stand.position_m)
+        away_m = math.dist(place + turn @ self._tools[0], stand.position_m)
+        point = begin + along[::3] * self._carried.grasp_distance_m
+        away_m = max(away_m, self._pin(point))
+        if away_m > self._carried.diameter_m:
+            return  # a hand has closed on nothing, and the object stays
+        back, quaternion = np.zeros(4), np.zeros(4)
+        mujoco.mju_negQuat(back, data.xquat[hand])
+        mujoco.mju_mulQuat(quaternion, back, np.array(stand.quaternion))
+        model.body_pos[body], model.body_quat[body] = turn.T @ (begin - place), quaternion
+        self._weigh(*self._bulk)
+        self._pin(point)  # which setting constants has set as at angles 0
+        data.eq_active[0] = 1
+        self.is_in_master = True
+
+    def _press(self) -> None:
+        """How stiff the pads of the slave's hand are, and the stand's force, at the centre of mass."""
+        soft = 1.0 - self._hands.firmness
+        self._model.eq_solimp[0, :2] = [stiff * (_SOFT / stiff) ** soft for stiff in _STIFF]
+        weight_n = self._bulk[0] * self._model.opt.gravity + self._own_n[:3]
+        force_n = self._own_n[:3] - self._hands.borne * weight_n
+        self._data.xfrc_applied[self._body, :3] = force_n if self.is_in_master else 0.0
 
     def look(self, step_s: float) -> None:
         """After a step of `step_s`: the forces in it, and whether a grip slips."""
         if step_s != self._step_s:
             self._step_s, self._share = step_s, -math.expm1(-step_s / PAD_S)
+        if self._hands.moves:
+            self.wait(step_s)
         figures, share = self.figures, self._share
         figures.steps += 1
         if self._active[0]:
@@ -190,14 +275,26 @@ class Grips:
 
     def state(self) -> ObjectState:
         """The object after the last step."""
+        if self._hands.borne == 1.0 and not self.is_in_master:
+            nothing = (0.0, 0.0, 0.0)
+            return ObjectState(*self._stand, nothing, nothing, 0.0, False, False, True)
         x, y, z = self._place()
         turn: Any = self._turn()
         slave, master = self._slave_n, self._master_n
         squeeze_n = -sum(map(mul, slave, self._along()[::3]))
-        return ObjectState((x, y, z), turn, master, slave, squeeze_n, self.is_in_master, self.is_in_slave)
+        held = self.is_in_master, self.is_in_slave, self._hands.borne > 0.0
+        return ObjectState((x, y, z), turn, master, slave, squeeze_n, *held)
 
     def take_over(self, before: Self) -> None:
         """Hold the object as it was held."""
+        self._hands.take_over(before._hands)
+        body = self._body
+        for values in ("body_pos", "body_quat"):
+            getattr(self._model, values)[body] = getattr(before._model, values)[body]
+        if before.is_in_master and not self.is_in_master:
+            self._weigh(*self._bulk)
+            self.is_in_master = True
+        self._press()
         self._model.eq_data[0] = before._model.eq_data[0]
         self._data.eq_active[0] = before._data.eq_active[0]
         self.figures, self._slave_n, self._master_n = before.figures, before._slave_n, before._master_n
@@ -214,11 +311,15 @@ class Grips:
         self.open_slave()
         self.is_in_master = False
         self._master_n = (0.0, 0.0, 0.0)
-        self._model.body_mass[self._body] = _NOTHING
-        self._model.body_inertia[self._body] = _NOTHING
+        self._weigh(_NOTHING, _NOTHING)
+
+    def _weigh(self, mass_kg: float, moments_kg_m2: "float | np.ndarray") -> None:
+        self._model.body_mass[self._body] = mass_kg
+        self._model.body_inertia[self._body] = moments_kg_m2
         angles = self._data.qpos.copy()
         mujoco.mj_setConst(self._model, self._data)
         self._data.qpos[:] = angles
+        mujoco.mj_kinematics(self._model, self._data)
 
     def _point(self) -> np.ndarray:
         turn = self._data.xmat[self._body].reshape(3, 3)

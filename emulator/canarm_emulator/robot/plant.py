@@ -117,7 +117,7 @@ class Plant:
         if truth.object is not None:
             self.grips = Grips(cell, truth.object, self._model, self._data)
             self._data.qpos[:] = initial
-            self.grips.close(cell)
+            self.grips.begin(cell)
         inverse = inverse_inertia(self._model, initial)
         wires = [
             (motor, index, joint.wire_stiffness_nm_rad)
@@ -201,6 +201,17 @@ class Plant:
         """The "master" or the "slave" lets go of the object, if there is one."""
         if self.grips is not None:
             (self.grips.open_master if hand == "master" else self.grips.open_slave)()
+
+    def move_hand(self, hand: str, bits: int) -> None:
+        """What the latch tells the motor of the "master"'s hand or the "slave"'s, see `HandBits`."""
+        if self.grips is not None:
+            self.grips.command(hand, bits)
+
+    def wait(self, step_s: float) -> None:
+        """Let time pass for arms that rest on supports: only hands move."""
+        if self.grips is not None and self.grips.moves:
+            self._position[:] = self.angle
+            self.grips.wait(step_s)
 
     def brake(self, joint: int, friction_nm: float) -> None:
         """Dry friction of a brake at a joint's motor, from the next step on."""

@@ -124,6 +124,10 @@ class World:
         """
         self._drives[joint_index].take(_DIRECTION, bits)
 
+    def set_grip(self, joint_index: int, bits: int) -> None:
+        """Latch bits of the hand at the end of the joint's robot, see `HandBits`."""
+        self._plant.move_hand(self._cell.hands[joint_index], bits)
+
     def set_supply(self, joint_index: int, is_on: bool) -> None:
         """Close or open the supply of the joint's amplifier, as the emergency stop does."""
         self._drives[joint_index].set_supply(is_on)
@@ -232,6 +236,8 @@ class World:
             grid = self._grid(duration_ns)
             for _ in range(grid.step_count):
                 self._step(grid)
+        else:
+            self._plant.wait(duration_ns * 1e-9)
         self.time_ns = until_ns
 
     def scan(self, schedule: ScanSchedule) -> list[float]:
@@ -253,7 +259,9 @@ class World:
         for samples in self._schedule_samples:
             moment.old_angle, moment.old_speed = plant.angle, plant.speed
             moment.old_current = [drive.current_a for drive in drives]
-            if not rests:
+            if rests:
+                plant.wait(grid.step_s)
+            else:
                 self._step(grid)
             moment.angle, moment.speed = plant.angle, plant.speed
             for sample, within in samples:

@@ -1,4 +1,4 @@
-"""The direction latch SC300: eight bits, two per joint, and what the two do to the joint's bridge."""
+"""The direction latch SC300: eight bits, two per joint or hand, and what the two do to its bridge."""
 
 from collections.abc import Iterator
 from enum import IntEnum
@@ -28,6 +28,15 @@ class DirectionBits(IntEnum):
     OFF = 0b00
     CLOCKWISE = 0b01
     COUNTER_CLOCKWISE = 0b10
+    ILLEGAL = 0b11
+
+
+class HandBits(IntEnum):
+    """What two bits of the latch do to the motor of a hand. Its screw keeps what it has without current."""
+
+    KEEP = 0b00
+    CLOSE = 0b01
+    OPEN = 0b10
     ILLEGAL = 0b11
 
 

@@ -19,6 +19,9 @@ class Carried(Table):
     equation (2)). The master's grip lets it neither move nor turn, the slave's only holds the point. A grip slips when
     its force passes `slip_force_n`. The controller lets the slave carry `slave_share` of the mass, and shows its law
     `grip_stiffness` of the errors that the grips do not allow.
+
+    It is in both hands from the beginning or, `on_stand`, lies where they are at home. There they close in `closing_s`
+    when an output of a card tells them to, and once both hold it the stand sinks away from under it in `taken_up_s`.
     """
 
     master: Name
@@ -33,6 +36,9 @@ class Carried(Table):
     slip_force_n: Positive
     slave_share: Annotated[float, Field(ge=0, le=1)] = 0.5
     grip_stiffness: Annotated[float, Field(ge=0, le=1)] = 0.2
+    on_stand: bool = False
+    closing_s: Positive = 0.5
+    taken_up_s: Positive = 0.5
 
     @model_validator(mode="before")
     @classmethod

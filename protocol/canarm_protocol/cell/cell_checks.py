@@ -12,7 +12,7 @@ from ..canopen.frames import HIGHEST_NODE_ID
 from ..cards import KINDS, Wire
 from .carried import carried_problems
 from .homing import homing_problems
-from .model import Bus, Card, Cell, Channel, leaves
+from .model import Bus, Card, Cell, Channel, Command, leaves
 from .robot_checks import joint_problems, robot_problems
 from .sensing import channel_scale, fitted_sensor
 from .sensors import SENSOR_KINDS, AnalogueSensor
@@ -59,6 +59,7 @@ def problems(cell: Cell) -> Iterator[str]:
         yield from _scan_problems(cell)
         yield from _counter_problems(cell)
         yield from homing_problems(cell)
+        yield from _hand_problems(cell)
 
 
 def _bus_problems(bus: Bus) -> Iterator[str]:
@@ -142,6 +143,27 @@ def _wiring_problems(cell: Cell) -> Iterator[str]:
                 yield f"{_signal(where, channel)}: is wired to {other} already; wire it once"
             seen.add(channel.number)
             wired.setdefault((card.robot, channel.signal), where)
+
+
+def _hand_problems(cell: Cell) -> Iterator[str]:
+    """A hand is at the end of a robot that carries; an object on a stand needs both."""
+    hands = cell.hands
+    wired = set()
+    for card in cell.card:
+        for channel in card.channel:
+            if channel.leaf == Command.GRIP:
+                joint = cell.far_joint(card, channel)
+                wired.add(joint)
+                if joint not in hands:
+                    ends = _listed((f"{cell.joint_names[end]}.{Command.GRIP}" for end in hands), " or ")
+                    right = f"must be {ends}" if ends else "no robot of this cell carries an object; leave it out"
+                    yield f"{_signal(f'card {card.name!r}.channel {channel.number}', channel)}: {right}"
+    if cell.object is not None and cell.object.on_stand:
+        for joint in sorted(hands.keys() - wired):
+            yield (
+                f"object.on_stand = true: {cell.joint_names[joint]}.{Command.GRIP} is not wired; a channel of card "
+                "model sc300 takes it"
+            )
 
 
 def _unwired(cell: Cell) -> Iterator[str]:

@@ -3,7 +3,7 @@
 Offsets, COB-IDs and scales come from the dictionaries and the wiring; only names, units and comments are here.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from canopen.objectdictionary import datatypes
 
@@ -40,7 +40,7 @@ from .configuration import SYNC_COUNTER
 from .dbc_file import ANY_NODE, NAME_LENGTH, Database, Message, Signal, short_names
 from .model import SENSOR_KINDS, Cell, Command, Joint, Quantity
 from .table import DEGREE
-from .wiring import CardNode, DirectionBits, WiredSignal, card_nodes, wired_signals
+from .wiring import CardNode, DirectionBits, HandBits, WiredSignal, card_nodes, wired_signals
 
 CONTROLLER, BENCH = "controller", "bench"
 ROBOT_BUS, BENCH_BUS = "can0", "bench"
@@ -68,6 +68,7 @@ SIGNAL_NAMES = {
 """Signal names of the bench node's objects, as short as the format asks for."""
 _JOINT_NAME_LENGTH = NAME_LENGTH - 1 - max(map(len, (*SIGNAL_NAMES.values(), *Command, *SENSOR_KINDS)))
 _NODE_NAME_LENGTH = NAME_LENGTH - len("_SDO_response_9")
+_LATCH_WORDS: Mapping[str, type[DirectionBits | HandBits]] = {Command.DIRECTION: DirectionBits, Command.GRIP: HandBits}
 _UNITS = {
     Quantity.POSITION: "deg",
     Quantity.VELOCITY: "rad/s",
@@ -212,7 +213,7 @@ def _telemetry_ms(cell: Cell, layout: PdoLayout) -> float | None:
 
 def wired_signal(wired: WiredSignal, joint: str, driven: Joint) -> Signal:
     """A wired signal in physical units; `joint` is the name of its joint in the format, `driven` the joint."""
-    is_direction = wired.leaf == Command.DIRECTION
+    words = _LATCH_WORDS.get(wired.leaf)
     per_unit = 1.0 / DEGREE if wired.quantity is Quantity.POSITION else 1.0
     factor, offset = wired.factor * per_unit, _tidy(wired.offset * per_unit)
     lowest, highest = sorted(_tidy(factor * raw + offset) for raw in (wired.lowest_raw, wired.highest_raw))
@@ -225,9 +226,9 @@ def wired_signal(wired: WiredSignal, joint: str, driven: Joint) -> Signal:
         offset=offset,
         minimum=lowest,
         maximum=highest,
-        unit="" if is_direction else _UNITS[wired.quantity],
-        choices=_words(DirectionBits, "-") if is_direction else {},
-        comment=REVERSED if is_direction and driven.motor.direction < 0 else "",
+        unit="" if words else _UNITS[wired.quantity],
+        choices=_words(words, "-") if words else {},
+        comment=REVERSED if wired.leaf == Command.DIRECTION and driven.motor.direction < 0 else "",
     )
 
 
@@ -251,7 +252,9 @@ def _bench_signal(dictionary: Dictionary, mapped: MappedObject, start_bit: int, 
     )
 
 
-def _words(values: type[NmtCommand | NmtState | ErrorCode | DirectionBits], joiner: str = " ") -> dict[int, str]:
+def _words(
+    values: type[NmtCommand | NmtState | ErrorCode | DirectionBits | HandBits], joiner: str = " "
+) -> dict[int, str]:
     return {int(value): value.name.lower().replace("_", joiner) for value in values}
 
 

@@ -16,6 +16,8 @@ class Command(StrEnum):
 
     CURRENT = "current_command"
     DIRECTION = "direction"
+    GRIP = "grip"
+    """Of the hand at a robot's last joint, no drive of its own: see `HandBits`."""
 
 
 class D669(Table):

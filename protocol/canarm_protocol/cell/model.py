@@ -39,6 +39,7 @@ SHORTEST_CYCLE_US, LONGEST_CYCLE_US = 500, 100_000
 _WIRES: Mapping[str, Wire] = {
     Command.CURRENT: Wire.CURRENT_COMMAND,
     Command.DIRECTION: Wire.DIRECTION,
+    Command.GRIP: Wire.DIRECTION,
     **{name: kind.wire for name, kind in SENSOR_KINDS.items()},
 }
 
@@ -228,6 +229,15 @@ class Cell(Table):
             for robot in self.robot
             for joint in robot.joint
         )
+
+    @property
+    def hands(self) -> dict[int, str]:
+        """Which hand is at which joint (index in `joints`) of the robots that carry the object: "master", "slave"."""
+        if self.object is None:
+            return {}
+        names = {self.object.master: "master", self.object.slave: "slave"}
+        blocks = zip(self.robot, self.blocks, strict=True)
+        return {own.stop - 1: names[robot.name] for robot, own in blocks if robot.name in names}
 
     def joint_index(self, robot: str, joint: str) -> int:
         """Index in `joints` of a robot's joint, by both names. Raises `KeyError`."""

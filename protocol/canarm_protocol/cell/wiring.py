@@ -19,6 +19,7 @@ from ..canopen.pdo import (
 )
 from ..cards import Codec
 from ..cards.sc300 import DirectionBits as DirectionBits
+from ..cards.sc300 import HandBits as HandBits
 from .model import Card, Cell, Command, Quantity
 from .sensing import channel_scale
 from .sensors import SENSOR_KINDS, SensorScale
@@ -141,7 +142,8 @@ class WiredSignal:
     """A command or sensor of one joint (index in `cell.joints`) in a PDO: its bits, and value = raw x factor + offset.
 
     `leaf` is a `Command`, or the kind of a sensor that measures `quantity`. Values are in rad, rad/s or A, raw from
-    `lowest_raw` to `highest_raw`; a direction is a `DirectionBits`.
+    `lowest_raw` to `highest_raw`; a direction is a `DirectionBits`, a
+    grip `HandBits`.
     """
 
     joint: int
@@ -167,7 +169,7 @@ def wired_signals(cell: Cell, node: CardNode, layout: PdoLayout) -> tuple[WiredS
             if (place.index, place.subindex) != (mapped.index, mapped.subindex):
                 continue
             bit, kind = start_bit + place.start_bit, SENSOR_KINDS.get(leaf)
-            if leaf == Command.DIRECTION:
+            if leaf in (Command.DIRECTION, Command.GRIP):
                 signals.append(WiredSignal(joint, leaf, None, bit, codec.bits, False, 1.0, 0.0, 0, codec.full_scale))
                 continue
             quantity = None if kind is None else kind.quantity

@@ -10,7 +10,7 @@ from canarm_protocol.cards.kind import RegisterByte
 from canarm_protocol.cell.model import Card, Cell, Channel, Command, Quantity
 from canarm_protocol.cell.sensing import channel_scale, fitted_sensor
 from canarm_protocol.cell.sensors.base import AnalogueSensor
-from canarm_protocol.cell.wiring import CardNode, DirectionBits, card_nodes, command_scale
+from canarm_protocol.cell.wiring import CardNode, DirectionBits, HandBits, card_nodes, command_scale
 
 from ..texts import ABSENT, Tone, Word
 
@@ -94,6 +94,8 @@ def value_text(cell: Cell, each: CardChannel, code: int) -> str:
     """What the code stands for, by the nominal scale."""
     if each.channel.leaf == Command.DIRECTION:
         return DirectionBits(code).name.lower().replace("_", "-")
+    if each.channel.leaf == Command.GRIP:
+        return HandBits(code).name.lower()
     if each.channel.leaf == Command.CURRENT:
         return f"{command_scale(cell, each.joint)(code):.3f} A"
     sensor = fitted_sensor(cell, each.card, each.channel)
