@@ -195,3 +195,15 @@ def test_the_failed_joint_is_named_first(tap: str, fault: str) -> None:
         rig.run(seconds=0.05)
         first = rig.detections[0]
     assert (first.detector, first.where) == ("acceleration-mismatch", tap.partition(".")[0])
+
+
+def test_a_pin_that_falls_to_ground_is_no_blow() -> None:
+    """An arm with an elastic wire, friction and a payload that are far from nominal: a blow may look like this."""
+    truth = {"joint2.coulomb": "0.346", "joint2.viscous": "0.0975", "joint3.coulomb": "0.0688", "joint3.mass": "0.421"}
+    truth |= {"joint3.wire": "1", "joint3.wire_stiffness": "44.9", "joint3.viscous": "0.00883"}
+    with Rig("konkuk1", "computed-torque", "trapezoid", seed=983420443, truth=truth) as rig:
+        rig.run(seconds=4.96)
+        rig.inject("joint2.tachometer", "open-load")
+        rig.run(seconds=0.05)
+        first = rig.detections[0]
+    assert (first.detector, first.where) == ("tachometer-jump", "joint2")

@@ -360,6 +360,12 @@ class ArmWatch:
         if index not in self._unseen and isinstance(joint, TachlessWitness):
             joint.accuse_standing(detail)
 
+    def _struck(self, index: int) -> int | None:
+        """Where the arm has been struck, if that is why a joint's speed has stepped."""
+        witness = self.joints[index]
+        falls = isinstance(witness, JointWitness) and witness.mode is Mode.STEP and witness.trial.has_fallen
+        return None if falls else self._robot_of[index].struck(index)
+
     def _teller(self, index: int) -> Report:
         doubt = self._timing.doubt
         noted_at = -doubt
@@ -375,7 +381,7 @@ class ArmWatch:
             elif detector == "sensor-noise" and detail.startswith("tachometer") and self._cycle < noted_at + doubt:
                 # A drive moves the joint, and a current sense does not: even where it has been blamed.
                 detector, detail = "current-mismatch", f"noted before, and now the speed swings ({detail})"
-            elif detector in OF_A_STEP and (joint := self._robot_of[index].struck(index)) is not None:
+            elif detector in OF_A_STEP and (joint := self._struck(index)) is not None:
                 detail = f"a blow, or a failure of the arm (the speed steps: {detail})"
                 is_believed = detector == "tachometer-jump"
                 reaction = Reaction.DEGRADED if is_believed else Reaction.SUBSTITUTE

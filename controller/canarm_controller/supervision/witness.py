@@ -51,7 +51,7 @@ class JointWitness(SensorLess):
     __slots__ = (
         "_accused_at", "_begun_rad", "_code_at", "_code_bias", "_code_model", "_end_gains", "_gap_at",
         "_quick_cycles", "_raw", "_settled_at", "_spikes", "_stepped_until",
-        "_stuck_cycles", "_stuck_limit", "_suspicion", "_trial", "_turns", "_wire", "_x_code", "_x_travel",
+        "_stuck_cycles", "_stuck_limit", "_suspicion", "_turns", "_wire", "_x_code", "_x_travel", "trial",
     )  # fmt: skip
 
     def __init__(self, nominal: JointNominal, thresholds: Thresholds, timing: Timing, report: Report) -> None:
@@ -60,7 +60,7 @@ class JointWitness(SensorLess):
         self._suspicion = Suspicion(timing.doubt, self._bandwidth_rad_s, timing.period_s)
         self._quick_cycles = max(int(thresholds.wire_turn_s / timing.period_s), 1)
         noise_codes = nominal.speed.noise_lsb if nominal.speed else 0.0
-        self._trial = StepTrial(thresholds.position_grain, timing.period_s, timing.step, noise_codes)
+        self.trial = StepTrial(thresholds.position_grain, timing.period_s, timing.step, noise_codes)
         self._end_gains = observer_gains(timing.period_s)
         self._wire = WireTwist(nominal, thresholds, timing.refresh, timing.period_s)
         self.start(0.0)
@@ -236,7 +236,7 @@ class JointWitness(SensorLess):
             self.is_agitated = True
             if abs(off - self._last_off) >= STEP_SHARE * step:
                 self.mode = Mode.STEP
-                self._trial.begin(off, self._code)
+                self.trial.begin(off, self._code)
                 self._advance(predicted, predicted)
                 return self._substitute(x, predicted)
         if is_doubtful:
@@ -334,7 +334,7 @@ class JointWitness(SensorLess):
 
     def _judge_step(self, x: float, v: float, predicted: float, v_code: int) -> bool:
         """The speed has stepped away from the model. The angle decides whether the arm did, or only the tachometer."""
-        trial, off, limits = self._trial, v - predicted, self._limits
+        trial, off, limits = self.trial, v - predicted, self._limits
         step = trial.step_rad_s
         trial.take(off, x - self._angle(predicted) - self._mismatch, v_code)
         if abs(off) < max(0.4 * abs(step), limits.doubt):
@@ -368,11 +368,11 @@ class JointWitness(SensorLess):
     def _believe_step(self, v: float) -> bool:
         """The arm itself has stepped."""
         self.mode = _SOUND
-        self._travel += self._trial.led_rad
+        self._travel += self.trial.led_rad
         self._swing = 0.0
         self.speed = self._last_rad_s = v
         self._stepped_until = self.cycles + self._timing.doubt
-        self._suspicion.doubt(self.cycles, self._trial.step_rad_s)
+        self._suspicion.doubt(self.cycles, self.trial.step_rad_s)
         self._upset_at = self.cycles
         self.is_agitated = True
         self._calm_at = self.cycles + self._timing.calm
