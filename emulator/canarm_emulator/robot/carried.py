@@ -4,7 +4,7 @@ Gives MJCF its body and its pin. `Plant` steps; here is only what hangs between 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import mul
 from typing import Any, NamedTuple, Self
@@ -130,9 +130,10 @@ class Grips:
         self._hand = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, hand(cell.object.slave))
         # What MuJoCo keeps in one place for good; an attribute of its data is a new object each time.
         self._active = data.eq_active.data
-        self._place, self._turn = elements(data.xpos[self._body]).tolist, elements(data.xquat[self._body]).tolist
-        self._along = elements(data.xmat[self._body]).tolist
-        self._inner_n = elements(data.cfrc_int[self._body, 3:]).tolist
+        self._place: Callable[[], Any] = elements(data.xpos[self._body]).tolist
+        self._turn: Callable[[], Any] = elements(data.xquat[self._body]).tolist
+        self._along: Callable[[], Any] = elements(data.xmat[self._body]).tolist
+        self._inner_n: Callable[[], Any] = elements(data.cfrc_int[self._body, 3:]).tolist
         self._step_s = self._share = 0.0
         self._slip_n = truth.slip_force_n
         self._bulk = float(model.body_mass[self._body]), model.body_inertia[self._body].copy()
@@ -279,11 +280,10 @@ class Grips:
             nothing = (0.0, 0.0, 0.0)
             return ObjectState(*self._stand, nothing, nothing, 0.0, False, False, True)
         x, y, z = self._place()
-        turn: Any = self._turn()
         slave, master = self._slave_n, self._master_n
         squeeze_n = -sum(map(mul, slave, self._along()[::3]))
         held = self.is_in_master, self.is_in_slave, self._hands.borne > 0.0
-        return ObjectState((x, y, z), turn, master, slave, squeeze_n, *held)
+        return ObjectState((x, y, z), self._turn(), master, slave, squeeze_n, *held)
 
     def take_over(self, before: Self) -> None:
         """Hold the object as it was held."""
