@@ -38,18 +38,15 @@ class DacCard(DacConverters):
         if register == 0:
             self._low[channel] = value & 0xFF
         elif register == 1:
-            self._load(channel, self._low[channel] | (value & 0xFF) << 8)
+            code = (self._low[channel] | (value & 0xFF) << 8) & self._mask
+            if code != self._codes[channel]:
+                self._codes[channel] = code
+                self.refresh(channel)
 
     def load(self, channel: int, code: int, now_ns: int) -> None:
         """Write both bytes of a channel."""
-        self._low[channel] = code & 0xFF
-        self._load(channel, code)
-
-    def _load(self, channel: int, code: int) -> None:
-        code &= self._mask
-        if code != self._codes[channel]:
-            self._codes[channel] = code
-            self.refresh(channel)
+        self.write(SPACING * channel, code & 0xFF, now_ns)
+        self.write(SPACING * channel + 1, code >> 8, now_ns)
 
     def code(self, channel: int) -> int:
         """The code that a converter was loaded with."""
