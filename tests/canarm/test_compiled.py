@@ -1,5 +1,6 @@
 """Compiled packages: which run is told, what was compiled from another source is refused, all can be taken back."""
 
+import importlib
 import json
 import re
 import sys
@@ -102,6 +103,22 @@ def test_modules_to_be_compiled_are_there_and_classes_that_others_derive_from_sa
         text = (ROOT / folder / name).read_text(encoding="utf-8")
         classes = re.findall(r"^(@mypyc_attr.*\n(?:@.*\n)*)?class (\w+)", text, re.MULTILINE)
         assert DERIVED_FROM.isdisjoint(name for says_so, name in classes if not says_so)
+
+
+def test_between_two_classes_that_are_compiled_none_is_interpreted() -> None:
+    """Mypyc takes the arguments of such a class for those of the one that it is derived from."""
+    names = {name for folder in compiled.PACKAGES.values() for name in compiled.included(ROOT / folder)}
+    modules = {name.removesuffix(".py").replace("/", ".") for name in names}
+    found = [each for name in sorted(modules) for each in vars(importlib.import_module(name)).values()]
+    classes = [each for each in found if isinstance(each, type) and each.__module__ in modules]
+    assert len(classes) > 100
+    between = {
+        f"{base.__module__}.{base.__name__}, from which {each.__name__} is derived"
+        for each in classes
+        for base in each.__mro__
+        if base.__module__ not in modules and any(beneath.__module__ in modules for beneath in base.__mro__)
+    }
+    assert between == set()
 
 
 def test_without_a_compiler_one_line_says_what_is_needed(
