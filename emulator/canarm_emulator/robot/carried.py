@@ -180,7 +180,8 @@ class Grips:
         data.qpos[: len(cell.joints)] = [math.radians(joint.home_deg) for joint in cell.joints]
         mujoco.mj_kinematics(self._model, data)
         x, y, z = data.xpos[body].tolist()
-        self._stand = Pose((x, y, z), data.xquat[body].tolist())
+        turn_w, turn_x, turn_y, turn_z = data.xquat[body].tolist()
+        self._stand = Pose((x, y, z), (turn_w, turn_x, turn_y, turn_z))
         data.qpos[:] = angles
         self.open_master()
 
