@@ -22,7 +22,6 @@ CELL = load_cell("rhino-pair")
 SLAVE = CELL.robot[1]
 sys.path.append(str(Path(__file__).parent.parent.parent / "scripts"))
 script = importlib.import_module("carrying_faults")
-start = importlib.import_module("carrying_start")
 
 
 @pytest.mark.parametrize("seed", ["test/0", pytest.param("test/1", marks=pytest.mark.slow)])
@@ -62,20 +61,6 @@ def test_far_from_home_arms_stand_by_error_values_of_the_present_pose_alone(seed
     assert not stands.is_lost
     assert stands.turned_deg <= script.STANDS_DEG
     assert creeps.is_lost
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", ["start test/0", "start test/1"])
-def test_the_object_is_taken_up_without_a_jerk(seed: str) -> None:
-    """Less than the object's weight, heaviest drawn, comes into the hands within 10 ms: 0.6 kg, 5.9 N."""
-    rig, _ = start.parked_rig(CELL, seed)
-    found = start.parts(rig)
-    assert rig.state is State.RUNNING, rig.reason
-    assert not rig.detections
-    assert [each.part for each in found][:2] == ["the supports let go", "homing"]
-    assert max(each.rise_n for each in found) < 1.5 * CELL.object.mass_kg * 9.81
-    assert max(each.grip_n for each in found) < rig.object.slip_force_n / 2
-    assert max(each.squeeze_n for each in found) < 4.0
 
 
 def shoulder_a(rig: Rig) -> float:

@@ -70,11 +70,7 @@ class Controller(Beginning):
         search = self.loop.search
         marks = () if search is None else search.marks
         self._preparation = Preparation(cell, nodes, clock, listen_ns, self._begin_loop, marks)
-        self._carrying = (
-            CarryingRefresh(cell, nodes, lambda pose: self.loop.arm.gravity(pose))
-            if cell.carry_refresh_cycles
-            else None
-        )
+        self._carrying = CarryingRefresh(cell, nodes, self._weight_nm) if cell.carry_refresh_cycles else None
         self._inputs = AwaitedInputs(nodes, slots)
         owed_cycles = 1 if self._is_lockstep else max(OWED_NS // cell.bus.cycle_ns, 1)
         self._arrivals = Arrivals(self._inputs.layouts, self._detect_at_node, owed_cycles)

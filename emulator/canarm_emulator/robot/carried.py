@@ -199,7 +199,7 @@ class Grips:
         hands = self._hands
         for name in hands.move(step_s):
             if hands.each[name].is_open:
-                (self.open_master if name == MASTER else self.open_slave)()
+                self.open(name)
             elif hands.borne == 1.0 and not any(hand.is_open for hand in hands.each.values()):
                 self._take_hold()
         if self.is_in_master and hands.borne == 1.0 and hands.firmness == 1.0:
@@ -301,6 +301,13 @@ class Grips:
         self.figures, self._slave_n, self._master_n = before.figures, before._slave_n, before._master_n
         if not before.is_in_master:
             self.open_master()
+
+    def open(self, hand: str) -> None:
+        """The "master"'s hand or the "slave"'s lets go."""
+        if hand == MASTER:
+            self.open_master()
+        else:
+            self.open_slave()
 
     def open_slave(self) -> None:
         """The slave has lost the object: the master holds it alone."""

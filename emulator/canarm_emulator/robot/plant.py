@@ -200,7 +200,7 @@ class Plant:
     def open_grip(self, hand: str) -> None:
         """The "master" or the "slave" lets go of the object, if there is one."""
         if self.grips is not None:
-            (self.grips.open_master if hand == "master" else self.grips.open_slave)()
+            self.grips.open(hand)
 
     def move_hand(self, hand: str, bits: int) -> None:
         """What the latch tells the motor of the "master"'s hand or the "slave"'s, see `HandBits`."""

@@ -142,8 +142,7 @@ class WiredSignal:
     """A command or sensor of one joint (index in `cell.joints`) in a PDO: its bits, and value = raw x factor + offset.
 
     `leaf` is a `Command`, or the kind of a sensor that measures `quantity`. Values are in rad, rad/s or A, raw from
-    `lowest_raw` to `highest_raw`; a direction is a `DirectionBits`, a
-    grip `HandBits`.
+    `lowest_raw` to `highest_raw`; a direction is a `DirectionBits`, a grip `HandBits`.
     """
 
     joint: int
